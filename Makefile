@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-slow test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
+.PHONY: help run test lint fuzz-quick fuzz soak bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-slow test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -9,7 +9,11 @@ run: setup       ## watch a chair move with a recorded person (a window, or a fi
 
 # Types first: they take half a minute and the tests many. Three processes for two cores, since tests of cameras
 # and of processes wait much of their time.
-PYTEST = .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50
+# A test that never ends would occupy CI until its time limit, and nobody would learn its name. After this time in
+# seconds, the stacks of all threads are printed and the test fails, even if a library blocks the interpreter.
+HANG_S = 720
+PYTEST = .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50 \
+	-o faulthandler_timeout=$(HANG_S) -o faulthandler_exit_on_timeout=true --max-worker-restart=1
 
 test: setup-dev  ## linters, types, the fast tests, and one run of the main job
 	@.venv/bin/ruff check .
@@ -34,22 +38,28 @@ test-more: setup-dev ## search at random for what breaks a law: make test-more M
 test-matrix: setup-dev ## the tests as on other processors and in other orders: make test-matrix ONLY="haswell load"
 	@.venv/bin/python scripts/test_matrix.py $(if $(ONLY),--only $(ONLY)) -- $(ARGS)
 
-test-bare:       ## both commands in bare Debians 12 and 13 (as root): make test-bare ONLY=bookworm
+test-bare:       ## both commands in bare Debians 12 and 13 and Ubuntu 24.04 (as root): make test-bare ONLY=noble
 	@sh scripts/test_bare.sh $(ONLY)
 
 test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
 	@sh scripts/test_arm.sh $(ONLY)
 
-test-web: setup-dev ## exported files against three.js in Chromium (npm and chromium; pictures in out/web/pictures)
+test-web: setup-dev ## exported files, and the web page, in Chromium (npm and chromium; pictures in out/web/pictures)
 	@npm install --silent --no-save --prefix out/web three@0.187.0 gltfpack@1.3.0
+	@npm ci --silent --prefix integrations/web
 	@.venv/bin/python -m pytest -n 0 tests/viewer/render/test_other_viewer.py \
-		tests/real/test_other_viewer_real.py tests/shared/formats/test_meshopt.py $(ARGS)
+		tests/real/test_other_viewer_real.py tests/shared/formats/test_meshopt.py \
+		tests/system/test_web_page.py tests/shared/wire/test_typescript_reader.py $(ARGS)
 
 test-devices:    ## the panel's firmware, all of the camera drivers' contract, then devices in a guest (as root): ONLY=guest
 	@sh scripts/setup.sh devices
 	@[ -n "$(filter-out panel,$(ONLY))" ] || .venv/bin/python -m pytest tests/devices $(ARGS)
 	@[ -n "$(filter-out contract,$(ONLY))" ] || ENLIVEN_CONTRACT=full .venv/bin/python -m pytest tests/edge/sensors/test_contract.py $(ARGS)
 	@[ -n "$(filter-out guest,$(ONLY))" ] || sh scripts/test_guest.sh $(if $(filter guest,$(ONLY)),$(ARGS))
+
+test-kiosk:      ## a kiosk in a container with systemd: each program killed, the power cut KILLS=20 times (as root; out/kiosk)
+	@sh scripts/setup.sh dev
+	@sh scripts/test_kiosk.sh $(ARGS)
 
 panel:           ## build the firmware of the button panel, and write it to a board: make panel PORT=/dev/ttyUSB0
 	@$(MAKE) -s -C firmware_configs/panel $(if $(PORT),flash)
@@ -67,8 +77,14 @@ lint: setup-dev  ## linters and types only
 fuzz-quick: setup-dev ## 10,000 mutated files and messages to every reader, the same every time (part of make test)
 	@.venv/bin/python -m pytest tests/fuzz $(ARGS)
 
-fuzz: setup-dev  ## others, for as long as you say: make fuzz SECONDS=600 SEED=7 ONLY=gltf
-	@.venv/bin/python tests/fuzz/run.py "$(SECONDS)" "$(SEED)" "$(ONLY)"
+fuzz: setup-dev  ## search for inputs that break a reader: make fuzz SECONDS=600 SEED=7 ONLY=gltf, or REPEAT=out/fuzz/FILE
+	@.venv/bin/python -m pip install -q -c constraints.txt --only-binary :all: -r tests/fuzz/requirements.txt || \
+		echo "atheris cannot be installed here, so the search is not guided by coverage"
+	@.venv/bin/python tests/fuzz/run.py $(if $(SECONDS),--seconds $(SECONDS)) $(if $(SEED),--seed $(SEED)) \
+		$(if $(ONLY),--only "$(ONLY)") $(if $(REPEAT),--repeat "$(REPEAT)")
+
+soak: setup-dev  ## a day of an exhibition with faults and kills, in 50 minutes: make soak MINUTES=5 SEED=1
+	@.venv/bin/python tests/soak/soak.py $(if $(MINUTES),--minutes $(MINUTES)) $(if $(SEED),--seed $(SEED))
 
 bench: setup-dev ## measure: make bench, or make bench ONLY=road
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt

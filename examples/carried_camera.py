@@ -3,7 +3,8 @@
 import sys
 
 from enliven import Recorder, fit_height, load_sample
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 
 path = sys.argv[2] if sys.argv[1:2] == ["-o"] else "carried.mcap"
 walk = HandheldPath(target=(0.0, 0.5, 0.0), radius=1.5, height=(0.7, 1.3), turns=1.0, seconds=12.0)

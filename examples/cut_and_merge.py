@@ -3,7 +3,7 @@
 from enliven import PlaneCut, Recording, copy, cut, load_sample, merge, possess
 from enliven.possession import ActorSettings
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_sheet
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][60:150]
 project, chair = possess(load_sample("chair"), performer, settings=ActorSettings())

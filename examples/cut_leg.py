@@ -6,7 +6,7 @@ from enliven import PlaneCut, Recording, cut, load_sample, possess
 from enliven.modeling.edits import move_character
 from enliven.possession import ActorSettings
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_film
+from enliven_viewer.film.project_film import write_project_film
 
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][46:118]
 whole, chair = possess(load_sample("chair"), performer, settings=ActorSettings())

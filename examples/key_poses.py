@@ -6,7 +6,8 @@ import numpy as np
 
 from enliven import Recording, cactus_project, clip_of_bodies, fit_examples
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_film, write_project_sheet
+from enliven_viewer.film.project_film import write_project_film
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 frames = list(Recording(CHAIR).truth())[:90]
 seconds = [(frame.time_ns - frames[0].time_ns) / 1e9 for frame in frames]

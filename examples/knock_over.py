@@ -9,9 +9,10 @@ from enliven.exporters import performance_of
 from enliven.frames import BodyFrame
 from enliven.possession import ActorSettings
 from enliven_edge.assets import CHAIR
-from enliven_edge.physics import PhysicsSettings, Playground
-from enliven_edge.stage import Tick
-from enliven_viewer.film import write_project_film
+from enliven_edge.physics.playground import Playground
+from enliven_edge.physics.settings import PhysicsSettings
+from enliven_edge.stage.tick import Tick
+from enliven_viewer.film.project_film import write_project_film
 
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][100:240]
 project, chair = possess(load_sample("chair"), performer, settings=ActorSettings())

@@ -3,7 +3,7 @@
 import sys
 import time
 
-from enliven_viewer.link import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 edge = EdgeClient(sys.argv[1:2] or ["127.0.0.1:5580"], name="listener")
 end = time.monotonic() + float((sys.argv[2:3] or ["10"])[0])

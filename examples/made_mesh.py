@@ -6,7 +6,7 @@ import trimesh
 from enliven import Mesh, Recording, fit_height, possess, save_mesh
 from enliven.possession import ActorSettings
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_sheet
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 pieces = [trimesh.creation.torus(0.35, 0.12)]
 for x, z in ((-0.35, 0.0), (0.35, 0.0), (0.0, -0.35), (0.0, 0.35)):

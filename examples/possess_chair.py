@@ -5,7 +5,8 @@ import numpy as np
 from enliven import Recording, export, load_sample, possess, write_project
 from enliven.possession import ActorSettings
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_film, write_project_sheet
+from enliven_viewer.film.project_film import write_project_film
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][46:136]
 # These settings move the chair to the performer; without them it stays in its modelled position.

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 
 from enliven import export, read_gltf, read_take, retarget
-from enliven_viewer.film import write_project_sheet
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 take, notes = read_take(sys.argv[1])
 model = read_gltf(sys.argv[2], height=1.6, floor=True)

@@ -7,7 +7,7 @@ import trimesh
 
 from enliven import Mesh, Project, Skeleton, export
 from enliven.document import still_shape
-from enliven.modeling.skinning import bone_heat
+from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 # Each joint: its name, the joint before it, its place in metres (+Y up, +Z forward), and a radius.
 joints = [

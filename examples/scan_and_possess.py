@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from enliven import Project, Recording, fit_height, load_sample, possess, save_mesh
-from enliven.modeling.puppet import make_puppet
+from enliven.modeling.puppet.edits import make_puppet
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
 from enliven_edge.assets import CHAIR
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
-from enliven_viewer.film import write_project_film, write_project_sheet
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_viewer.film.project_film import write_project_film
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 # This camera is simulated. Record a real one with `enliven record`, and read it with
 # Recording("FILE.mcap").frames().

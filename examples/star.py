@@ -5,7 +5,7 @@ import trimesh
 
 from enliven import Mesh, Recording, clip_of_bodies, fit_examples
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_film
+from enliven_viewer.film.project_film import write_project_film
 
 # The star is made of five arms, each the hull of a large and a small ball, and of two dark balls, its eyes.
 angles = np.radians([90, 18, 162, -54, -126])

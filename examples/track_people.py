@@ -2,8 +2,8 @@
 
 from enliven import Joint, Project, Recording, clip_of_bodies, export
 from enliven_edge.assets import CHAIR
-from enliven_edge.tracking import Tracker
-from enliven_viewer.film import write_project_sheet
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.film.project_sheet import write_project_sheet
 
 tracker, seconds, bodies = Tracker(), [], []
 for frame in Recording(CHAIR).frames():

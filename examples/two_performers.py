@@ -8,9 +8,9 @@ import trimesh
 from enliven import Mesh, Recording, possess
 from enliven.document import HoldChange
 from enliven.frames import BodyFrame
-from enliven.takes import body_take_from_frames
+from enliven.takes.body_takes import body_take_from_frames
 from enliven_edge.assets import CHAIR
-from enliven_viewer.film import write_project_film
+from enliven_viewer.film.project_film import write_project_film
 
 pieces = [trimesh.creation.box((0.7, 0.09, 2.0)).apply_translation([0.0, 0.95, 0.0])]
 for x, z in ((-0.2, -0.7), (0.2, -0.7), (-0.2, 0.7), (0.2, 0.7)):

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from enliven import clip_of_bodies, read_gltf, retarget
-from enliven_synthesis.sensor import SyntheticSettings, SyntheticStudio, load_profile
-from enliven_viewer.film import write_project_film
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
+from enliven_viewer.film.project_film import write_project_film
 
 # The person is simulated. `enliven track` finds a real one in depth images.
 seconds = np.arange(0.0, 5.6, 1 / 30)

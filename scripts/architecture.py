@@ -12,13 +12,14 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-HOUSE = Path(__file__).parents[1]
-PAGE = HOUSE / "docs" / "architecture.md"
-sys.path[:0] = [str(HOUSE / "tests" / "house"), str(HOUSE / "scripts")]
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "architecture.md"
+sys.path[:0] = [str(ROOT / "tests" / "conventions"), str(ROOT / "scripts")]
 
-from house import House, Rules, project_house  # noqa: E402
-from walks import Walk  # noqa: E402
-from walks import table as walked  # noqa: E402
+import grimp  # noqa: E402
+from source_tree import PACKAGES, SourceTree, import_levels, project_tree  # noqa: E402
+from traces import Trace  # noqa: E402
+from traces import table as trace_table  # noqa: E402
 
 NAMES = {
     "enliven": "The library",
@@ -30,76 +31,78 @@ INDENT = "&nbsp;" * 4
 """Indentation of a package's name relative to its parent's."""
 
 
-def purpose(house: House, room: str) -> str:
+def purpose(tree: SourceTree, package: str) -> str:
     """Returns the first sentence of a package's docstring, on one line."""
-    text = ast.get_docstring(ast.parse(house.modules[room].read_text(encoding="utf-8"))) or ""
+    text = ast.get_docstring(ast.parse(tree.modules[package].read_text(encoding="utf-8"))) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 
-def table(house: House, package: str) -> str:
-    """Returns a table of a package's subpackages in import order, with the purpose and the number of modules
-    of each."""
-    counts = Counter(house.room_of(module) for module in house.modules.keys() - house.doors)
-    rooms = sorted(
-        (room for room in house.doors if room.startswith(f"{package}.")),
-        key=lambda room: place(house.rules, room),
+def table(tree: SourceTree, package: str) -> str:
+    """Returns a table of a package's subpackages, the lowest level first, with the purpose and the number of
+    modules of each."""
+    counts = Counter(tree.package_of(module) for module in tree.modules.keys() - tree.packages)
+    levels = import_levels()
+    inner = sorted(
+        (name for name in tree.packages if name.startswith(f"{package}.")),
+        key=lambda name: position(levels, name),
     )
     rows = [
-        f"| {INDENT * (room.count('.') - 1)}`{room.rpartition('.')[2]}` "
-        f"| {purpose(house, room)} | {counts[room] or ''} |"
-        for room in rooms
+        f"| {INDENT * (name.count('.') - 1)}`{name.rpartition('.')[2]}` "
+        f"| {purpose(tree, name)} | {counts[name] or ''} |"
+        for name in inner
     ]
-    return "\n".join(["| room | what it is for | modules |", "|---|---|---|", *rows])
+    return "\n".join(["| package | what it is for | modules |", "|---|---|---|", *rows])
 
 
-def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
-    """Returns the sort key of a package: for each folder on its path the configured position, or its name if
-    it has no position."""
-    parts = room.split(".")
+def position(levels: dict[str, list[list[str]]], package: str) -> tuple[tuple[int, str], ...]:
+    """Returns the sort key of a package: for each folder on its path the level, and its name."""
+    parts = package.split(".")
     sort_key = []
     for depth in range(1, len(parts)):
-        order = rules.order.get(".".join(parts[:depth]), [])
-        sort_key.append((order.index(parts[depth]) if parts[depth] in order else 0, parts[depth]))
+        folder = levels.get(".".join(parts[:depth]), [])
+        level = next((k for k, names in enumerate(folder) if parts[depth] in names), 0)
+        sort_key.append((level, parts[depth]))
     return tuple(sort_key)
 
 
-def drawing(house: House, package: str) -> str:
+def drawing(graph: grimp.ImportGraph, tree: SourceTree, package: str) -> str:
     """Returns the subpackages as a Mermaid diagram. Arrows are imports; imports implied by others are left
     out (transitive reduction)."""
-    inside = {room.split(".")[1] for room in house.doors if room.startswith(f"{package}.")}
-    after: dict[str, set[str]] = {room: set() for room in inside}
-    for dependency in house.imports:
-        source, target = dependency.source.split(".")[:2], dependency.target.split(".")[:2]
-        if source[0] == target[0] == package and source != target and {source[-1], target[-1]} <= inside:
-            after[source[-1]].add(target[-1])
+    inside = {name for name in graph.find_children(package) if name in tree.packages}
+    owner = {module: name for name in inside for module in (name, *graph.find_descendants(name))}
+    after: dict[str, set[str]] = {name: set() for name in inside}
+    for module, name in owner.items():
+        imported = (owner.get(other, name) for other in graph.find_modules_directly_imported_by(module))
+        after[name] |= set(imported) - {name}
 
-    def reach(room: str) -> set[str]:
-        return after[room].union(*(reach(other) for other in after[room]))
+    def reach(name: str) -> set[str]:
+        return after[name].union(*(reach(other) for other in after[name]))
 
     arrows = [
-        f"    {room} --> {other}"
-        for room in sorted(after)
-        for other in sorted(after[room])
-        if not any(other in reach(third) for third in after[room])
+        f"    {name.rpartition('.')[2]} --> {other.rpartition('.')[2]}"
+        for name in sorted(after)
+        for other in sorted(after[name])
+        if not any(other in reach(third) for third in after[name])
     ]
     return "\n".join(["```mermaid", "graph TD", *arrows, "```"])
 
 
 def written(page: str) -> str:
     """Returns the page with everything between its marks regenerated."""
-    house = project_house()
-    walks = Walk.read()
-    makers = {
-        "rooms": table,
-        "arrows": drawing,
-        "walk": lambda house, name: walked(house, walks[name]),
-    }
+    tree, traces = project_tree(), Trace.read()
+    graph = grimp.build_graph(*PACKAGES, cache_dir=None)
 
     def made(match: re.Match[str]) -> str:
-        kind, package = match[1], match[2]
-        return f"<!-- {kind} {package} -->\n\n{makers[kind](house, package)}\n\n<!-- end -->"
+        kind, name = match[1], match[2]
+        if kind == "packages":
+            text = table(tree, name)
+        elif kind == "arrows":
+            text = drawing(graph, tree, name)
+        else:
+            text = trace_table(tree, traces[name])
+        return f"<!-- {kind} {name} -->\n\n{text}\n\n<!-- end -->"
 
-    return re.sub(r"<!-- (rooms|arrows|walk) (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
+    return re.sub(r"<!-- (packages|arrows|trace) (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
 
 
 if __name__ == "__main__":

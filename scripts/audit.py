@@ -20,12 +20,15 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-HOUSE = Path(__file__).parents[1]
-TOOLS = HOUSE / "out" / "audit"
+ROOT = Path(__file__).parents[1]
+TOOLS = ROOT / "out" / "audit"
 AUDIT_TOOLS = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
 COPYLEFT = re.compile(r"\bA?GPL|(?<!Lesser )General Public License", re.IGNORECASE)
 """Matches copyleft licence names, but not the Lesser GPL."""
-CHOSEN_LICENCES = {"hidapi": "BSD, of three that it offers"}
+CHOSEN_LICENCES = {
+    "hidapi": "BSD, of three that it offers",
+    "atheris": "Apache-2.0, by its repository; its wheel names none",
+}
 """Packages that offer several licences, one of them copyleft, with the licence chosen here."""
 
 
@@ -82,7 +85,7 @@ def tool(name: str) -> str:
 
 def read_pins() -> list[str]:
     """Returns the requirements of constraints.txt without comments and markers."""
-    lines = (HOUSE / "constraints.txt").read_text().splitlines()
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
     return [line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")]
 
 
@@ -191,8 +194,8 @@ def find_licence_problems(packages: list[dict[str, str]]) -> list[str]:
     return [
         f"{package['Name']} {package['Version']} has the licence {package['License']!r}"
         for package in packages
-        if package["License"] == "UNKNOWN"
-        or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN_LICENCES)
+        if package["Name"] not in CHOSEN_LICENCES
+        and (package["License"] == "UNKNOWN" or COPYLEFT.search(package["License"]))
     ]
 
 
@@ -213,7 +216,7 @@ def bundled_libraries(packages: Path) -> Iterator[str]:
 
 def documented_libraries() -> set[str]:
     """Returns the libraries named in backquotes in docs/licences.md, without "lib"."""
-    text = (HOUSE / "docs" / "licences.md").read_text()
+    text = (ROOT / "docs" / "licences.md").read_text()
     return {name.removeprefix("lib") for name in re.findall(r"`([\w+-]+)`", text)}
 
 

@@ -1,5 +1,5 @@
 # shellcheck shell=sh
-# Debian roots for the tests that need another machine than this one; read with `.` by test_bare.sh and test_arm.sh.
+# Roots of Debian and Ubuntu for the tests that need another machine than this one; read with `.` by test_bare.sh and test_arm.sh.
 roots=${ENLIVEN_BARE:-$PWD/out/bare}
 mkdir -p "$roots"
 roots=$(cd "$roots" && pwd)
@@ -23,15 +23,42 @@ mirror() {
         sed -n 's/^Debian //p' | grep -v security | head -n 1
 }
 
+is_ubuntu() {
+    # is_ubuntu SUITE: true for the long-term releases of Ubuntu with Python 3.11 or newer.
+    case $1 in noble | resolute) true ;; *) false ;; esac
+}
+
+has_ubuntu_keys() { [ -f /usr/share/keyrings/ubuntu-archive-keyring.gpg ]; }
+
+ubuntu_scripts() {
+    # ubuntu_scripts SUITE: a copy of debootstrap's scripts that knows the suite; an older debootstrap may not.
+    rm -rf "$roots/debootstrap"
+    cp -r "${DEBOOTSTRAP_DIR:-/usr/share/debootstrap}" "$roots/debootstrap"
+    [ -e "$roots/debootstrap/scripts/$1" ] || ln -s gutsy "$roots/debootstrap/scripts/$1"
+    printf '%s' "$roots/debootstrap"
+}
+
 base_root() {
     # base_root NAME OPTIONS... SUITE: makes NAME.tar by debootstrap, once; half of one is never kept.
     name=$1
     shift
     [ -f "$roots/$name.tar" ] && return
-    say "making a bare Debian for $name by debootstrap (some minutes, once)"
+    say "making a bare root for $name by debootstrap (some minutes, once)"
     rm -rf "${roots:?}/$name"
-    # shellcheck disable=SC2046
-    debootstrap --variant=minbase "$@" "$roots/$name" $(mirror) >"$roots/$name.log" 2>&1 ||
+    for suite_of_root; do :; done
+    if is_ubuntu "$suite_of_root"; then
+        # Python's venv is in the component universe. debootstrap itself knows an archive of Ubuntu.
+        unchecked=${UNCHECKED:+--no-check-gpg}
+        [ "$unchecked" ] || has_ubuntu_keys ||
+            fail "the keys of Ubuntu's archive are missing. Type: sudo apt-get install ubuntu-archive-keyring" \
+                "(or, to trust the network, set UNCHECKED=1)"
+        scripts=$(ubuntu_scripts "$suite_of_root")
+        # shellcheck disable=SC2086
+        DEBOOTSTRAP_DIR=$scripts debootstrap --variant=minbase --components=main,universe $unchecked "$@" "$roots/$name"
+    else
+        # shellcheck disable=SC2046
+        debootstrap --variant=minbase "$@" "$roots/$name" $(mirror)
+    fi >"$roots/$name.log" 2>&1 ||
         fail "debootstrap failed: $(tail -n 1 "$roots/$name.log") (all of it: $roots/$name.log)"
     rm -rf "$roots/$name/var/cache/apt/archives/"*.deb
     tar -C "$roots/$name" -cf "$roots/$name.part" . && mv "$roots/$name.part" "$roots/$name.tar"

@@ -25,18 +25,20 @@ from packaging.utils import InvalidWheelFilename, canonicalize_name, parse_wheel
 
 Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
 """For each (name, version): the tags of each wheel, by the wheel's SHA-256."""
-HOUSE = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer", "synthesis")
 RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags", "outputs")}
 """Extras that `make setup` installs, by package. They decode files that a user may open."""
 DEV_EXTRAS = {
-    "shared": ("test", "usd"),
-    "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
+    "shared": ("batch", "test", "usd", "health"),
+    "viewer": ("web", "discovery"),
+    "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera", "discovery", "foxglove"),
 }
 """Extras that `make setup-dev` installs in addition, by package."""
 BUILD = ("hatchling", "editables", "pip", "setuptools")
 """Packages needed to install the project's own packages."""
-PEERS = HOUSE / "tests" / "benchmarks" / "requirements.txt"
+PEERS = tuple(ROOT / "tests" / room / "requirements.txt" for room in ("benchmarks", "fuzz"))
+"""Requirements of `make bench` and `make fuzz`, which are installed only by these commands."""
 PYTHONS = (11, 12, 13, 14)
 """Minor versions of Python 3 that scripts/setup.sh accepts."""
 MACHINES = (
@@ -66,7 +68,7 @@ def environments() -> Iterator[dict[str, str]]:
 def pins() -> dict[str, list[Requirement]]:
     """Returns the lines of constraints.txt by canonical name."""
     requirements: dict[str, list[Requirement]] = {}
-    for line in (HOUSE / "constraints.txt").read_text().splitlines():
+    for line in (ROOT / "constraints.txt").read_text().splitlines():
         if line and not line.startswith("#"):
             pin = Requirement(line)
             requirements.setdefault(canonicalize_name(pin.name), []).append(pin)
@@ -84,14 +86,15 @@ def parse_pin(
 
 
 def requested_packages(kind: str) -> list[str]:
-    """Returns the packages requested by name. ``kind`` is run, dev, or peers (the packages that benchmarks
-    compare with)."""
+    """Returns the packages requested by name. ``kind`` is run, dev, or peers (the packages that only
+    benchmarks and fuzzing use)."""
     if kind == "peers":
-        lines = (line.partition("#")[0].strip() for line in PEERS.read_text().splitlines())
+        texts = (line for path in PEERS for line in path.read_text().splitlines())
+        lines = (line.partition("#")[0].strip() for line in texts)
         return [line for line in lines if line]
     requested = list(BUILD)
     for package in PACKAGES:
-        pyproject = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())
+        pyproject = tomllib.loads((ROOT / package / "pyproject.toml").read_text())
         hooks = pyproject["tool"]["hatch"].get("metadata", {}).get("hooks", {})
         requested += (hooks.get("custom") or pyproject["project"])["dependencies"]
         extras = [*RUN_EXTRAS.get(package, ())]
@@ -201,7 +204,7 @@ def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
     (where,) = (
         at for at in environments() if (at["platform_machine"], at["python_version"]) == (machine, python)
     )
-    for line in (HOUSE / "locks" / f"{kind}.txt").read_text().replace("\\\n", "").splitlines():
+    for line in (ROOT / "locks" / f"{kind}.txt").read_text().replace("\\\n", "").splitlines():
         text, *hashes = line.split(" --hash=")
         if not line.startswith("#"):
             pin = Requirement(text)
@@ -219,11 +222,11 @@ def main() -> None:
     offered = wheels(sorted(requirements))
     for kind in ("run", "dev"):
         lines = lock_lines(kind, requirements, offered)
-        path = HOUSE / "locks" / f"{kind}.txt"
+        path = ROOT / "locks" / f"{kind}.txt"
         path.parent.mkdir(exist_ok=True)
         head = "# Written by scripts/lock.py: what `make setup` installs, with the SHA-256 of each wheel."
         path.write_text("\n".join([head, *lines]) + "\n")
-        print(f"{path.relative_to(HOUSE)}: {len(lines)} releases")
+        print(f"{path.relative_to(ROOT)}: {len(lines)} releases")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from sample_meshes.lamp import make_lamp
 from sample_motions import library
 
 from enliven.document import Project
-from enliven.formats.project import write_project
+from enliven.formats.project.file import write_project
 from enliven.meshes import Mesh
 from enliven.samples.shipped import COORDINATE_STEP_M, SAMPLES_FOLDER
 from enliven_viewer.studio.motions import MOTIONS_FILE

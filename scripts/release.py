@@ -297,7 +297,7 @@ class Environment:
 
     def processor_levels(self) -> list[str]:
         """Returns the processor levels that this machine can compile for and run, best first."""
-        ask = "from enliven.kernel_cache import processor_levels; print(*processor_levels())"
+        ask = "from enliven.kernel_cache.target import processor_levels; print(*processor_levels())"
         return self._run(str(self._bin / "python"), "-c", ask).split()
 
     def compile_for(self, level: str, folder: Path) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from enliven.mapping import Plan
+from enliven.mapping.plan import Plan
 from enliven_edge.settings import EdgeSettings
 from enliven_viewer.settings import ViewerSettings
 from enliven_viewer.studio.settings import StudioSettings
@@ -29,6 +29,8 @@ def tables(kind: type, path: str = "") -> Iterator[str]:
     """Yields one TOML table for each group of settings: its own keys first, then the nested groups."""
     hints, rows, groups = typing.get_type_hints(kind), list[str](), list[tuple[str, type]]()
     for field in dataclasses.fields(kind):
+        if field.metadata.get("hidden"):
+            continue
         inner = _group(hints[field.name])
         key = _NAMES.get(field.name, field.name)
         if inner is None:

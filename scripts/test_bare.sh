@@ -1,6 +1,8 @@
 #!/bin/sh
-# Runs `make run` and `make test` on the last commit in bare Debians, where there is Python and nothing else.
-# Usage, as root: test_bare.sh [SUITE ...]     bookworm is Debian 12 with Python 3.11, trixie is Debian 13 with 3.13
+# Runs `make run` and `make test` on the last commit in bare systems, where there is Python and nothing else.
+# Usage, as root: test_bare.sh [SUITE ...]     bookworm is Debian 12 with Python 3.11, trixie is Debian 13 with 3.13,
+#   noble is Ubuntu 24.04 LTS with Python 3.12; without a suite: these three, the last if its archive's keys are here
+#   UNCHECKED     not empty: trust the network for Ubuntu, without the keys of its archive
 #   ENLIVEN_BARE  the folder of the roots (out/bare); they are made once, and unpacked afresh for every run
 #   STEPS         what make is asked for in turn ("run test");  ARGS  what `make test` hands to pytest
 #   PATIENCE      seconds after which a step is ended (3600)
@@ -34,7 +36,7 @@ $result"
     [ "$code" = 0 ] || red=1
 }
 
-[ $# -gt 0 ] || set -- bookworm trixie
+[ $# -gt 0 ] || set -- bookworm trixie $(has_ubuntu_keys && echo noble)
 [ -z "$(git status --porcelain)" ] || say "what is not committed is not tried"
 data=$(cd ../shared 2>/dev/null && [ -d data ] && pwd) || data=
 mkdir -p "$roots/pip"

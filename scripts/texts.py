@@ -17,15 +17,15 @@ import polib
 
 from enliven.document import ArapSettings, ExampleSettings, GraphShape, LocomotionSettings, Puppet, Shape
 from enliven_viewer.language import CATALOGUES
-from enliven_viewer.render import LOOKS
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.render.stage_look import LOOKS
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.examples.settings import SETTING_SLIDERS, get_description
-from enliven_viewer.studio.perform import WORKSPACES
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.perform.session import WORKSPACES
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 HOUSE = Path(__file__).parents[1]
 VIEWER = HOUSE / "viewer" / "enliven_viewer"
-WINDOW_FOLDERS = "studio", "live"
+WINDOW_FOLDERS = "studio", "live", "kiosk", "souvenirs"
 """Folders of the modules that draw the window."""
 TRANSLATING_FUNCTIONS = {
     "tr": (0,),

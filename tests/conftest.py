@@ -12,6 +12,8 @@ from pathlib import Path
 # Test processes share the cores. Beside others, BLAS's own threads wait for one another by spinning, so a
 # small dense fit took 13 times as much of the processor. It is read where NumPy is loaded first.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Every test runs with the same machine code, and no test compiles in the background.
+os.environ["ENLIVEN_NATIVE_KERNELS"] = "off"
 
 import hypothesis
 import pytest
@@ -49,6 +51,8 @@ def pytest_configure(config):
     os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = own.name
     # Keys of the person that runs the tests would lock the edges of the tests.
     os.environ["XDG_CONFIG_HOME"] = own.name
+    # A test that changes the preparation of characters must not get a stored result.
+    os.environ["ENLIVEN_CHARACTERS"] = "off"
 
 
 def share_rewriting(config):

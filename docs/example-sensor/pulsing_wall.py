@@ -7,11 +7,11 @@ import numpy as np
 
 from enliven.camera import Intrinsics
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 
 
-class PulsingWall:
-    """Opens, reads, closes: all that a driver does."""
+class PulsingWall(Sensor):
+    """Opens, reads, closes: all that a driver does. Its base class has defaults for the rest."""
 
     isolated = True  # a process of its own, so that a crash of your library is not the edge's
 
@@ -40,9 +40,3 @@ class PulsingWall:
 
     def close(self) -> None:
         """Lets the device go."""
-
-    def __enter__(self) -> "PulsingWall":
-        return self
-
-    def __exit__(self, *_) -> None:
-        self.close()

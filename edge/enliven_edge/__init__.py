@@ -1,4 +1,6 @@
-"""The program on the computer with the depth camera: tracks people, animates characters and publishes both.
+"""The edge: the program on the computer with the depth camera.
+
+It tracks people, animates characters and publishes both.
 
 :mod:`enliven_edge.service` has the main loop. Each stage of a frame is a separate package;
 ``docs/architecture.md`` has the overview.

@@ -1,4 +1,4 @@
-"""Camera preview for viewers: the camera's pose, and a small depth image."""
+"""The camera preview for viewers: the camera's pose and a small depth image."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from enliven.wire import CameraMessage
 _INTERVAL_NS = 200_000_000
 """Nanoseconds of the sensor's clock between two previews: fast enough to show movement, at 30 kB/s."""
 _MAX_HEIGHT_PX = 72
-"""Maximum pixels of the preview's height: a person is recognisable in it."""
+"""Maximum height of the preview in pixels. A person is recognisable at this size."""
 _NEAR_MM = 400.0
-"""Depth that is drawn brightest, in millimetres. Depth cameras measure nothing nearer."""
+"""Depth that is drawn brightest, in millimetres. Depth cameras do not measure nearer surfaces."""
 _FAR_MM = 6000.0
 """Depth that is drawn darkest, in millimetres. Performers stand nearer."""
 _DEFAULT_INTRINSICS = [0.9, 0.9, 0.6, 0.5]
@@ -26,10 +26,10 @@ class CameraPreview:
     def __init__(self) -> None:
         self._last_sent_ns: int | None = None
 
-    def of(self, frame: Frame, place: Float | None, *, mirrored: bool = False) -> CameraMessage | None:
-        """Returns the preview message of a frame.
-
-        None if the previous one is recent, or the camera's pose is unknown.
+    def create_message(
+        self, frame: Frame, place: Float | None, *, mirrored: bool = False
+    ) -> CameraMessage | None:
+        """Returns the preview message of a frame. None if the last preview is recent or the pose is unknown.
 
         Args:
             place: (4, 4) world_from_camera. None if it is not known.
@@ -56,7 +56,7 @@ class CameraPreview:
 
 
 def nearness(depth: UInt16) -> np.ndarray:
-    """Returns (h, w) uint8, a subsampled depth image: 255 near, 1 far, 0 unknown."""
+    """Returns an (h, w) uint8 image of a subsampled depth image: 255 near, 1 far, 0 unknown."""
     step = max(-(-depth.shape[0] // _MAX_HEIGHT_PX), -(-depth.shape[1] // (2 * _MAX_HEIGHT_PX - 16)))
     subsampled = depth[::step, ::step]
     brightness = np.clip((_FAR_MM - subsampled) / (_FAR_MM - _NEAR_MM), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Character upload: collects, prepares and shows characters that clients send to the running stage."""
+"""Character upload: receives and prepares characters that clients send, and puts them on the stage."""
 
 from __future__ import annotations
 
@@ -23,29 +23,32 @@ from enliven.wire import (
     PutCharacter,
 )
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import HoldStarts, Peer, Stage
+from enliven_edge.stage.hold_memory import HoldStarts
+from enliven_edge.stage.stage import Stage
+from enliven_edge.stage.stage_capacity import Peer
 
 log = logging.getLogger(__name__)
 
 _MAX_UPLOADS_PER_VIEWER = 4
-"""Maximum number of characters of one viewer that are collected at a time, with ``MAX_UPLOAD_BYTES`` in
-total."""
+"""Maximum number of simultaneous uploads of one viewer. Their total size is at most ``MAX_UPLOAD_BYTES``."""
 _MAX_UPLOADS = 12
-"""Maximum number of characters of all viewers that are collected at a time."""
+"""Maximum number of simultaneous uploads of all viewers."""
 _MAX_BYTES = 2 * MAX_UPLOAD_BYTES
-"""Maximum bytes of all characters that are collected or wait for preparation: one viewer cannot use all of
-them."""
+"""Maximum bytes of all characters that are being received or wait for preparation. It is twice the limit of
+one viewer, so that one viewer cannot use it up."""
 _TIMEOUT_S = 10.0
-"""Time without a new part after which an upload is dropped, in seconds."""
+"""Seconds without a new part after which an upload is dropped."""
 _MIN_BYTES_PER_SECOND = 32 * 1024
-"""Minimum bytes per second after the first ``_TIMEOUT_S`` seconds: a slow wireless network carries more."""
+"""Minimum upload rate in bytes per second after the first ``_TIMEOUT_S`` seconds. Slow wireless networks are
+faster."""
 _MAX_REFUSALS = 32
 """Maximum number of remembered refusals, so that equal data is not prepared again."""
 MAX_REVISION_JUMP = 64
-"""Largest step from the newest revision to the next. Clients count by one, and skip those of lost answers."""
+"""Maximum difference between the newest revision and the next one. Clients increase it by one, and skip
+revisions that were never answered."""
 
 _Key = tuple[Peer | None, str, bytes]
-"""The viewer, and the id and the digest of a character."""
+"""Key of an upload: the viewer, and the id and the digest of the character."""
 
 
 @dataclass
@@ -61,8 +64,8 @@ class _Upload:
 
     def is_late(self, now: float) -> bool:
         """Returns True if the upload has timed out: no parts arrive, or they arrive too slowly."""
-        due = (now - self.started_at - _TIMEOUT_S) * _MIN_BYTES_PER_SECOND
-        return now - self.last_part_at >= _TIMEOUT_S or self.received < due
+        expected_bytes = (now - self.started_at - _TIMEOUT_S) * _MIN_BYTES_PER_SECOND
+        return now - self.last_part_at >= _TIMEOUT_S or self.received < expected_bytes
 
     def eviction_key(self, now: float) -> tuple[float, float]:
         """Returns a sort key: the slowest first, and the oldest first among equally slow ones."""
@@ -70,53 +73,57 @@ class _Upload:
 
 
 class _Preparation(threading.Thread):
-    """Makes the actor of a character.
+    """A thread that creates the actor of a character.
 
-    The solvers' kernels release the interpreter lock, so frames continue.
+    The solvers' kernels release the interpreter lock, so frames continue meanwhile.
     """
 
     def __init__(self, upload: _Upload, stage: Stage, settings: EdgeSettings) -> None:
         super().__init__(name="preparation", daemon=True)
-        self.order, self.peer, self._data = upload.order, upload.peer, b"".join(upload.parts)
+        self.order, self.peer, self.data = upload.order, upload.peer, b"".join(upload.parts)
         self._stage, self._settings = stage, settings
         self.actor: Actor | None = None
         self.refused: InputError | None = None
         self.carried: HoldStarts | None = None
 
     def run(self) -> None:
-        # Imported here, because an edge without clients never needs it.
+        # Import it here, because an edge without uploads never needs it.
         from enliven_edge.uploaded_actor import create_uploaded_actor
 
-        where, mend = f"character {self.order.id!r}", "Send it again."
+        where, remedy = f"character {self.order.id!r}", "Send it again."
         try:
-            if hashlib.sha256(self._data).digest() != self.order.digest:
-                raise InputError("it was changed during the transfer", where=where, mend=mend)
+            if hashlib.sha256(self.data).digest() != self.order.digest:
+                raise InputError("it was changed during the transfer", where=where, remedy=remedy)
             previous = self._stage.actors.get(self.order.id)
-            actor = create_uploaded_actor(self._data, self.order, self._settings, previous)
+            actor = create_uploaded_actor(self.data, self.order, self._settings, previous)
             self.carried = self._stage.carry_over(actor)
             self.actor = actor
         except EnlivenError as error:
-            self.refused = InputError(error.what, where=error.where or where, mend=error.mend)
+            self.refused = InputError(error.what, where=error.where or where, remedy=error.remedy)
         except (*DAMAGE, RuntimeError) as error:
             problem = f"it is damaged: {plain_reason(error)}"
-            self.refused = InputError(problem, where=where, mend="Look at it in enliven studio.")
+            self.refused = InputError(problem, where=where, remedy="Look at it in enliven studio.")
 
 
 class CharacterUploads:
-    """Collects, prepares and shows the characters that clients send. The previous character stays until then.
+    """Receives and prepares the characters that clients send, and puts them on the stage.
 
-    A viewer that announces characters and does not deliver them loses their places to other viewers.
+    A replaced character stays until its successor is ready. If a viewer announces characters and does not
+    send them, other viewers may take their places.
 
     Args:
-        settings: how actors are made.
+        settings: the edge's settings, for the actors.
 
     Attributes:
-        last_revision: returns the revision that viewers know of a character. For a character that is not on
-            the stage, the highest revision of the removed ones.
+        last_revision: returns the newest revision of a character that viewers have; for a character that is
+            not on the stage, the highest revision of the removed ones.
+        on_shown: called with the request and the data of each character that was put on the stage. None: the
+            data is dropped.
     """
 
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
         self.last_revision: Callable[[str], int] = lambda name: 0
+        self.on_shown: Callable[[PutCharacter, bytes], None] | None = None
         self._stage, self._settings = stage, settings or EdgeSettings()
         self._waiting: dict[_Key, _Upload] = {}
         self._complete: deque[_Upload] = deque()
@@ -128,17 +135,27 @@ class CharacterUploads:
 
     @property
     def revisions(self) -> dict[str, int]:
-        """The revisions of the characters that clients put on the stage, by id."""
+        """Returns the revisions of the characters that clients put on the stage, by id."""
         return {name: order.revision for name, order in self._on_stage.items()}
 
+    @property
+    def orders(self) -> dict[str, PutCharacter]:
+        """Returns the requests of clients that put characters on the stage, by character id."""
+        return {name: order for name, order in self._on_stage.items() if name in self._stage.actors}
+
+    def restore(self, order: PutCharacter, actor: Actor) -> None:
+        """Puts a character on the stage that a client had sent before a restart of the edge."""
+        self._stage.put(actor)
+        self._on_stage[order.id] = order
+
     def put(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
-        """Announces a character, or asks for its progress.
+        """Handles the announcement of a character, or a question about its progress.
 
         Args:
             peer: the viewer that asks. None: the edge itself.
 
         Raises:
-            InputError: if it was refused, if its revision is not newer, or if the stage is full.
+            InputError: if the character was refused, if its revision is not newer, or if the stage is full.
         """
         current = self._on_stage.get(order.id)
         if current is not None and (current.digest, current.fit) == (order.digest, order.fit):
@@ -154,7 +171,7 @@ class CharacterUploads:
         return Awaited(self._find_or_add(order, peer, where).received)
 
     def take(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
-        """Adds the next part of a character that was announced.
+        """Adds the next part of an announced character.
 
         Raises:
             InputError: for an unexpected part.
@@ -162,14 +179,14 @@ class CharacterUploads:
         key = peer, part.id, part.digest
         upload = self._waiting.get(key)
         if upload is None or part.offset != upload.received:
-            mend = "Ask for its progress with PutCharacter."
-            raise InputError("this part was not expected", where=f"character {part.id!r}", mend=mend)
+            remedy = "Ask for its progress with PutCharacter."
+            raise InputError("this part was not expected", where=f"character {part.id!r}", remedy=remedy)
         upload.received += len(part.data)
         upload.last_part_at = time.monotonic()
         if upload.received > upload.order.size:
             del self._waiting[key]
-            problem = f"more than the {upload.order.size} bytes that were announced came"
-            raise InputError(problem, where=f"character {part.id!r}", mend="Announce it again.")
+            problem = f"more than the announced {upload.order.size} bytes were received"
+            raise InputError(problem, where=f"character {part.id!r}", remedy="Announce it again.")
         upload.parts.append(part.data)
         if upload.received == upload.order.size:
             self._complete = deque(older for older in self._complete if not _replaces(upload, older))
@@ -177,7 +194,8 @@ class CharacterUploads:
         return Awaited(upload.received)
 
     def poll(self) -> None:
-        """Shows prepared characters, and starts to prepare uploaded ones. Call it once per frame."""
+        """Puts prepared characters on the stage, and starts preparing uploaded ones. Call it once per
+        frame."""
         self._on_stage = {name: order for name, order in self._on_stage.items() if name in self._stage.actors}
         self._drop_late()
         preparation = self._preparing
@@ -192,15 +210,16 @@ class CharacterUploads:
     def _check_revision(self, order: PutCharacter, current: PutCharacter | None, where: str) -> None:
         """Raises InputError for a revision that is not newer than the one on the stage, or skips too many."""
         newest = self.last_revision(order.id) or (0 if current is None else current.revision)
-        mend = f"Send revision {newest + 1}."
+        remedy = f"Send revision {newest + 1}."
         if current is not None and order.revision <= newest:
-            raise InputError(f"revision {newest} of it stands on the stage", where=where, mend=mend)
+            raise InputError(f"revision {newest} of it stands on the stage", where=where, remedy=remedy)
         if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
             problem = f"revision {order.revision} is too far above the newest one, {newest}"
-            raise InputError(problem, where=where, mend=mend)
+            raise InputError(problem, where=where, remedy=remedy)
 
     def _take_next(self) -> _Upload:
-        """Returns the next character to prepare: viewers that send many take turns with the others."""
+        """Returns the next character to prepare. Viewers take turns, so that one with many cannot block
+        others."""
         others = (candidate for candidate in self._complete if candidate.peer is not self._last_served)
         upload = next(others, self._complete[0])
         self._complete = deque(candidate for candidate in self._complete if candidate is not upload)
@@ -219,7 +238,7 @@ class CharacterUploads:
         if preparation.actor is None:
             problem = f"the preparation of {order.id!r} ended early"
             self._refused[order] = preparation.refused or InputError(
-                problem, where="stage", mend="Look at the log."
+                problem, where="stage", remedy="Look at the log."
             )
             log.warning("%s", self._refused[order])
             for oldest in list(self._refused)[:-_MAX_REFUSALS]:
@@ -227,10 +246,13 @@ class CharacterUploads:
         elif current is None or current.revision < order.revision:
             self._stage.put(preparation.actor, preparation.carried, preparation.peer)
             self._on_stage[order.id] = order
+            if self.on_shown is not None:
+                self.on_shown(order, preparation.data)
             log.info("%s stands on the stage, revision %d", order.id, order.revision)
 
     def _find_or_add(self, order: PutCharacter, peer: Peer | None, where: str) -> _Upload:
-        """Returns the upload of a character. It replaces an earlier one of the same viewer and id."""
+        """Returns the upload of a character. A new upload replaces an earlier one of the same viewer and
+        id."""
         key = peer, order.id, order.digest
         self._drop_late()
         pending = self._waiting.get(key) or self._resume(order, peer)
@@ -244,7 +266,7 @@ class CharacterUploads:
         return upload
 
     def _drop_late(self) -> None:
-        """Drops uploads that stopped or are too slow, which frees their places."""
+        """Drops uploads that stopped or are too slow."""
         now = time.monotonic()
         self._waiting = {key: upload for key, upload in self._waiting.items() if not upload.is_late(now)}
 
@@ -258,7 +280,7 @@ class CharacterUploads:
         return None
 
     def _make_room(self, new_upload: _Upload, where: str) -> None:
-        """Drops the slowest uploads of viewers that send more than this one, until there is room.
+        """Drops the slowest uploads of viewers with more uploads than this one, until the new one fits.
 
         Raises:
             InputError: if this viewer has too many uploads, or all others have fewer.
@@ -268,16 +290,16 @@ class CharacterUploads:
             all_uploads = [*self._waiting.values(), *self._complete]
             viewer_uploads = [upload for upload in all_uploads if upload.peer is new_upload.peer]
             free_bytes = MAX_UPLOAD_BYTES - sum(upload.order.size for upload in viewer_uploads)
-            mend = "Send it again in a moment."
+            remedy = "Send it again in a moment."
             if len(viewer_uploads) >= _MAX_UPLOADS_PER_VIEWER or order.size > free_bytes:
-                raise InputError("too many characters are being transferred", where=where, mend=mend)
+                raise InputError("too many characters are being transferred", where=where, remedy=remedy)
             free_bytes = _MAX_BYTES - sum(upload.order.size for upload in all_uploads)
             if len(all_uploads) < _MAX_UPLOADS and order.size <= free_bytes:
                 return
             counts = Counter(upload.peer for upload in all_uploads)
             other_uploads = [entry for entry in self._waiting.items() if entry[1].peer is not new_upload.peer]
             if not other_uploads:
-                raise InputError("too many characters are being transferred", where=where, mend=mend)
+                raise InputError("too many characters are being transferred", where=where, remedy=remedy)
             slowest = min(
                 other_uploads, key=lambda entry: (-counts[entry[1].peer], *entry[1].eviction_key(now))
             )

@@ -10,7 +10,7 @@ from enliven_edge.sensors import crash_reports, list_attached, profile_names, se
 
 
 def checks() -> list[Check]:
-    """Checks the known sensors, the profiles, the shipped recording, and each depth camera on USB."""
+    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB."""
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(
@@ -28,12 +28,12 @@ def checks() -> list[Check]:
 def _check_recording() -> Check:
     """Checks the recording that ``enliven run`` replays."""
     path = shipped_recording()
-    mend = "Make it again: enliven synthesize -o chair.mcap"
-    return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", mend)
+    remedy = "Make it again: enliven synthesize -o chair.mcap"
+    return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", remedy)
 
 
 def _list_crash_reports() -> Check:
-    """Lists the stored crash reports. A stored report does not count as a failed check."""
+    """Lists the stored crash reports. Stored reports are not a failed check."""
     reports = crash_reports.reports()
     detail = "\n".join([f"{len(reports)} kept in {crash_reports.folder()}", *map(str, reports)])
     return Check("crash reports", True, detail if reports else "none kept")
@@ -50,5 +50,7 @@ def _check_cameras() -> list[Check]:
     for camera in list_attached():
         problems = camera.find_problems()
         detail = ", ".join([camera.title, *(problem for problem, _ in problems)])
-        checks.append(Check(camera.kind.name, not problems, detail, " ".join(mend for _, mend in problems)))
+        checks.append(
+            Check(camera.kind.name, not problems, detail, " ".join(remedy for _, remedy in problems))
+        )
     return checks

@@ -1,10 +1,10 @@
 """Loads ONNX Runtime without its telemetry, and removes the telemetry files of earlier runs.
 
-The library's own packages (from version 1.29 on) send data about the machine and its programs to Microsoft.
-They keep a persistent device id and a queue of events in the user's cache, and a session file in the
-temporary folder. The telemetry is off only if an environment variable is set before the library starts. So
-every import of onnxruntime in this project goes through :func:`load_onnxruntime`; ``tests/house`` checks
-that.
+The library's official packages (since version 1.29) send data about the machine and its programs to
+Microsoft. They store a persistent device id and a queue of events in the user's cache folder, and a session
+file in the temporary folder. The telemetry is off only if an environment variable is set before the library
+is loaded. So every import of onnxruntime in this project goes through :func:`load_onnxruntime`. A test in
+``tests/conventions`` checks this.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ if sys.platform != "win32":
 log = logging.getLogger(__name__)
 
 TELEMETRY_SWITCH = "ORT_DISABLE_TELEMETRY"
-"""The environment variable that ONNX Runtime reads once, at its start: 1 disables its telemetry."""
+"""Environment variable that ONNX Runtime reads once, when it is loaded. 1 disables its telemetry."""
 _FOLDER = ("Microsoft", "DeveloperTools", ".onnxruntime")
 """ONNX Runtime's folder for telemetry, below the user's cache folder."""
 _DEVICE_ID = re.compile(rb"[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\s*")
-"""The whole content of the file ``deviceid``."""
+"""Pattern of the content of the file ``deviceid``."""
 _SESSION = re.compile(rb"\d{13}\n[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\s*")
-"""The whole content of the file ``.ses``: milliseconds of the epoch, then an id."""
+"""Pattern of the content of the file ``.ses``: milliseconds of the epoch, then an id."""
 _FILES = re.compile(r"deviceid(\.lock|\.tmp\..*)?|onnxruntime\.db(-shm|-wal|-journal)?")
-"""Names of the files that the telemetry writes into its folder."""
+"""Pattern of the names of the telemetry's files in its folder."""
 _MAX_SIGNATURE_BYTES = 64
-"""Maximum bytes that are read of a file to recognise it: both patterns are shorter."""
+"""Number of bytes that are read from a file to recognise it. The content of both patterns is shorter."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
-"""The first bytes of the queue of events."""
+"""The first bytes of the event queue, an SQLite database."""
 _IN_USE_BYTE = 128
 """The byte of a ``-shm`` file that SQLite keeps locked while a process has the database open."""
 
@@ -47,8 +47,8 @@ _IN_USE_BYTE = 128
 def disable_telemetry() -> None:
     """Sets the environment variable that disables ONNX Runtime's telemetry, here and in child processes.
 
-    A value set by the user is replaced: a program with a camera never reports to others. A warning is logged
-    if another part of the process has already loaded the library with its telemetry.
+    A value set by the user is replaced, because a program with a camera must never send data to third
+    parties. A warning is logged if the process has already loaded the library with its telemetry.
     """
     if "onnxruntime" in sys.modules and os.environ.get(TELEMETRY_SWITCH) != "1":
         log.warning(

@@ -1,4 +1,4 @@
-"""The table of the edge's actions for each kind of order, from viewers and from controls."""
+"""The handlers of orders. An order is a request from a viewer or a control."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from enliven.matching import ScreenView
+from enliven.matching.views import ScreenView
 from enliven.wire import (
     Browse,
     CharacterPart,
+    Done,
+    LearnRoom,
     Listen,
     Lock,
     Look,
@@ -23,23 +25,26 @@ from enliven.wire import (
     Scan,
     Smooth,
 )
-from enliven_edge.network import Handler
+from enliven_edge.network.handlers import Handler
 
 if TYPE_CHECKING:
     from enliven_edge.character_upload import CharacterUploads
-    from enliven_edge.controls import Controls
-    from enliven_edge.physics import PhysicsSwitch
+    from enliven_edge.controls.control_set import Controls
+    from enliven_edge.physics.switch import PhysicsSwitch
     from enliven_edge.scans import Scans
-    from enliven_edge.stage import HandSizing, Stage
-    from enliven_edge.tracking import Tracker
+    from enliven_edge.sensors import Sensor
+    from enliven_edge.stage.sizing import HandSizing
+    from enliven_edge.stage.stage import Stage
+    from enliven_edge.tracking.tracker import Tracker
 
 _SINGLE_SUBJECT = 0
-"""The subject of orders that replace each other whatever their content."""
+"""Subject of orders that always replace each other, independent of their content."""
 
 
 class OrderTarget(Protocol):
     """The parts of the edge that orders act on."""
 
+    sensor: Sensor
     stage: Stage
     uploads: CharacterUploads
     scans: Scans
@@ -63,10 +68,11 @@ def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
         Look: Handler(lambda order: edge.stage.set_view(_screen_view(order)), lambda order: _SINGLE_SUBJECT),
         Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
         Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _SINGLE_SUBJECT),
+        LearnRoom: Handler(lambda order: _learn_room(edge), lambda order: _SINGLE_SUBJECT),
         PutCharacter: Handler(lambda order, peer: edge.uploads.put(order, peer), takes_peer=True),
         CharacterPart: Handler(lambda order, peer: edge.uploads.take(order, peer), takes_peer=True),
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
-        Resize: Handler(lambda order: edge.sizing.ask(order)),
+        Resize: Handler(lambda order: edge.sizing.handle(order)),
         Scan: Handler(lambda order: edge.scans.ask(order)),
         Listen: Handler(lambda order: edge.controls.listen(order.on), lambda order: _SINGLE_SUBJECT),
         PlayPhysics: Handler(lambda order: edge.physics.ask(order.world), lambda order: _SINGLE_SUBJECT),
@@ -82,22 +88,30 @@ def _possess(stage: Stage, request: Possess) -> None:
 
 
 def _subject_of_possession(request: Possess) -> tuple[str, str | None] | None:
-    """Returns the subject that a newer request replaces.
+    """Returns the subject of a request. A newer request of the same subject replaces a waiting one.
 
-    Each "join" and "extend" counts, since it adds holds.
+    Requests with "join" and "extend" have no subject, because each of them adds a hold.
     """
     return (request.mode, request.character) if request.mode in ("alone", "preview") else None
 
 
 def _screen_view(request: Look) -> ScreenView:
-    """Returns a viewer's view."""
+    """Returns the direction of view of a viewer from its request."""
     eye = None if request.eye is None else np.array(request.eye)
     return ScreenView(np.array(request.direction), np.array(request.up), eye)
 
 
 def _lock(tracker: Tracker, on: bool) -> None:
-    """Locks the cast, so that only people that are tracked now can perform, or unlocks it."""
+    """Locks the cast, so that only people that are tracked now may perform, or unlocks it."""
     if on:
         tracker.lock()
     else:
         tracker.unlock()
+
+
+def _learn_room(edge: OrderTarget) -> Done:
+    """Learns the background and the floor of each sensor again."""
+    # Several sensors have a tracker each. The edge's own one only smooths their fused bodies.
+    learn_room = getattr(edge.sensor, "learn_room", edge.tracker.learn_room)
+    learn_room()
+    return Done("the room is learnt again")

@@ -1,4 +1,4 @@
-"""Scans that viewers request: started, reported to all viewers, and put on the stage. One at a time."""
+"""Scans that viewers request. One scan runs at a time, and its result is put on the stage."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
 from enliven.wire import Scan, ScanMessage, check_character
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Peer, Stage, create_mesh_actor
+from enliven_edge.stage.character_setup import create_mesh_actor
+from enliven_edge.stage.stage import Stage
+from enliven_edge.stage.stage_capacity import Peer
 
 if TYPE_CHECKING:
     from enliven.possession import Actor
-    from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
+    from enliven_edge.scanning.live_scan import Cast, LiveScan
+    from enliven_edge.scanning.person import ScannedPerson
 
 _CHARACTER_GAP_M = 0.4
 """Gap on the floor between a scanned character and the characters on the stage, in metres."""
 
 
 class MessageSink(Protocol):
-    """The output of scans to viewers."""
+    """An object that sends messages to viewers."""
 
     def send(self, message: Any, time_ns: int) -> None:
         """Sends a message to all viewers."""
@@ -36,25 +39,25 @@ class MessageSink(Protocol):
 
 
 class _ScanLoader(threading.Thread):
-    """Loads the modules of a scan in the background. An edge that never scans does not load them."""
+    """A thread that loads the modules of a scan, so that an edge that never scans does not load them."""
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
         super().__init__(name="beginning of a scan", daemon=True)
-        self._begun = number, order, cast
+        self._arguments = number, order, cast
         self.scan: LiveScan | None = None
 
     def run(self) -> None:
-        from enliven_edge.scanning import LiveScan
+        from enliven_edge.scanning.live_scan import LiveScan
 
-        self.scan = LiveScan(*self._begun)
+        self.scan = LiveScan(*self._arguments)
 
 
 class Scans:
-    """The scan that is running on an edge.
+    """The running scan of an edge.
 
     Args:
         stage: the stage for the resulting character.
-        settings: how actors are made.
+        settings: the edge's settings, for the actor.
     """
 
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
@@ -62,15 +65,15 @@ class Scans:
         self._scan: LiveScan | None = None
         self._beginning: _ScanLoader | None = None
         self._number = 0
-        self._begun = self._ended = False
+        self._is_starting = self._is_ending = False
         self._name = ""
         stage.places.watch(self._reserved)
 
     @property
-    def active(self) -> bool:
-        """True while the camera is carried around. Performers are not tracked then."""
-        under_way = self._scan is not None and self._scan.phase in ("scanning", "paused", "failed")
-        return under_way or self._beginning is not None
+    def is_active(self) -> bool:
+        """Returns True while a scan is running. Performers are not tracked then."""
+        is_running = self._scan is not None and self._scan.phase in ("scanning", "paused", "failed")
+        return is_running or self._beginning is not None
 
     def ask(self, order: Scan) -> None:
         """Carries out a viewer's order.
@@ -81,32 +84,32 @@ class Scans:
         if order.do == "start":
             self._start(order)
         elif self._beginning is not None and order.do != "cancel":
-            raise InputError("the scan begins just now", where="scan", mend="Ask again in a moment.")
+            raise InputError("the scan is just starting", where="scan", remedy="Ask again in a moment.")
         elif self._scan is None and self._beginning is None:
-            raise InputError("nothing is scanned", where="scan", mend="Start a scan first.")
+            raise InputError("no scan is running", where="scan", remedy="Start a scan first.")
         elif order.do == "cancel":
             self.close()
-            self._ended = True
+            self._is_ending = True
         elif self._scan is not None:
             self._scan.ask(order)
 
     def take(self, frame: Frame, *, waits: bool = False) -> bool:
-        """Offers the scan an image of the sensor. Returns False if the caller must offer it again."""
+        """Passes a frame to the scan. Returns False if the scan is busy and the caller must pass it again."""
         if self._scan is None or not isinstance(frame, DepthFrame):
             return True
         return self._scan.offer(frame, waits=waits)
 
     def poll(self, sink: MessageSink) -> None:
         """Sends progress to viewers, and puts a finished scan on the stage. Call it once per frame."""
-        if self._begun or self._ended:
+        if self._is_starting or self._is_ending:
             sink.forget("scan piece")
-        if self._ended:
+        if self._is_ending:
             sink.send(ScanMessage(self._number), 0)
-        if self._begun and self._beginning is not None:
-            # Start loading here, not in ``ask``. Loading takes long, and the viewer's other requests would
-            # have to wait.
+        if self._is_starting and self._beginning is not None:
+            # Start loading here and not in ``ask``, because it takes long and the viewer's other requests
+            # would wait.
             self._beginning.start()
-        self._begun = self._ended = False
+        self._is_starting = self._is_ending = False
         if self._beginning is not None and self._beginning.scan is not None:
             self._scan, self._beginning = self._beginning.scan, None
             self._scan.start()
@@ -131,12 +134,12 @@ class Scans:
         if self._beginning is not None or (
             self._scan is not None and self._scan.phase not in ("done", "failed")
         ):
-            raise InputError("a scan is under way", where="scan", mend="Finish or cancel it first.")
+            raise InputError("a scan is already running", where="scan", remedy="Finish or cancel it first.")
         name = order.name or self._free_name()
         self._stage.places.check(name, None)
         self.close()
         self._number += 1
-        self._begun, self._name = True, name
+        self._is_starting, self._name = True, name
         named = msgspec.structs.replace(order, name=name)
         self._beginning = _ScanLoader(self._number, named, self._create_cast())
 

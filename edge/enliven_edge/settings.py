@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 from enliven.errors import InputError
-from enliven.keys import Role
+from enliven.keys.roles import Role
+from enliven.outputs.settings import LiveOutputSettings
 from enliven.possession import ActorSettings
 from enliven.settings import load_settings, setting
-from enliven_edge.controls import ControlSettings
-from enliven_edge.fusion import CalibrationSettings, FusionSettings
-from enliven_edge.landmarks import ColourSettings
-from enliven_edge.outputs import LiveOutputSettings
-from enliven_edge.physics import PhysicsSettings
-from enliven_edge.sources import SourceSettings
-from enliven_edge.stage import StageSettings
-from enliven_edge.stage.puppet import PuppetSettings
-from enliven_edge.stage.rig import MatchingSettings
-from enliven_edge.tracking import TrackerSettings
-from enliven_edge.tracking.health import HealthSettings
+from enliven_edge.controls.settings import ControlSettings
+from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
+from enliven_edge.landmarks.colour_pose import ColourSettings
+from enliven_edge.physics.settings import PhysicsSettings
+from enliven_edge.recording.settings import RecordingSettings
+from enliven_edge.sources import SensorCareSettings, SourceSettings
+from enliven_edge.stage.puppet.settings import PuppetSettings
+from enliven_edge.stage.rig.settings import MatchingSettings
+from enliven_edge.stage.stage_capacity import StageSettings
+from enliven_edge.tracking.health.health import HealthSettings
+from enliven_edge.tracking.settings import TrackerSettings
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,11 @@ class WireSettings:
     picture: bool = setting(
         True, "Sends the camera pose and a small depth image to viewers five times per second."
     )
+    announce: bool = setting(
+        True,
+        "Announces the edge on the local network, so that viewers find it. Needs the extra 'discovery', and "
+        "an address that other computers reach.",
+    )
     budget: float = setting(
         2.0,
         "Time per frame for viewers' requests, half for reading and half for executing them. The rest "
@@ -82,6 +90,8 @@ class CharacterSettings:
     )
 
 
+_NAMED_MESH = re.compile(r"([A-Za-z0-9_-]{1,40})=(.+)")
+"""A mesh with the name of its character, as a value of ``--mesh``."""
 CharacterChoice = tuple[str, CharacterSettings]
 """A requested character: its name, empty if it must be derived, and its settings."""
 
@@ -111,6 +121,9 @@ class EdgeSettings:
     colour: ColourSettings = setting(ColourSettings, "Use of the colour image, if the sensor has one.")
     health: HealthSettings = setting(HealthSettings, "Limits for reporting problems.")
     physics: PhysicsSettings = setting(PhysicsSettings, "Boxes and balls that characters can push.")
+    recording: RecordingSettings = setting(
+        RecordingSettings, "Parts of the recorded take, and the space that is kept free on its disk."
+    )
     wire: WireSettings = setting(WireSettings, "Network name, addresses and ports.")
     characters: dict[str, CharacterSettings] = field(
         default_factory=dict,
@@ -125,6 +138,7 @@ class EdgeSettings:
     sensors: dict[str, SourceSettings] = field(
         default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}
     )
+    sensor: SensorCareSettings = setting(SensorCareSettings, "Care for cameras that hang.")
     space: str = setting(
         "", "Path of the result of `enliven calibrate` for several sensors, relative to this file."
     )
@@ -143,7 +157,7 @@ def characters_from_options(
     """Returns the characters of the command line. Without any, those of the settings, or else a chair.
 
     Args:
-        meshes: as ``--mesh`` names them.
+        meshes: as ``--mesh`` names them. NAME=FILE gives a character a name.
         drives, parts: one for all characters, or one for each in their order.
 
     Raises:
@@ -151,13 +165,21 @@ def characters_from_options(
     """
     chosen: list[CharacterChoice] = list(settings.items())
     if meshes or not chosen:
-        chosen = [("", CharacterSettings(mesh)) for mesh in meshes or ("chair",)]
+        chosen = [_character_from_option(mesh) for mesh in meshes or ("chair",)]
     for option, words in (("drive", drives), ("parts", parts)):
         if len(words) not in (0, 1, len(chosen)):
-            mend = f"Give one for all, or one for each of the {len(chosen)} characters in their order."
-            raise InputError(f"--{option} is given {len(words)} times", where="command line", mend=mend)
+            remedy = f"Give one for all, or one for each of the {len(chosen)} characters in their order."
+            raise InputError(f"--{option} is given {len(words)} times", where="command line", remedy=remedy)
         for k, word in enumerate(list(words) * len(chosen) if len(words) == 1 else words):
             name, character = chosen[k]
             checked = load_settings(CharacterSettings, {**vars(character), option: word}, where=f"--{option}")
             chosen[k] = (name, checked)
     return chosen
+
+
+def _character_from_option(mesh: str) -> CharacterChoice:
+    """Returns the character of one ``--mesh``: a mesh, or NAME=MESH. An existing file is a mesh."""
+    match = _NAMED_MESH.fullmatch(mesh)
+    if match is None or Path(mesh).exists():
+        return "", CharacterSettings(mesh)
+    return match[1], CharacterSettings(match[2])

@@ -1,7 +1,7 @@
-"""The sources of frames as a user names them: a sensor's name or a recording, with an optional own name.
+"""The sources of frames: sensors or recordings, as users name them on the command line or in settings.
 
-The command line takes one word, ``synthetic``, ``take.mcap``, ``left=synthetic``. A table of the settings
-file holds more.
+On the command line a source is one word, such as ``synthetic``, ``take.mcap`` or ``left=synthetic``. In a
+settings file it is a table with more options.
 """
 
 from __future__ import annotations
@@ -14,8 +14,15 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven.settings import setting
-from enliven_edge.sensors import Sensor, open_reopening, sensor_advice, sensor_names, sensor_opener
-from enliven_edge.tracking import SceneSettings
+from enliven_edge.sensors import (
+    CameraPower,
+    Sensor,
+    open_reopening,
+    sensor_advice,
+    sensor_names,
+    sensor_opener,
+)
+from enliven_edge.tracking.settings import SceneSettings
 
 Value = bool | int | float | str
 
@@ -34,14 +41,27 @@ class SourceSettings:
 
 
 @dataclass(frozen=True)
+class SensorCareSettings:
+    """Care for all cameras of the edge: ``[sensor]``."""
+
+    power_cycle: int = setting(
+        0,
+        "Number of failed attempts to open a USB camera, or of its hanging calls, after which it is reset on "
+        "its port (Linux). 0: never, because other programs may use a camera of the same make.",
+        low=0,
+        high=1000,
+    )
+
+
+@dataclass(frozen=True)
 class Source:
     """A sensor that is to be opened.
 
     Attributes:
-        name: the user's name for it. None for the sensor's own identity.
+        name: the user's name for the source. None: the sensor's own name.
         sensor: a name of :func:`enliven_edge.sensors.registry.sensor_names`.
         options: the arguments of its class.
-        scene: the scene settings of this sensor alone, or None for the common ones.
+        scene: the scene settings of this sensor. None: the common ones.
     """
 
     name: str | None
@@ -55,8 +75,8 @@ def parse_source(word: str, options: Mapping[str, Any], replay: Mapping[str, Any
 
     Args:
         word: a sensor's name or the path of a recording, optionally preceded by ``NAME=``.
-        options: of the sensor. ``NAME.KEY`` applies to the source of that name only.
-        replay: options of recordings only.
+        options: options of the sensor. ``NAME.KEY`` applies only to the source with that name.
+        replay: additional options of recordings.
 
     Raises:
         InputError: if it is neither.
@@ -76,7 +96,7 @@ def parse_source(word: str, options: Mapping[str, Any], replay: Mapping[str, Any
         raise InputError(
             f"{sensor_or_path!r} is neither a sensor nor a recording",
             where="sensor",
-            mend=sensor_advice(sensor_or_path),
+            remedy=sensor_advice(sensor_or_path),
         )
     path = {} if sensor_or_path == "replay" else {"path": sensor_or_path}
     return Source(name_prefix or None, "replay", {**(replay or {}), **path, **chosen_options})
@@ -95,28 +115,30 @@ def sources_from_settings(tables: Mapping[str, SourceSettings], folder: Path | N
 
 
 def open_sources(
-    sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False
+    sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False, power_cycle: int = 0
 ) -> dict[str, Sensor]:
-    """Opens the sensors and returns them by identity. They reopen after failing, and ``stack`` closes them.
+    """Opens the sensors and returns them by name. They reopen after a failure. ``stack`` closes them.
 
     Args:
-        wait: live sensors may be missing, and are waited for. Sensors without a name are called by their
-            kind.
+        wait: whether to wait for live sensors that are missing. Unnamed ones are then named after their type.
+        power_cycle: number of failed attempts after which a USB camera is reset. 0: never.
 
     Raises:
-        InputError: if two have the same identity.
+        InputError: if two sensors have the same name.
         ResourceError: if a device is missing or in use.
     """
     sensors: dict[str, Sensor] = {}
     for source in sources:
         awaited = (source.name or source.sensor) if wait and source.sensor != "replay" else ""
-        sensor = stack.enter_context(open_reopening(sensor_opener(source.sensor, **source.options), awaited))
+        power = CameraPower(source.sensor, str(source.options.get("serial", "")), power_cycle)
+        opener = sensor_opener(source.sensor, **source.options)
+        sensor = stack.enter_context(open_reopening(opener, awaited, power if power_cycle else None))
         name = source.name or sensor.name
         if name in sensors:
             raise InputError(
                 f"two sensors are called {name!r}",
                 where="sensors",
-                mend="Name them yourself: left=FIRST right=SECOND.",
+                remedy="Name them yourself: left=FIRST right=SECOND.",
             )
         sensors[name] = sensor
     return sensors

@@ -1,26 +1,54 @@
-"""Makes the actor of an uploaded character. Its modules are loaded for the first one."""
+"""Creates the actor of an uploaded character. This module is imported at the first upload."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
-from enliven.document import GraphShape, Project, Puppet, RigBase, Shape
+from enliven.character_store.prepared import PreparedCharacter, prepare_once
+from enliven.character_store.store import key_of
+from enliven.document import GraphShape, Project, Puppet, Shape
 from enliven.errors import InputError
-from enliven.formats.project import project_of
+from enliven.formats.project.file import project_of
 from enliven.possession import Actor, EmbeddedActor
 from enliven.wire import PutCharacter, check_character
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import create_mesh_actor
+from enliven_edge.stage.character_setup import actor_of, prepare_character
 
 _MAX_UNPACKED_BYTES = 256 * 1024 * 1024
 """Maximum bytes of an uploaded character after decompression: a million vertices, and a puppet's takes."""
 _MAX_NODES = 1024
-"""Maximum nodes of an uploaded possessed mesh: their distances form a matrix, and each frame moves all of
+"""Maximum number of nodes of an uploaded mesh. Memory grows with their square, and each frame moves all of
 them."""
 _MAX_DISTANCE_M = 1e3
-"""Maximum metres of an uploaded mesh from the origin: no stage is larger."""
+"""Maximum distance of an uploaded mesh's vertices from the origin in metres. No stage is larger."""
 _MAX_DISTANCE_UNFITTED = 1e9
-"""Maximum units of a mesh that will be fitted: a house in micrometres."""
+"""Maximum coordinate, in any unit, of a mesh that will be fitted: a house in micrometres."""
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A character that a viewer sent.
+
+    Attributes:
+        project: a project with only the character and the takes that it needs.
+        character: the character, with a mesh, and with its id on the stage.
+        order: the request.
+        settings: the settings of the edge.
+        previous: the actor with the same id on the stage before an edit, or None.
+        digest: checksum of the uploaded data.
+    """
+
+    project: Project
+    character: Any
+    order: PutCharacter
+    settings: EdgeSettings
+    previous: Actor | None = None
+    digest: str = ""
 
 
 def create_uploaded_actor(
@@ -38,46 +66,89 @@ def create_uploaded_actor(
     project = project_of(data, where, _MAX_UNPACKED_BYTES)
     if len(project.characters) != 1:
         problem = f"{len(project.characters)} characters were sent as one"
-        raise InputError(problem, where=where, mend="Send each by itself.")
+        raise InputError(problem, where=where, remedy="Send each by itself.")
     (character,) = project.characters.values()
     mesh = character.mesh
     if mesh is None or not len(mesh.faces):
-        raise InputError("it has no mesh", where=where, mend="Give it one.")
+        raise InputError("it has no mesh", where=where, remedy="Give it one.")
     farthest = _MAX_DISTANCE_UNFITTED if order.fit else _MAX_DISTANCE_M
     if not (np.abs(mesh.vertices) < farthest).all():
         problem = f"a vertex is {farthest:g} from the origin, or not finite"
-        raise InputError(problem, where=where, mend="Scale it to metres.")
-    actor = _create_actor(project, character.with_changes(id=order.id), order, settings, previous)
+        raise InputError(problem, where=where, remedy="Scale it to metres.")
+    digest = hashlib.sha256(data).hexdigest()
+    upload = Upload(project, character.with_changes(id=order.id), order, settings, previous, digest)
+    actor = ACTORS.get(character.kind, _surface_actor)(upload)
     check_character(actor.character)  # Raises now if the character cannot be sent to viewers.
     actor.warm_up()
     return actor
 
 
-def _create_actor(
-    project: Project, character: RigBase, order: PutCharacter, settings: EdgeSettings, previous: Actor | None
-) -> Actor:
-    """Returns the actor of a character by its rig. Only the required modules are loaded."""
-    if isinstance(character, GraphShape):
-        nodes = len(character.positions) if len(character.positions) > 1 else settings.nodes
-        if nodes > _MAX_NODES:
-            mend = f"Give it {_MAX_NODES} at most."
-            raise InputError(f"it has {nodes} nodes", where=character.where, mend=mend)
-        ends_and_joints = {"ends": character.ends, "joints": character.joints}
-        unedited = previous if isinstance(previous, EmbeddedActor) and not len(character.ends) else None
-        return create_mesh_actor(
-            character.mesh,
-            character.id,
-            nodes,
-            settings.actor,
-            fit=order.fit,
+def _surface_actor(upload: Upload, *, fit: bool = False) -> Actor:
+    """Returns the actor of a mesh that has no rig on the stage: performers possess its surface.
+
+    Args:
+        fit: whether to scale the mesh to a performer even if the request does not ask for it.
+    """
+    character, settings = upload.character, upload.settings
+    fit = fit or upload.order.fit
+
+    def prepare() -> PreparedCharacter:
+        return prepare_character(character.mesh, character.id, settings.nodes, settings.actor, fit=fit)
+
+    return _stored_actor(upload, prepare, settings.nodes, fit)
+
+
+def _graph_actor(upload: Upload) -> Actor:
+    """Returns the actor of a possessed mesh, with the nodes and joints of its first possession."""
+    shape, settings = upload.character, upload.settings
+    nodes = len(shape.positions) if len(shape.positions) > 1 else settings.nodes
+    if nodes > _MAX_NODES:
+        remedy = f"Give it {_MAX_NODES} at most."
+        raise InputError(f"it has {nodes} nodes", where=shape.where, remedy=remedy)
+    unedited = upload.previous if isinstance(upload.previous, EmbeddedActor) and not len(shape.ends) else None
+
+    def prepare() -> PreparedCharacter:
+        return prepare_character(
+            *(shape.mesh, shape.id, nodes, settings.actor),
+            fit=upload.order.fit,
             like=unedited,
-            **ends_and_joints,
+            ends=shape.ends,
+            joints=shape.joints,
         )
-    if isinstance(character, Shape):
-        from enliven_edge.stage.rig import RigActor
 
-        return RigActor(character, settings.matching)
-    assert isinstance(character, Puppet)
-    from enliven_edge.stage.puppet import create_actor_from_project
+    if unedited is not None:
+        return actor_of(prepare())  # Do not store a mesh that is being edited, because it soon changes again.
+    return _stored_actor(upload, prepare, nodes, upload.order.fit)
 
-    return create_actor_from_project(project, character, settings.puppet)
+
+def _stored_actor(
+    upload: Upload, prepare: Callable[[], PreparedCharacter], nodes: int, fit: bool
+) -> EmbeddedActor:
+    """Returns the actor of a mesh from the store of prepared characters, or prepares and stores it."""
+    inputs = (upload.digest, upload.order.id, upload.character.kind, fit, nodes, upload.settings.actor)
+    return actor_of(prepare_once(key_of("upload", *inputs), prepare))
+
+
+def _rig_actor(upload: Upload) -> Actor:
+    """Returns the actor of a character with bones."""
+    from enliven_edge.stage.rig.rig_actor import RigActor
+
+    return RigActor(upload.character, upload.settings.matching)
+
+
+def _puppet_actor(upload: Upload) -> Actor:
+    """Returns the actor of an example-driven character. Without examples, performers possess its surface."""
+    if upload.character.possessable:
+        return _surface_actor(upload, fit=True)
+    from enliven_edge.stage.puppet.puppet_setup import create_actor_from_project
+
+    return create_actor_from_project(upload.project, upload.character, upload.settings.puppet)
+
+
+ACTORS: dict[str, Callable[[Upload], Actor]] = {
+    GraphShape.kind: _graph_actor,
+    Shape.kind: _rig_actor,
+    Puppet.kind: _puppet_actor,
+}
+"""The function that creates the actor of each kind of rig. Register further kinds here. Without an entry,
+performers possess the surface."""

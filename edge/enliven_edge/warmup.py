@@ -12,28 +12,29 @@ from enliven.arrays import UInt16
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.tracking import SceneSettings, Tracker, TrackerSettings
-from enliven_edge.tracking.detect import fullest_ball
-from enliven_edge.tracking.scene import correct_mounting, world_from_floor
+from enliven_edge.tracking.detect.arm_starts import densest_ball
+from enliven_edge.tracking.scene.floor import correct_mounting, world_from_floor
+from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
+from enliven_edge.tracking.tracker import Tracker
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a sensor at 30 Hz."""
 _ONE_PERSON_FRAMES = 3
-"""Number of frames with one person: first new, then confirmed, then tracked."""
+"""Number of frames with one person: it is first new, then confirmed, then tracked."""
 _TWO_PEOPLE_FRAMES = 3
-"""Number of frames with two people: the second is new, confirmed and tracked, and they touch."""
+"""Number of frames with two people that touch. The second one is new, then confirmed, then tracked."""
 _EMPTY_FRAMES = 1
-"""Number of frames without people: both are lost."""
+"""Number of frames without people, in which both are lost."""
 _PEOPLE_DISTANCE = 1 / 6
-"""Distance of the two people as a fraction of the image width: so near that their surfaces must be
-separated."""
+"""Distance of the two people as a fraction of the image width. It is so small that the surface growing must
+separate them."""
 
 
 @cache
 def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     """Tracks the start of the shipped recording: a person appears, then a second one, and both disappear.
 
-    Kernels stay in the process. Repeated calls with the same settings do nothing.
+    The compiled kernels stay in the process's memory. Repeated calls with the same settings do nothing.
     """
     settings = settings or TrackerSettings()
     # Use default settings for the scene, because the user's own mounting and zone would hide the recorded
@@ -47,7 +48,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
 
 
 def _warm_up_frames() -> Iterator[DepthFrame]:
-    """Yields the frames to be tracked, at the usual rate."""
+    """Yields the frames to be tracked, with times at the usual rate."""
     frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
     count = _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES + _EMPTY_FRAMES
     for i, frame in zip(range(count), frames, strict=False):
@@ -67,7 +68,7 @@ def _compile_other_kernels() -> None:
     correct_mounting(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
     # The recorded person never points a forearm away from the body. So tracking would not run this kernel,
     # and it is called directly.
-    fullest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
+    densest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
 def _duplicate_person(depth: UInt16) -> UInt16:

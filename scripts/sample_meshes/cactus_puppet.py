@@ -16,7 +16,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import ArapSettings, ControlPoint, KeyPose, Plane, Project, Puppet
 from enliven.person import PARENTS, Body, Joint
-from enliven.takes import BODY_NAMES, clip_of_bodies
+from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from sample_meshes.cactus import make_cactus
 
 TAKE = "cactus poses"

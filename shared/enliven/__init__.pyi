@@ -1,17 +1,33 @@
-from .deformation import skin_vertices
-from .document import Character, Clip, History, Pose, Project, Skeleton
+from .deformation.skinning import skin_vertices
+from .document.character import Character, Pose
+from .document.clip import Clip
+from .document.history import History
+from .document.project import Project
+from .document.skeleton import Skeleton
 from .errors import EnlivenError, InputError, ResourceError
-from .formats.gltf import read_gltf
-from .formats.project import read_project, write_project
-from .mapping import Plan, read_plan, retarget
-from .matching import Match, ScreenView
-from .meshes import Mesh, fit_height, load_mesh, save_mesh
-from .modeling.mesh import PlaneCut
-from .oneshot import copy, cut, export, fit_examples, match, merge, mesh_at, possess
-from .person import Body, Joint
-from .recording import Recorder, Recording
-from .samples import cactus_project, load_sample
-from .takes import clip_of_bodies, read_possessed, read_take
+from .formats.gltf.read import read_gltf
+from .formats.project.file import read_project, write_project
+from .mapping.plan import Plan
+from .mapping.plan_file import read_plan
+from .mapping.automatic_mapping import retarget
+from .matching.matches import Match
+from .matching.views import ScreenView
+from .meshes.mesh import Mesh, fit_height
+from .meshes.files import load_mesh, save_mesh
+from .modeling.mesh.cut_surfaces import PlaneCut
+from .oneshot.edits import copy, cut, merge, mesh_at
+from .oneshot.exporting import export
+from .oneshot.examples import fit_examples
+from .oneshot.matching import match
+from .oneshot.possession import possess
+from .person.body import Body
+from .person.joints import Joint
+from .recording.recorder import Recorder
+from .recording.reader import Recording
+from .samples.shipped import cactus_project, load_sample
+from .takes.capture_clip import clip_of_bodies
+from .takes.possessed import read_possessed
+from .takes.files import read_take
 
 __version__: str
 __all__ = [

@@ -6,9 +6,9 @@ import sys
 def main() -> None:
     """Loads the command line and runs it.
 
-    Python remembers a Ctrl-C that interrupted a text given to ``exec``, which dataclasses use while modules
-    are loaded. It then ends the process by the signal although the exception was caught. Executing another
-    such text resets this.
+    Python remembers a Ctrl-C that interrupted code run by ``exec``, which dataclasses use while modules are
+    loaded. It then ends the process by the signal although the exception was caught. Another call of ``exec``
+    resets this.
     """
     code: int | str | None = 130
     try:

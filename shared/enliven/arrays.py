@@ -22,7 +22,8 @@ AnyArray = NDArray[Any]
 def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
     """Returns the array as a read-only array of a type.
 
-    It is returned unchanged if it is one, since values share arrays.
+    An array that is already read-only and of the type is returned without a copy, so that values share
+    arrays.
     """
     if isinstance(array, np.ndarray) and array.dtype == kind and not array.flags.writeable:
         return array
@@ -32,6 +33,6 @@ def frozen(array: AnyArray, kind: Any = np.float64) -> AnyArray:
 
 
 def freeze(value: object, *names: str, kind: Any = np.float64) -> None:
-    """Makes the named attributes of a frozen value read-only arrays."""
+    """Makes the named attributes of a frozen dataclass read-only arrays."""
     for name in names:
         object.__setattr__(value, name, frozen(getattr(value, name), kind))

@@ -41,19 +41,19 @@ class Intrinsics:
             raise InputError(
                 f"the image size is {self.width}x{self.height}",
                 where="camera intrinsics",
-                mend="Give the width and height of the depth image in pixels.",
+                remedy="Give the width and height of the depth image in pixels.",
             )
         if not all(math.isfinite(f) and f > 0 for f in (self.fx, self.fy)):
             raise InputError(
                 f"the focal length is ({self.fx}, {self.fy}) pixels, it must be positive",
                 where="camera intrinsics",
-                mend="Calibrate the sensor, or use a profile of firmware_configs/sensors.",
+                remedy="Calibrate the sensor, or use a profile of firmware_configs/sensors.",
             )
         if not all(math.isfinite(c) for c in (self.cx, self.cy, *self.distortion)):
             raise InputError(
                 "the principal point or the distortion is not a finite number",
                 where="camera intrinsics",
-                mend="Calibrate the sensor again.",
+                remedy="Calibrate the sensor again.",
             )
 
     def scaled(self, factor: float) -> Intrinsics:
@@ -73,7 +73,7 @@ def rays(intrinsics: Intrinsics) -> Float:
     """Returns (H, W, 2) the (x/z, y/z) of every pixel's ray in the camera frame, without distortion.
 
     The distortion is inverted by fixed-point iteration, which converges for the mild lenses of depth cameras.
-    Compute once per camera and keep the result.
+    Compute it once per camera and keep the result.
     """
     distorted: Float = np.empty((intrinsics.height, intrinsics.width, 2))
     distorted[..., 0] = (np.arange(intrinsics.width) - intrinsics.cx) / intrinsics.fx
@@ -89,7 +89,7 @@ def rays(intrinsics: Intrinsics) -> Float:
 def unproject(depth_mm: AnyArray, ray: Float) -> Float:
     """Returns (H, W, 3) camera-frame points in metres from (H, W) depth in millimetres.
 
-    0 mm stays at the origin.
+    Pixels of 0 mm (unknown) become the origin.
 
     Args:
         depth_mm: (H, W) depth along the optical axis, 0 if unknown.

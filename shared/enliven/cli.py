@@ -1,8 +1,9 @@
 """The command line: every package contributes its commands by the entry-point group ``enliven.commands``.
 
 An installation of the edge only has no ``view``, because the viewer's package contains it. An entry point
-names a function, or a typer group of functions. Typer annotations are the options, the docstring is the help.
-A command is imported when it is used; the list of all commands is read from their source.
+names a function, or a typer group of functions. The function's typer annotations define the options, and its
+docstring is the help. A command is imported when it is used; the list of all commands is read from their
+source.
 """
 
 from __future__ import annotations
@@ -15,13 +16,18 @@ from typing import Any
 import typer
 
 from enliven import __version__
-from enliven.commands import LazyCommands, has_display
+from enliven.commands.lazy import LazyCommands
+from enliven.commands.run import has_display
 from enliven.errors import EnlivenError, error_location
 from enliven.files import file_fault, is_file_fault
-from enliven.logs import escape_text, ignore_broken_stderr, start_logging
+from enliven.kernel_cache.program import name_program
+from enliven.logs import escape_text, ignore_broken_stderr, split_log_options, start_logging
+from enliven.supervision.lifetime import end_with_parent
 
 _INTERRUPTED_EXIT_CODE = 130
 """Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), the convention of shells."""
+_WINDOW = "studio"
+"""The command that runs if none is given."""
 _GARBAGE_COLLECTION_THRESHOLD = 20_000
 """Number of new objects that triggers Python's garbage collection. Loading modules creates some 10^5
 objects that stay, and with Python's own 700 collections cost 0.1 s of each start."""
@@ -47,20 +53,40 @@ HELP = """Step into any mesh and bring it alive.
 
 A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an
 input that cannot be used, 4 something this machine lacks (a port, a sensor, OpenGL), 130 interrupted.
---log-json, anywhere, makes every line JSON.
+--log-json, anywhere, makes every line JSON. --log-file FILE, anywhere, writes the log to a file of bounded
+size.
 """
 
 
 def main() -> None:
     """Runs the command line and ends the process with its exit code."""
     gc.set_threshold(_GARBAGE_COLLECTION_THRESHOLD, *gc.get_threshold()[1:])
+    end_with_parent()
     arguments = sys.argv[1:]
     ignore_broken_stderr()
-    start_logging(as_json="--log-json" in arguments)
-    code = run([a for a in arguments if a != "--log-json"])
+    code = _start_and_run(arguments)
     # Skip Python's final garbage collection, which takes 0.25 s although the process ends anyway.
     gc.freeze()
     sys.exit(code)
+
+
+def _start_and_run(arguments: list[str]) -> int:
+    """Starts the log with the options of the command line, and runs the remaining arguments. Returns the exit
+    code.
+    """
+    try:
+        arguments, options = split_log_options(arguments)
+        start_logging(as_json=options.as_json, file=options.file)
+    except ValueError as error:
+        _print_error(f"{error}. Give it a path.")
+        return 2
+    except OSError as error:
+        fault = file_fault(error, str(error.filename), "written")
+        _print_error(str(fault))
+        return fault.exit_code
+    if (command := (*arguments, _WINDOW)[0]).isalnum():
+        name_program(command)
+    return run(arguments)
 
 
 def run(arguments: list[str]) -> int:
@@ -82,7 +108,9 @@ def run(arguments: list[str]) -> int:
 
 
 def _report_os_error(error: OSError) -> int:
-    """Returns the exit code of an operating system error: a fault of a file or its device, or of enliven."""
+    """Returns the exit code of an operating system error: that of a missing resource, or that of a fault of
+    enliven.
+    """
     if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
         return _report_other_error(error)
     where = error.filename if isinstance(error.filename, str) else "a file"
@@ -123,14 +151,14 @@ def _main_command(
     context: typer.Context,
     version: bool = typer.Option(False, "--version", help="Print the version and stop."),
 ) -> None:
-    """Opens the window where no command is named and there is one to open; else shows the help."""
+    """Opens the window if no command is given and a window is possible. Otherwise shows the help."""
     if version:
         typer.echo(__version__)
         raise typer.Exit
     if context.invoked_subcommand is not None:
         return
     group: Any = context.command
-    window = group.get_command(context, "studio") if has_display() else None
+    window = group.get_command(context, _WINDOW) if has_display() else None
     if window is None:
         typer.echo(context.get_help())
         raise typer.Exit

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 import platform
 import socket
 import sys
@@ -10,7 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 
-from enliven.kernel_cache import shipped_folders, user_folder
+from enliven.errors import ResourceError
+from enliven.kernel_cache.store import shipped_folders, user_folder
 
 DEFAULT_PORTS = (5580, 5581)
 """TCP ports of the streams and of the commands: those of :mod:`enliven.wire.sockets`, which is not
@@ -24,7 +27,7 @@ class Check:
     name: str
     ok: bool
     detail: str
-    mend: str = ""
+    remedy: str = ""
 
 
 def run_all_checks() -> list[Check]:
@@ -43,7 +46,7 @@ def run_all_checks() -> list[Check]:
 
 
 def checks() -> list[Check]:
-    """Checks Python, the compiler cache and the ports."""
+    """Checks Python, the cache of compiled kernels, and the ports."""
     return [_check_python(), _check_compiler_cache(), *(_check_port(port) for port in DEFAULT_PORTS)]
 
 
@@ -59,23 +62,44 @@ def _check_python() -> Check:
 
 
 def _check_compiler_cache() -> Check:
-    """Checks that compiled kernels can be kept between starts, and names where those of a release are."""
-    mend = "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for two minutes."
+    """Checks that compiled kernels can be stored between starts, and reports where those of a release are."""
+    remedy = "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for two minutes."
     folder = user_folder()
     if folder is None:
-        return Check("compiled kernels", False, "are not kept: the user has no home folder", mend)
+        return Check("compiled kernels", False, "not stored: the user has no home folder", remedy)
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder):
-            return Check("compiled kernels", True, f"are kept between starts; {_describe_shipped_kernels()}")
+            detail = f"stored between starts; {_describe_shipped_kernels()}; {_describe_native_kernels()}"
+            return Check("compiled kernels", True, detail)
     except OSError as error:
-        return Check("compiled kernels", False, f"{folder} cannot be written ({error.strerror})", mend)
+        return Check("compiled kernels", False, f"{folder} cannot be written ({error.strerror})", remedy)
 
 
 def _describe_shipped_kernels() -> str:
-    """Returns how many compiled kernels the installed release brings, in words."""
+    """Returns a text with the number of compiled kernels that the installed release contains."""
     count = sum(len(list(folder.glob("*.kernel"))) for folder in shipped_folders())
     return f"{count} came with the release" if count else "none came with the installation"
+
+
+def _describe_native_kernels() -> str:
+    """Returns a text that lists the programs with kernels compiled for this exact processor."""
+    try:
+        from enliven.kernel_cache.native_set import stored_sets, wants_native_code
+        from enliven.kernel_cache.target import host_processor, processor_levels
+
+        processor, levels = host_processor()[0], processor_levels()
+        sets = [str(kernels) for kernels in stored_sets()]
+    except ImportError as error:
+        return f"Numba cannot be loaded: {error}"
+    if fixed := os.environ.get("NUMBA_CPU_NAME"):
+        return f"programs use code for {fixed}, as NUMBA_CPU_NAME says"
+    level = f"programs use code for {levels[0] if levels else processor}"
+    if not wants_native_code():
+        return f"{level}, and compile none for {processor}"
+    if not sets:
+        return f"{level}, and compile code for {processor} when they have run for a while"
+    return f"{'; '.join(sets)}; other {level}"
 
 
 def _check_port(port: int) -> Check:
@@ -84,6 +108,22 @@ def _check_port(port: int) -> Check:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            mend = "Another edge may be running; stop it, or start with --port."
-            return Check(f"port {port}", False, f"taken ({error.strerror})", mend)
+            remedy = "Another edge may be running; stop it, or start with --port."
+            return Check(f"port {port}", False, f"taken ({error.strerror})", remedy)
     return Check(f"port {port}", True, "free")
+
+
+def need(module: str, extra: str, where: str, package: str = "enliven-edge") -> None:
+    """Raises ResourceError if a library of an extra is not installed. The message says how to install it.
+
+    Args:
+        package: that has the extra.
+    """
+    if importlib.util.find_spec(module) is None:
+        folder = package.removeprefix("enliven-").replace("enliven", "shared")
+        raise ResourceError(
+            f"the library {module!r} is not installed",
+            where=where,
+            remedy=f'Install it: pip install "{package}[{extra}]" '
+            f'(from a checkout: pip install "./{folder}[{extra}]").',
+        )

@@ -1,4 +1,4 @@
-"""Errors with a problem, its place and a remedy."""
+"""Exceptions for users: each contains a problem, its place and a remedy."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ class EnlivenError(Exception):
     Args:
         what: the problem, one sentence without the final full stop.
         where: the affected file, port, sensor or field.
-        mend: the remedy, one sentence.
+        remedy: the remedy, one sentence.
     """
 
     exit_code = 1
 
-    def __init__(self, what: str, *, where: str = "", mend: str = "") -> None:
-        self.what, self.where, self.mend = what, where, mend
+    def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
+        self.what, self.where, self.remedy = what, where, remedy
         message = f"{where}: {what}" if where else what
-        super().__init__(escape_text(f"{message}. {mend}" if mend else message))
+        super().__init__(escape_text(f"{message}. {remedy}" if remedy else message))
 
 
 class InputError(EnlivenError):
@@ -59,30 +59,30 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
     from enliven import __version__
 
     program = f", made by {made_by[:_MAX_PROGRAM_NAME_LENGTH]}" if made_by else ""
-    mend = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
-    raise LaterVersionError(f"it is of version {version}{program}", where=where, mend=mend)
+    remedy = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
+    raise LaterVersionError(f"it is of version {version}{program}", where=where, remedy=remedy)
 
 
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
     """Returns why something failed, in words for users.
 
-    Names of Python's exceptions and texts of parsers are left out. Only enliven's own sentences and those of
-    the operating system are repeated.
+    The result contains no names of Python exceptions and no texts of parsers, only sentences of enliven and
+    of the operating system.
 
     Args:
         error: the exception of a library.
-        otherwise: the text for an exception without useful information.
+        otherwise: the result for an exception without useful information.
     """
     if isinstance(error, EnlivenError):
         return error.what
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     if isinstance(error, MemoryError):
-        return "it needs more memory than there is"
+        return "it needs more memory than is available"
     if isinstance(error, RecursionError):
-        return "it is nested too deep"
+        return "it is nested too deeply"
     if isinstance(error, LookupError):
-        return "it names an entry that is not there"
+        return "it refers to an entry that does not exist"
     return otherwise
 
 

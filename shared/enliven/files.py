@@ -1,10 +1,10 @@
 """Reads files of other programs: checks their size before reading, and opens only files of the same folder.
 
-:func:`read_file` reads a file completely. :func:`write_file` or :func:`replace_file` write a file of our own
-completely or not at all, and :func:`replace_folder` a folder of them. Every file that a file names (buffers
-and images of a glTF, materials and textures of an OBJ) is opened by :class:`ReferencedFiles`: regular files
-in that file's own folder or below it, of a bounded size. Pipes, devices, links to other places and paths that
-leave the folder are refused with a sentence.
+:func:`read_file` reads a file completely. :func:`write_file` and :func:`replace_file` write an output file
+completely or not at all, and :func:`replace_folder` a folder of files. :class:`ReferencedFiles` opens the
+files that another file refers to (buffers and images of a glTF, materials and textures of an OBJ). They must
+be regular files of bounded size in that file's own folder or below it. Pipes, devices, links to other places
+and paths that leave the folder are refused with an error.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
@@ -35,8 +36,9 @@ if sys.platform != "win32":
     import fcntl
 
 MAX_FILE_BYTES = 1 << 31
-"""Maximum bytes of one file that is read completely, and of all files that it names. A scan of 20 million
-triangles with its images is smaller, and a small machine's memory is larger."""
+"""Maximum bytes of one file that is read completely, and of all files that it refers to. A scan of 20 million
+triangles with its images is smaller, and a small machine's memory is larger.
+"""
 DAMAGE = (
     LookupError,
     TypeError,
@@ -46,8 +48,9 @@ DAMAGE = (
     MemoryError,
     RecursionError,
 )
-"""The exceptions that parsers raise on a damaged file's numbers. Checking each number explicitly would be
-most of a reader's code."""
+"""The exceptions that parsers raise when the numbers of a file are damaged. Checking each number explicitly
+would make up most of a reader's code.
+"""
 _READ_FLAGS = (
     os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 )
@@ -60,7 +63,9 @@ _OVERWRITE_FLAGS = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINA
 PART_SUFFIX = ".part"
 """Suffix of a file that is not written completely yet."""
 _MAX_PART_NAME_LENGTH = 40
-"""Maximum length of a file's name within the name of its temporary file: file systems allow 255 bytes."""
+"""Maximum length of a file's name within the name of its temporary file. File systems allow 255 bytes in
+total.
+"""
 _MAX_WRITE_S = 86_400.0
 """Maximum duration of a write, seconds: a day. An older temporary file was left by a killed program."""
 _BYTE_ORDER_MARKS = (
@@ -69,13 +74,17 @@ _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
-"""The first bytes of a text file that states its encoding. UTF-32 precedes UTF-16, which starts equally."""
+"""Byte order marks, which state the encoding of a text file. UTF-32 precedes UTF-16, because its mark starts
+with that of UTF-16.
+"""
 _USUAL_CODE_PAGE = "cp1252"
-"""The 8-bit code page assumed on computers that use UTF-8: most old files come from western Windows."""
+"""The 8-bit code page assumed on computers that use UTF-8. Most old files come from Windows in western Europe
+or America.
+"""
 _FOLDER_PREFIX = "enliven-capture-"
 """Prefix of the names of temporary folders, also in older versions."""
 _LOCK_NAME = ".in-use"
-"""The file in a temporary folder that its process keeps locked."""
+"""Name of the file in a temporary folder that the running process keeps locked."""
 _MIN_ABANDONED_AGE_S = 86_400.0
 """Age, in seconds, above which a temporary folder without a locked file counts as abandoned: a day."""
 _WRITE_ADVICE = "Check the folder's permissions and the space on the disk."
@@ -87,8 +96,8 @@ _DISCONNECTED_ADVICE = (
 )
 _FULL_DISK_ADVICE = "Make room on the disk, or choose a folder on another one."
 _DEVICE_FAULTS = {
-    number: mend
-    for mend, names in (
+    number: remedy
+    for remedy, names in (
         (_FAILING_DISK_ADVICE, ("EIO", "EUCLEAN", "EBADMSG", "EILSEQ", "EMEDIUMTYPE", "ENOMEDIUM")),
         (
             _DISCONNECTED_ADVICE,
@@ -101,11 +110,11 @@ _DEVICE_FAULTS = {
     for name in names
     if (number := getattr(errno, name, None)) is not None
 }
-"""The remedy for an error number that means a fault of a device or of this machine, not of a file."""
+"""The remedy for each error number that means a fault of a device or of this machine, not of a file."""
 _PERMISSION_ERRORS = {errno.EACCES, errno.EPERM}
-"""Error numbers of a file without permission for this user."""
+"""Error numbers if the user has no permission for a file."""
 INVALID_NAME_REASON = "no file can have that name"
-"""The reason for a path that the system refuses without giving one."""
+"""The reason for a path that the operating system refuses without giving a reason."""
 _SAME_FOLDER_ADVICE = "Keep the files of the model in one folder."
 
 
@@ -115,23 +124,25 @@ def file_fault(
     """Returns the error of enliven for a failed operation on a file or folder, with its path and advice.
 
     Args:
-        doing: the operation, as in "it cannot be read".
+        doing: the failed operation as a participle, such as "read" in "it cannot be read".
 
     Returns:
         ResourceError for a fault of the device or of this machine and for all failed writes, else InputError.
     """
     problem = f"it cannot be {doing} ({error.strerror or error})"
-    mend = _DEVICE_FAULTS.get(error.errno or 0)
-    if mend is not None:
-        return ResourceError(problem, where=str(path), mend=mend)
+    remedy = _DEVICE_FAULTS.get(error.errno or 0)
+    if remedy is not None:
+        return ResourceError(problem, where=str(path), remedy=remedy)
     if doing == "written":
-        return ResourceError(problem, where=str(path), mend=_WRITE_ADVICE)
-    mend = "Check its permissions." if error.errno in _PERMISSION_ERRORS else "Name a file that can be read."
-    return InputError(problem, where=str(path), mend=mend)
+        return ResourceError(problem, where=str(path), remedy=_WRITE_ADVICE)
+    remedy = (
+        "Check its permissions." if error.errno in _PERMISSION_ERRORS else "Name a file that can be read."
+    )
+    return InputError(problem, where=str(path), remedy=remedy)
 
 
 def is_file_fault(error: OSError) -> bool:
-    """Returns True if an error of the operating system is about a file, a folder or their device."""
+    """Returns True if an operating system error concerns a file, a folder or their device."""
     number = error.errno or 0
     is_device = number in _DEVICE_FAULTS and not isinstance(error, ConnectionError | TimeoutError)
     return is_device or error.filename is not None or number in _PERMISSION_ERRORS
@@ -154,13 +165,13 @@ class _ReportedFile(io.FileIO):
 
 
 class TemporaryFolder(tempfile.TemporaryDirectory[str]):
-    """A folder in the temporary folder that is removed at the end, or by a later start after a kill.
+    """A folder in the system's temporary folder. It is removed at the end, or after a crash by a later start.
 
     A locked file in it shows that its process is running: the operating system releases the lock with the
-    process. On Windows only the process itself removes it.
+    process. On Windows the folder is not removed after a crash.
 
     Args:
-        purpose: a word for its name.
+        purpose: a word that becomes part of the folder's name.
     """
 
     def __init__(self, purpose: str) -> None:
@@ -201,7 +212,7 @@ def remove_dead_folders() -> list[str]:
 
 @contextlib.contextmanager
 def _open_folder(name: str, within: int | None = None) -> Iterator[int]:
-    """Opens a folder, but not a link to one, for functions with ``dir_fd``."""
+    """Opens a folder for functions with the parameter ``dir_fd``. Refuses links to folders."""
     links = 0 if within is None else os.O_NOFOLLOW
     descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | links, dir_fd=within)
     try:
@@ -249,19 +260,21 @@ def open_file(path: Path) -> BinaryIO:
     try:
         descriptor = os.open(path, _READ_FLAGS)
     except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
+        raise InputError("there is no such file", where=str(path), remedy="Check the path.") from None
     except OSError as error:
         raise file_fault(error, path) from None
     except ValueError:
-        mend = "Name a file that can be read."
-        raise InputError(f"it cannot be read ({INVALID_NAME_REASON})", where=str(path), mend=mend) from None
+        remedy = "Name a file that can be read."
+        raise InputError(
+            f"it cannot be read ({INVALID_NAME_REASON})", where=str(path), remedy=remedy
+        ) from None
     kind = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(kind):
         os.close(descriptor)
         problem = (
             "it is a folder" if stat.S_ISDIR(kind) else "it is not a regular file but a pipe or a device"
         )
-        raise InputError(problem, where=str(path), mend="Name a file that can be read.")
+        raise InputError(problem, where=str(path), remedy="Name a file that can be read.")
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
@@ -269,14 +282,14 @@ def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
     """Reads the bytes of a regular file of at most ``most`` bytes.
 
     Raises:
-        InputError: as :func:`open_file`, and for a file that is larger.
+        InputError: as :func:`open_file`, and if the file is larger.
         ResourceError: if its device fails.
     """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
             problem = f"it has {size} bytes, and no more than {most} are read"
-            raise InputError(problem, where=str(path), mend="Take a smaller one.")
+            raise InputError(problem, where=str(path), remedy="Use a smaller file.")
         return file.read(size)
 
 
@@ -284,8 +297,8 @@ def decode_text(data: bytes) -> str:
     """Decodes a text file of another program. Every line of the result ends in "\\n".
 
     A byte order mark states the encoding. Without one, the text is UTF-8 if its bytes are valid UTF-8.
-    Otherwise it is in the computer's own 8-bit code page. No bytes are refused, so different names stay
-    different.
+    Otherwise it is in the computer's own 8-bit code page. All byte sequences can be decoded, so different
+    names stay different.
     """
     for mark, encoding in _BYTE_ORDER_MARKS:
         if data.startswith(mark):
@@ -314,7 +327,9 @@ def text_bytes(data: bytes) -> bytes:
 
 
 def _decode_code_page(data: bytes) -> str:
-    """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if that lacks some of the bytes."""
+    """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if the code page does not define all of
+    them.
+    """
     code_page = codecs.lookup(locale.getpreferredencoding(False)).name
     is_single_byte = code_page.startswith(("cp125", "iso8859", "koi8", "mac"))
     try:
@@ -341,36 +356,41 @@ def require_folder(*paths: Path | None) -> None:
                 siblings = [sibling.name for sibling in folder.parent.iterdir()]
             similar = difflib.get_close_matches(folder.name, siblings, n=1)
             suggestion = f"Did you mean {folder.with_name(similar[0])}? " if similar else ""
-            problem, mend = f"there is no folder {str(folder)!r}", f"{suggestion}Make it, or check its name."
-            raise ResourceError(problem, where=str(path), mend=mend)
+            problem, remedy = (
+                f"the folder {str(folder)!r} does not exist",
+                f"{suggestion}Make it, or check its name.",
+            )
+            raise ResourceError(problem, where=str(path), remedy=remedy)
 
 
-def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
+def write_file(path: Path, data: bytes | str, remedy: str = "", *, durable: bool = True) -> None:
     """Writes a file completely or not at all, text as UTF-8. Creates its folder if it is missing.
 
     Pipes and devices are written directly. :func:`replace_file` lists what is preserved of a replaced file.
 
     Args:
-        mend: the remedy if it cannot be written. Empty: by the kind of failure.
+        remedy: the remedy if it cannot be written. If empty, it depends on the kind of failure.
+        durable: False does not wait for the disk, for a file that a restart of the computer may lose.
 
     Raises:
         ResourceError: if it cannot be written. The existing file is then untouched.
     """
     content = data.encode() if isinstance(data, str) else data
-    with explain_write_errors(path, mend):
+    with explain_write_errors(path, remedy):
         if _is_stream(path):
             path.write_bytes(content)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-    with replace_file(path, mend) as part, explain_write_errors(path, mend), part.open("r+b") as file:
+    replaced = replace_file(path, remedy, durable=durable)
+    with replaced as part, explain_write_errors(path, remedy), part.open("r+b") as file:
         file.write(content)
 
 
-def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> None:
+def write_picture(path: Path, picture: Any, remedy: str = "", **options: Any) -> None:
     """Writes a Pillow image in the format of the path's suffix, as :func:`write_file` does.
 
     Args:
-        options: of Pillow's writer.
+        options: options of Pillow's writer.
 
     Raises:
         InputError: if Pillow does not support the suffix.
@@ -381,15 +401,15 @@ def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> N
     kind = Image.registered_extensions().get(path.suffix.lower())
     if kind not in Image.SAVE:
         raise InputError(
-            f"cannot write {path.suffix or 'no'} pictures", where=str(path), mend="Known: png, jpg, webp."
+            f"cannot write {path.suffix or 'no'} pictures", where=str(path), remedy="Known: png, jpg, webp."
         )
     encoded = io.BytesIO()
     picture.save(encoded, kind, **options)
-    write_file(path, encoded.getvalue(), mend)
+    write_file(path, encoded.getvalue(), remedy)
 
 
 @contextlib.contextmanager
-def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
+def replace_file(path: Path, remedy: str = "", *, durable: bool = True) -> Iterator[Path]:
     """Yields an empty file to write, which replaces ``path`` unless something is raised.
 
     The mode, the owner and the extended attributes of the existing file are preserved. A symbolic link stays,
@@ -397,22 +417,23 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
     never opens an existing file.
 
     Args:
-        mend: the remedy if it cannot be written. Empty: by the kind of failure.
+        remedy: the remedy if it cannot be written. If empty, it depends on the kind of failure.
+        durable: as in :func:`write_file`.
 
     Raises:
         ResourceError: if it cannot be written. The existing file is then untouched.
     """
     part = None
     try:
-        with explain_write_errors(path, mend):
+        with explain_write_errors(path, remedy):
             target = Path(os.path.realpath(path)) if path.is_symlink() else path
             before = _stat_regular(target)
             _remove_leftovers(target)
             require_folder(target)
             part = _create_part(target, 0o666 if before is None else 0o600)
         yield part
-        with explain_write_errors(path, mend):
-            _replace_target(part, target, before)
+        with explain_write_errors(path, remedy):
+            _replace_target(part, target, before, durable)
     except BaseException:
         if part is not None:
             with contextlib.suppress(OSError):
@@ -421,7 +442,7 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def replace_folder(path: Path, is_own: Callable[[str], bool], mend: str = "") -> Iterator[Path]:
+def replace_folder(path: Path, is_own: Callable[[str], bool], remedy: str = "") -> Iterator[Path]:
     """Yields an empty folder to fill, which replaces ``path`` unless something is raised.
 
     The temporary folder is next to ``path``. An existing folder is only replaced if it contains nothing but
@@ -429,7 +450,7 @@ def replace_folder(path: Path, is_own: Callable[[str], bool], mend: str = "") ->
 
     Args:
         is_own: returns True for the name of a file that a call may have written.
-        mend: the remedy if it cannot be written. Empty: by the kind of failure.
+        remedy: the remedy if it cannot be written. If empty, it depends on the kind of failure.
 
     Raises:
         InputError: if the path is not a folder, or the folder contains other files.
@@ -439,10 +460,10 @@ def replace_folder(path: Path, is_own: Callable[[str], bool], mend: str = "") ->
     _refuse_foreign_files(path, is_own)
     part = old = None
     try:
-        with explain_write_errors(path, mend):
+        with explain_write_errors(path, remedy):
             _remove_leftovers(path)
             part = _create_part_folder(path)
-        with explain_write_errors(path, mend):
+        with explain_write_errors(path, remedy):
             yield part
             if path.exists():
                 _refuse_foreign_files(path, is_own)
@@ -463,36 +484,36 @@ def replace_folder(path: Path, is_own: Callable[[str], bool], mend: str = "") ->
 
 def _refuse_foreign_files(path: Path, is_own: Callable[[str], bool]) -> None:
     """Raises InputError if a path exists and is not a folder with only own files."""
-    mend = "Choose another name."
+    remedy = "Choose another name."
     try:
         if not path.is_symlink() and not path.exists():
             return
         if path.is_symlink() or not path.is_dir():
-            raise InputError("it exists and is not a folder", where=str(path), mend=mend)
+            raise InputError("it exists and is not a folder", where=str(path), remedy=remedy)
         foreign = [
-            each.name
-            for each in path.iterdir()
-            if each.is_symlink() or not each.is_file() or not is_own(each.name)
+            file.name
+            for file in path.iterdir()
+            if file.is_symlink() or not file.is_file() or not is_own(file.name)
         ]
     except OSError as error:
         raise file_fault(error, path, "used") from None
     if foreign:
         problem = f"the folder contains other files, such as {min(foreign)!r}, and is not replaced"
-        raise InputError(problem, where=str(path), mend=mend)
+        raise InputError(problem, where=str(path), remedy=remedy)
 
 
 @contextlib.contextmanager
-def explain_write_errors(path: Path, mend: str) -> Iterator[None]:
-    """Converts errors of the operating system to one that names the file and the remedy."""
+def explain_write_errors(path: Path, remedy: str) -> Iterator[None]:
+    """Converts operating system errors to an error that contains the file and the remedy."""
     try:
         yield
     except OSError as error:
         fault = file_fault(error, path, "written")
-        raise ResourceError(fault.what, where=fault.where, mend=mend or fault.mend) from None
+        raise ResourceError(fault.what, where=fault.where, remedy=remedy or fault.remedy) from None
 
 
 def _is_stream(path: Path) -> bool:
-    """Returns True for a pipe or a device, such as /dev/stdout."""
+    """Returns True if the path is a pipe or a device, such as /dev/stdout."""
     try:
         kind = path.stat().st_mode
     except (OSError, ValueError):
@@ -517,12 +538,14 @@ def _stat_regular(path: Path) -> os.stat_result | None:
 
 
 def _part_path(target: Path) -> Path:
-    """Returns a path next to another. Its random name cannot be predicted by other users."""
+    """Returns a path in the same folder as another one. Its random name cannot be predicted by other
+    users.
+    """
     return target.with_name(f".{target.name[:_MAX_PART_NAME_LENGTH]}.{secrets.token_hex(8)}{PART_SUFFIX}")
 
 
 def _create_part_folder(target: Path) -> Path:
-    """Creates an empty folder next to another."""
+    """Creates an empty folder next to another one."""
     while True:
         part = _part_path(target)
         try:
@@ -533,7 +556,7 @@ def _create_part_folder(target: Path) -> Path:
 
 
 def _create_part(target: Path, mode: int) -> Path:
-    """Creates an empty file next to another."""
+    """Creates an empty file next to another one."""
     while True:
         part = _part_path(target)
         try:
@@ -555,14 +578,15 @@ def _remove_leftovers(target: Path) -> None:
                 part.unlink()
 
 
-def _replace_target(part: Path, target: Path, before: os.stat_result | None) -> None:
+def _replace_target(part: Path, target: Path, before: os.stat_result | None, durable: bool) -> None:
     """Replaces a file by a finished one, and preserves its attributes."""
     with part.open("r+b") as file:
         has_attributes = before is None or _copy_attributes(file.fileno(), target, before)
-        os.fsync(file.fileno())
+        if durable:
+            os.fsync(file.fileno())
     if has_attributes:
         os.replace(part, target)
-    else:  # Replacing the file would give it another owner, so its content is overwritten instead.
+    else:  # Replacing the file would give it another owner, so overwrite its content instead.
         _overwrite_target(part, target)
 
 
@@ -592,7 +616,7 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
 
 
 def _overwrite_target(part: Path, target: Path) -> None:
-    """Copies a finished file into one of a different owner, after reserving the space."""
+    """Copies a finished file into an existing one of a different owner, after reserving the space."""
     with part.open("rb") as new, os.fdopen(os.open(target, _OVERWRITE_FLAGS), "r+b") as old:
         size = os.fstat(new.fileno()).st_size
         if size and hasattr(os, "posix_fallocate"):
@@ -604,11 +628,30 @@ def _overwrite_target(part: Path, target: Path) -> None:
     part.unlink()
 
 
+_recorded_references: ContextVar[list[Path] | None] = ContextVar("references", default=None)
+"""The paths that :func:`record_references` collects in this thread, or None."""
+
+
+@contextlib.contextmanager
+def record_references() -> Iterator[list[Path]]:
+    """Collects the absolute paths of all files that other files refer to in this thread, including missing
+    ones.
+
+    A cache needs them: its entry is out of date if one of them has changed.
+    """
+    paths: list[Path] = []
+    token = _recorded_references.set(paths)
+    try:
+        yield paths
+    finally:
+        _recorded_references.reset(token)
+
+
 class ReferencedFiles:
-    """Opens the files that one file names: only those in its own folder or below.
+    """Opens the files that one file refers to, if they are in its own folder or below.
 
     Args:
-        path: path of the file that names the others.
+        path: path of the file that refers to the others.
         most: maximum bytes of all reads together. A file named a thousand times counts a thousand times.
     """
 
@@ -616,7 +659,7 @@ class ReferencedFiles:
         self._path, self._left = path, most
 
     def uri(self, uri: str) -> bytes:
-        """Returns the bytes of a data URI, or of the file that a percent-encoded relative URI names.
+        """Returns the bytes of a data URI, or of the file at a percent-encoded relative URI.
 
         Raises:
             InputError: as :meth:`file`, and for invalid data in the URI.
@@ -641,6 +684,8 @@ class ReferencedFiles:
             target = (folder / name).resolve()
             if not target.is_relative_to(folder):
                 raise self._wrong(name, "lies outside of its folder", _SAME_FOLDER_ADVICE)
+            if (recorded := _recorded_references.get()) is not None:
+                recorded.append(target)
             data = read_file(target, self._left)
         except InputError as error:
             if error.where == str(self._path):
@@ -654,5 +699,5 @@ class ReferencedFiles:
         self._left -= len(data)
         return data
 
-    def _wrong(self, name: str, problem: str, mend: str) -> InputError:
-        return InputError(f"its part {name[:80]!r} {problem}", where=str(self._path), mend=mend)
+    def _wrong(self, name: str, problem: str, remedy: str) -> InputError:
+        return InputError(f"its part {name[:80]!r} {problem}", where=str(self._path), remedy=remedy)

@@ -24,7 +24,7 @@ class DepthFrame:
         colour: (h, w, 3) uint8 sRGB, or None.
         world_from_camera: (4, 4) pose of the sensor, or None if it must be estimated from the floor.
         sequence: the sensor's own count of its images, or None if it has none.
-        read_ns: wall clock when it was read, if it was passed on much later. 0 otherwise.
+        read_ns: monotonic clock when the frame was read, if it was passed on much later. 0 otherwise.
     """
 
     depth: UInt16
@@ -42,7 +42,7 @@ class DepthFrame:
             raise InputError(
                 f"depth is {self.depth.dtype} {self.depth.shape}, expected uint16 {expected}",
                 where=f"frame of {self.sensor}",
-                mend="The intrinsics must belong to the image: give those of this resolution.",
+                remedy="The intrinsics must belong to the image: give those of this resolution.",
             )
 
 
@@ -51,11 +51,11 @@ class BodyFrame:
     """The bodies that a sensor, several of them or a skeleton recording saw at one moment.
 
     Attributes:
-        bodies: world frame.
+        bodies: the bodies, in the world frame.
         time_ns: the sensor's own clock, integer nanoseconds.
         sensor: the sensor's identity.
         world_from_camera: (4, 4) pose of the sensor, or None if it is not known.
-        read_ns: wall clock when it was read, if it was passed on much later. 0 otherwise.
+        read_ns: monotonic clock when the frame was read, if it was passed on much later. 0 otherwise.
     """
 
     bodies: list[Body]

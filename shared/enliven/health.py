@@ -10,7 +10,7 @@ class Severity(IntEnum):
     """The severity of a health state."""
 
     NOTE = 0
-    """Not a problem: it passes by itself, or is only information."""
+    """Not a problem: the state passes by itself, or is only information."""
     WARNING = 1
     """Tracking is impaired."""
     ERROR = 2
@@ -58,11 +58,11 @@ class HealthState:
     """One problem.
 
     Attributes:
-        kind: a :class:`HealthKind`, or a word of a later program that this one does not know.
+        kind: a :class:`HealthKind`, or an unknown kind from a later version of the program.
         severity: its severity.
-        since_ns: when it started, the sensor's clock.
+        since_ns: when the problem started, by the sensor's clock.
         what: the problem, one sentence.
-        mend: the remedy, one sentence.
+        remedy: the remedy, one sentence.
         performer: the id of the affected performer, or :data:`NO_PERFORMER`.
     """
 
@@ -70,16 +70,16 @@ class HealthState:
     severity: Severity
     since_ns: int
     what: str
-    mend: str
+    remedy: str
     performer: int = NO_PERFORMER
 
     def __str__(self) -> str:
-        return f"{self.what} {self.mend}"
+        return f"{self.what} {self.remedy}"
 
 
 def sort_by_severity(states: list[HealthState]) -> list[HealthState]:
     """Returns the states sorted by severity, the most severe first.
 
-    Among equal ones the longest lasting comes first.
+    Among states of equal severity, the oldest comes first.
     """
     return sorted(states, key=lambda state: (-state.severity, state.since_ns, state.kind, state.performer))

@@ -1,4 +1,4 @@
-"""A binary heap in two arrays, for compiled loops: the smallest key is first."""
+"""A binary min-heap in two arrays (keys and items), for compiled loops."""
 
 from __future__ import annotations
 

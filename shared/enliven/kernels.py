@@ -1,7 +1,11 @@
-"""Shared tools for compiled kernels: the compiler decorator, pointers to arguments, and copy loops."""
+"""Shared tools for compiled kernels: the compiler decorator, two threads, pointers to arguments, and copy
+loops."""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,16 +14,19 @@ from numba.core import types
 from numba.experimental import structref
 from numba.extending import overload
 
-from enliven.kernel_cache import choose_target, keep, listen_to_compiler
+from enliven.kernel_cache.cache import keep
+from enliven.kernel_cache.compiling import listen_to_compiler
+from enliven.kernel_cache.native_set import begins_native_session
+from enliven.kernel_cache.target import choose_target
 
-choose_target()
+choose_target(native=begins_native_session())
 listen_to_compiler()
 
 
 def njit(*, cache: bool = False, **options: Any) -> Any:
     """Compiles like ``numba.njit``, without the unused entry point for C.
 
-    That entry point would be compiled with every kernel and took a tenth of the time.
+    Compiling that entry point with every kernel took a tenth of the compile time.
 
     Args:
         cache: True to keep the machine code on disk; see :mod:`enliven.kernel_cache`.
@@ -27,6 +34,38 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
     """
     compiled = numba.njit(no_cfunc_wrapper=True, **options)
     return (lambda kernel: keep(compiled(kernel))) if cache else compiled
+
+
+def run_in_pieces(
+    kernel: Callable[..., Any], count: int, length: int, other: ThreadPoolExecutor, *arguments: Any
+) -> None:
+    """Calls ``kernel(*arguments, first, last)`` for pieces that cover 0 to ``count``, in two threads.
+
+    The kernels release the global interpreter lock (GIL) and are serial themselves, because parallel kernels
+    cannot be called from several threads of one process on every platform. Each thread takes the next piece
+    when it is idle. A piece writes only to its own part of the output, so the result is always the same.
+
+    Args:
+        length: the length of a piece. A single piece is computed in the calling thread.
+        other: the other thread. If it is busy, the calling thread computes all pieces.
+    """
+    pieces = deque(range(0, count, length))
+
+    def work(take: Callable[[], int]) -> None:
+        while True:
+            try:
+                first = take()
+            except IndexError:
+                return
+            kernel(*arguments, first, min(first + length, count))
+
+    if len(pieces) < 2:
+        work(pieces.popleft)
+        return
+    rest = other.submit(work, pieces.pop)
+    work(pieces.popleft)
+    if not rest.cancel():
+        rest.result()
 
 
 @structref.register
@@ -47,7 +86,7 @@ structref.define_boxing(HeldArgumentsType, HeldArguments)
 
 
 def _held(values: tuple[Any, ...]) -> SimpleNamespace:
-    """Holds values if compilation is disabled. Kernels compile the overload below instead."""
+    """Returns held values if compilation is disabled. Compiled kernels use the overload below instead."""
     return SimpleNamespace(values=values)
 
 
@@ -77,7 +116,7 @@ def hold(values):
 
 @njit(cache=True, nogil=True)
 def copy_row(target: Any, source: Any) -> None:
-    """Copies (N,) into (N,) without checking the lengths.
+    """Copies an array (N,) into another one without checking the lengths.
 
     ``target[:] = source`` checks them. Numba compiles the code that builds the error message into the kernel
     and into each kernel that calls it. That was a quarter of the compile time of the tracker's kernels.
@@ -88,7 +127,7 @@ def copy_row(target: Any, source: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def copy_rows(target: Any, source: Any) -> None:
-    """Copies (N, M) into (N, M) without checking the shapes; see :func:`copy_row`."""
+    """Copies an array (N, M) into another one without checking the shapes. See :func:`copy_row`."""
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
             target[i, j] = source[i, j]

@@ -16,7 +16,8 @@ from numba.extending import intrinsic
 from enliven.lanes import EIGHT, I32, I64, address_of, vector_of
 
 _ROWS = 6
-"""Number of rows, and of numbers in a row: rotation and translation of a node."""
+"""Number of rows of a block, and of numbers in a row: three for rotation and three for translation of a node.
+"""
 _VECTOR = vector_of(EIGHT)
 _NONE = ir.Constant(_VECTOR, ir.Undefined)
 _ZERO = ir.Constant(_VECTOR, [0.0] * 8)
@@ -24,7 +25,7 @@ _SHORT = ir.VectorType(ir.IntType(16), 8)
 _MAX_INT16 = 32767.0
 """The largest int16."""
 _LEAST = 1e-30
-"""Minimum of a block's largest number, so that a block of zeros also has a scale."""
+"""Lower limit of a block's largest number, so that a block of zeros also has a scale."""
 
 
 def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
@@ -41,13 +42,13 @@ def _rows(builder: Any, first: Any) -> list[Any]:
 
 
 def _put(builder: Any, rows: list[Any], first: Any) -> None:
-    """Stores six rows from ``first`` on."""
+    """Stores six rows, starting at ``first``."""
     for r, row in enumerate(rows):
         builder.store(row, builder.gep(first, [ir.Constant(I64, r)])).align = 4
 
 
 def _called(builder: Any, name: str, *args: Any) -> Any:
-    """Calls an intrinsic function of LLVM on vectors of eight."""
+    """Calls an intrinsic function of LLVM on vectors of eight numbers."""
     function = builder.module.globals.get(name) or ir.Function(
         builder.module, ir.FunctionType(_VECTOR, [_VECTOR] * len(args)), name
     )
@@ -59,7 +60,7 @@ def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 def _everywhere(value: float) -> Any:
-    """Returns the vector of a number in every lane."""
+    """Returns a vector with the same number in every lane."""
     return ir.Constant(_VECTOR, [value] * 8)
 
 
@@ -85,13 +86,15 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
-    """Returns the addresses of two blocks that are given as an array and an index each."""
+    """Returns the addresses of two blocks, each given as an array and an index."""
     return [address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)]
 
 
 @intrinsic
 def transpose6(typing, source, index, target, to):
-    """Writes the block at ``index`` of ``source``, transposed, to ``to`` of ``target``. Other lanes are 0."""
+    """Writes the transposed block at ``index`` of ``source`` to index ``to`` of ``target``. Unused lanes are
+    0.
+    """
 
     def generate(context, builder, sig, args):
         first, there = (
@@ -105,7 +108,9 @@ def transpose6(typing, source, index, target, to):
 
 @intrinsic
 def mirror6(typing, source, index, target, to, sign):
-    """Writes a symmetric block, given by its lower half, times ``sign``, from ``index`` to ``to``."""
+    """Completes a symmetric block, given by its lower half, multiplies it by ``sign``, and writes it from
+    ``index`` to ``to``.
+    """
 
     def generate(context, builder, sig, args):
         first, destination = (
@@ -130,8 +135,9 @@ def invert6(typing, block, index, sign):
 
     Returns True if ``sign`` times it is positive definite. If not, the result is not an inverse.
 
-    The row of a pivot p in column k, divided by p, has 1 + 1/p there. A row with f in that column then keeps
-    f - f (1 + 1/p) = -f/p, as required. So only whole registers are written, no single numbers.
+    The row of a pivot p in column k is divided by p, and its entry in that column is set to 1 + 1/p.
+    Subtracting f times this row from a row with f in that column gives f - f (1 + 1/p) = -f/p, as required.
+    So only whole registers are written, no single numbers.
     """
 
     def generate(context, builder, sig, args):
@@ -179,7 +185,9 @@ def totals6(typing, a, b, c, d, e, f):
 def shorten6(typing, block, index, short, to):
     """Quantises the block at ``index`` to int16, in six rows of six, at ``to`` of ``short``.
 
-    Returns the scale that converts these to the block's numbers. Two numbers behind them are overwritten."""
+    Returns the scale factor from the int16 values to the block's numbers. Two numbers after the values are
+    overwritten.
+    """
 
     def generate(context, builder, sig, args):
         rows = _rows(builder, address_of(context, builder, sig.args[0], args[0], args[1], EIGHT))

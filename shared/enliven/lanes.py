@@ -71,7 +71,7 @@ def address_of(context: Any, builder: Any, array_type: Any, array: Any, index: A
 
 
 def _splat(builder: Any, kind: Lanes, scalar: Any) -> Any:
-    """Returns the vector of ``scalar`` in every lane."""
+    """Returns a vector with ``scalar`` in every lane."""
     vector = vector_of(kind)
     none = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(none, scalar, ir.Constant(I32, 0))
@@ -174,7 +174,7 @@ def widened4(typing, array, index):
 
 @intrinsic
 def narrowed4(typing, value):
-    """Converts four float64 to a vector of four float32."""
+    """Converts a vector of four float64 to a vector of four float32."""
 
     def generate(context, builder, sig, args):
         return builder.fptrunc(args[0], vector_of(QUAD))
@@ -188,7 +188,7 @@ def _shuffled4(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 @intrinsic
 def cross4(typing, a, b):
-    """Returns the cross product of two vectors of three numbers and a 0, with a 0."""
+    """Returns the cross product of two vectors of three numbers. The fourth lane is 0."""
 
     def generate(context, builder, sig, args):
         def ahead(v: Any) -> Any:
@@ -202,7 +202,7 @@ def cross4(typing, a, b):
 
 @intrinsic
 def totals4(typing, a, b, c):
-    """Returns the sums of three vectors of four, one per lane, and a 0."""
+    """Returns the sums of three vectors of four, one per lane. The fourth lane is 0."""
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
@@ -222,8 +222,9 @@ def totals4(typing, a, b, c):
 def turned8(typing, rows, index, value):
     """Multiplies each half of a vector of eight with a 3x3 matrix in rows of four.
 
-    Each half has three numbers and an ignored one. The result is the sum of the rows, weighted with the
-    half's numbers."""
+    Each half has three numbers and an ignored fourth one. The result is the sum of the matrix rows, weighted
+    with the three numbers of the half.
+    """
 
     def generate(context, builder, sig, args):
         vector, total = vector_of(EIGHT), None
@@ -257,8 +258,9 @@ def _make_reorder(order: list[int]) -> Any:
 
 
 together8, apart8 = _make_reorder([0, 1, 2, 4, 5, 6, 3, 7]), _make_reorder([0, 1, 2, 6, 3, 4, 5, 7])
-"""Reorder eight lanes with two groups of three numbers: from a free lane after each group to both free
-lanes last, and back."""
+"""Reorder eight lanes that contain two groups of three numbers: from one free lane after each group to both
+free lanes at the end, and back.
+"""
 load4, store4, splat4, fma4, total4 = (
     make(FOUR) for make in (_make_load, _make_store, _make_splat, _make_fma, _make_total)
 )

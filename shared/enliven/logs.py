@@ -1,23 +1,50 @@
-"""Logging for people and for services: plain or JSON lines, with text from outside escaped."""
+"""Logging for people and for services: plain or JSON lines, with text from outside escaped.
+
+A log file is rotated, and repeated warnings are limited, so that a program that runs for months cannot fill
+its disk.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import logging
+import logging.handlers
 import re
 import sys
+import threading
 import time
 import unicodedata
 import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
-"""The loggers of these packages, and of Python's warnings."""
+"""Names of the loggers of enliven's packages and of Python's warnings."""
+
+
+MAX_LOG_FILE_BYTES = 5_000_000
+"""Maximum bytes of a log file. A full file is renamed to ``FILE.1``, and a new one begins."""
+MAX_OLD_LOG_FILES = 3
+"""Number of renamed log files that are kept: ``FILE.1`` is the newest. Together all log files have at most 20
+MB.
+"""
+REPEAT_WINDOW_S = 60.0
+"""Seconds in which identical warnings are limited."""
+MAX_REPEATS = 3
+"""Number of identical warnings in :data:`REPEAT_WINDOW_S`. Further ones are counted, but not logged."""
+_DECISION = "is_repeated_too_often"
+"""Attribute of a log record that stores the decision of :class:`RepeatLimit`."""
+_MAX_REMEMBERED_WARNINGS = 256
+"""Maximum number of different warnings that are counted, to bound the memory."""
 
 
 _KEPT_CATEGORIES = frozenset({"Zs"})
-"""Unicode categories of spaces, which are invisible and move no other character."""
+"""Unicode categories that are not escaped: spaces, which move no other character."""
 _KEPT_JOINERS = frozenset("\u200c\u200d")
 """Joiners that Persian, Hindi and emoji need. They neither end a line nor change its direction."""
 _ASCII_PATTERN = re.compile(r"[\x20-\x7e]*")
@@ -76,13 +103,13 @@ class JsonLinesFormatter(logging.Formatter):
     """Formats a record as {"time", "level", "logger", "message"} and extra fields, one object per line,
     times in UTC."""
 
-    _STANDARD_FIELDS = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
+    _STANDARD_FIELDS = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", _DECISION}
 
     def format(self, record: logging.LogRecord) -> str:
         """Returns a record as one line of JSON."""
-        stamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        timestamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
         line = {
-            "time": f"{stamp}.{int(record.msecs):03d}Z",
+            "time": f"{timestamp}.{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "logger": record.name,
             "message": record.getMessage(),
@@ -107,7 +134,9 @@ class SentenceFormatter(logging.Formatter):
 
 
 class _LossyStream(io.FileIO):
-    """A standard error that never fails: text that a closed pipe or a full disk refuses is dropped."""
+    """A standard error that never fails. Text that cannot be written, because of a closed pipe or a full
+    disk, is dropped.
+    """
 
     def write(self, data: Any) -> int:
         try:
@@ -127,14 +156,132 @@ def ignore_broken_stderr() -> None:
         return
 
 
-def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
-    """Sends the log of every logger under "enliven" to standard error, escaped."""
+class RepeatLimit(logging.Filter):
+    """Leaves out identical warnings and errors beyond :data:`MAX_REPEATS` in :data:`REPEAT_WINDOW_S`.
+
+    The first one after that time contains the number of those left out.
+
+    Args:
+        clock: returns seconds, for tests.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock, self._lock = clock, threading.Lock()
+        self._seen: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Returns False for a record that is left out."""
+        if record.levelno < logging.WARNING:
+            return True
+        # Each handler calls the filter, and all of them need the same decision.
+        decision = vars(record).get(_DECISION)
+        if decision is None:
+            decision = vars(record)[_DECISION] = self._decide(record)
+        return bool(decision)
+
+    def _decide(self, record: logging.LogRecord) -> bool:
+        """Counts a record. Returns False if it is left out."""
+        message, now = record.getMessage(), self._clock()
+        key = record.name, record.levelno, message
+        with self._lock:
+            since, count = self._seen.pop(key, (now, 0))
+            omitted = count - MAX_REPEATS if now - since >= REPEAT_WINDOW_S else 0
+            if now - since >= REPEAT_WINDOW_S:
+                since, count = now, 0
+            self._seen[key] = since, count + 1
+            while len(self._seen) > _MAX_REMEMBERED_WARNINGS:
+                self._seen.popitem(last=False)
+        if omitted > 0:
+            record.msg, record.args = f"{message} (repeated {omitted} more times)", ()
+        return count < MAX_REPEATS
+
+
+class _DatedFormatter(SentenceFormatter):
+    """Formats a record for a file: time in UTC, level, and the sentence."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        timestamp = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(record.created))
+        return f"{timestamp}Z {record.levelname} {super().format(record)}"
+
+
+class _LogFile(logging.handlers.RotatingFileHandler):
+    """A log file of bounded size. A full disk loses lines, and never ends the program."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Drops a line that cannot be written."""
+
+    def close(self) -> None:
+        """Closes the file, also if its last line cannot be written."""
+        with contextlib.suppress(OSError):
+            super().close()
+
+
+@dataclass(frozen=True)
+class LogOptions:
+    """The log options of a command line.
+
+    Attributes:
+        as_json: True writes JSON lines.
+        file: the log file. None for standard error.
+    """
+
+    as_json: bool = False
+    file: Path | None = None
+
+
+def split_log_options(arguments: Sequence[str]) -> tuple[list[str], LogOptions]:
+    """Returns a command line without its log options, which every command has, and these options.
+
+    They are ``--log-json``, and ``--log-file FILE`` or ``--log-file=FILE``. Arguments after "--" are kept.
+
+    Raises:
+        ValueError: if the name of the file is missing.
+    """
+    other_arguments: list[str] = []
+    as_json, file = False, None
+    words = iter(arguments)
+    for word in words:
+        if word == "--":
+            other_arguments += [word, *words]
+        elif word == "--log-json":
+            as_json = True
+        elif word == "--log-file" or word.startswith("--log-file="):
+            name = word.partition("=")[2] if "=" in word else next(words, "")
+            if not name:
+                raise ValueError("--log-file names no file")
+            file = Path(name)
+        else:
+            other_arguments.append(word)
+    return other_arguments, LogOptions(as_json, file)
+
+
+def start_logging(*, as_json: bool = False, level: int = logging.INFO, file: Path | None = None) -> None:
+    """Sends the log of every logger under "enliven" to standard error or to a file, escaped.
+
+    Args:
+        file: a log file, which is rotated. A terminal still shows the log. Without a terminal, standard error
+            gets nothing, because a supervisor may collect it without a limit.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
     escape_records()
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonLinesFormatter() if as_json else SentenceFormatter())
+    handlers: list[logging.Handler] = []
+    if file is None or sys.stderr.isatty():
+        handlers.append(logging.StreamHandler(sys.stderr))
+        handlers[0].setFormatter(JsonLinesFormatter() if as_json else SentenceFormatter())
+    if file is not None:
+        handlers.append(
+            _LogFile(file, maxBytes=MAX_LOG_FILE_BYTES, backupCount=MAX_OLD_LOG_FILES, encoding="utf-8")
+        )
+        handlers[-1].setFormatter(JsonLinesFormatter() if as_json else _DatedFormatter())
+    limit = RepeatLimit()
+    for handler in handlers:
+        handler.addFilter(limit)
     for name in OWN_LOGGERS:
         logger = logging.getLogger(name)
-        logger.handlers[:] = [handler]
+        logger.handlers[:] = handlers
         logger.setLevel(level)
         logger.propagate = False
     # Print warnings without the source line that raised them.

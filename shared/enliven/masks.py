@@ -7,7 +7,7 @@ import numpy as np
 from enliven.kernels import njit
 
 _BLOCK = 32
-"""Number of pixels that are tested together, and skipped if none of them is masked."""
+"""Number of pixels that are tested together. The block is skipped if none of them is masked."""
 
 
 @njit(cache=True, nogil=True)

@@ -14,15 +14,17 @@ from enliven.kernels import njit
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """(4,) the identity rotation."""
 _MIN_STRETCH = 1e-4
-"""Minimum stretch of a map. Smaller values are invisible, and the logarithm of zero does not exist."""
+"""Minimum stretch of a linear map. Smaller values are invisible, and the logarithm of zero is undefined."""
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-"""(6,) rows and columns of the numbers xx, yy, zz, xy, xz, yz in a symmetric matrix."""
+"""(6,) rows and columns in a symmetric matrix of the numbers xx, yy, zz, xy, xz, yz."""
 _SYMMETRIC_INDICES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """(3, 3) index of these numbers for each matrix entry."""
 
 
 def multiply(a: AnyArray, b: AnyArray) -> Float:
-    """Returns (..., 4) ``a`` after ``b``: rotate(multiply(a, b), v) == rotate(a, rotate(b, v))."""
+    """Returns (..., 4) the rotation ``b`` followed by ``a``: rotate(multiply(a, b), v) == rotate(a, rotate(b,
+    v)).
+    """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
     bw, bx, by, bz = np.moveaxis(b, -1, 0)
@@ -112,7 +114,7 @@ def from_rotation_vector(vector: AnyArray) -> Float:
     """Returns (..., 4) the rotation about ``vector`` (..., 3) by its length in radians."""
     vector = np.asarray(vector, np.float64)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
-    # sinc keeps full precision down to angle 0, where sin(angle / 2) / angle is 0 / 0.
+    # np.sinc keeps full precision down to angle 0, where sin(angle / 2) / angle would be 0 / 0.
     return np.concatenate([np.cos(angle / 2), vector * np.sinc(angle / (2 * np.pi)) / 2], -1)
 
 
@@ -125,7 +127,7 @@ def to_rotation_vector(q: AnyArray) -> Float:
 
 
 def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
-    """Returns (..., 4) rotations at ``t`` (...) of the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
+    """Returns (..., 4) rotations at ``t`` (...) on the shorter great arc from ``a`` (t=0) to ``b`` (t=1)."""
     step = to_rotation_vector(multiply(conjugate(a), b))
     return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
 
@@ -158,7 +160,7 @@ def swing(a: AnyArray, b: AnyArray) -> Float:
 
 
 def unit(vectors: AnyArray) -> Float:
-    """Returns (..., N) the directions of ``vectors`` (..., N). Zero stays zero."""
+    """Returns (..., N) the unit vectors in the directions of ``vectors`` (..., N). Zero vectors stay zero."""
     vectors = np.asarray(vectors, np.float64)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
@@ -167,8 +169,8 @@ def unit(vectors: AnyArray) -> Float:
 def _perpendicular(a: Float) -> Float:
     """Returns (..., 3) a unit vector perpendicular to each unit vector of ``a`` (..., 3)."""
     smallest = np.abs(a).argmin(-1)
-    other = np.cross(a, np.eye(3)[smallest])
-    return np.asarray(other / np.maximum(np.linalg.norm(other, axis=-1, keepdims=True), 1e-300))
+    axis = np.cross(a, np.eye(3)[smallest])
+    return np.asarray(axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-300))
 
 
 @njit(cache=True, nogil=True)
@@ -276,8 +278,8 @@ def _jacobi_turn(k, v, p, q):
 def hencky_strain(linear: AnyArray, turns: AnyArray) -> Float:
     """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with rotations ``turns``: linear = R U.
 
-    The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_MIN_STRETCH` are
-    raised to it, and reflections are ignored.
+    The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches are at least :data:`_MIN_STRETCH`,
+    and reflections are ignored.
     """
     stretch = np.swapaxes(to_matrix(turns), -1, -2) @ np.asarray(linear, np.float64)
     sizes, axes = np.linalg.eigh((stretch + np.swapaxes(stretch, -1, -2)) / 2.0)
@@ -298,9 +300,9 @@ def symmetric_matrix(six: AnyArray) -> Float:
 
 def rotate_strain(q: AnyArray, strain: AnyArray) -> Float:
     """Returns (..., 6) a strain (..., 6) in axes rotated by ``q`` (..., 4): R strain Rᵀ."""
-    turned = to_matrix(q)
-    whole = turned @ symmetric_matrix(strain) @ np.swapaxes(turned, -1, -2)
-    return np.asarray(whole[..., _ROWS, _COLUMNS])
+    rotation = to_matrix(q)
+    rotated = rotation @ symmetric_matrix(strain) @ np.swapaxes(rotation, -1, -2)
+    return np.asarray(rotated[..., _ROWS, _COLUMNS])
 
 
 def _matrix_from_eigen(sizes: Float, axes: Float) -> Float:

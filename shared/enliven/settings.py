@@ -1,13 +1,15 @@
 """Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
 A group of settings is a frozen dataclass with fields made by :func:`setting`. Groups can be nested. TOML
-files override the defaults. An unknown key is an error that names the nearest known one.
+files override the defaults. An unknown key is an error that names the nearest known one. A key that existed
+in an earlier version is ignored with a warning.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
+import logging
 import math
 import tomllib
 import typing
@@ -17,6 +19,8 @@ from typing import Any, TypeVar
 
 from enliven.errors import EnlivenError, InputError, LaterVersionError, refuse_later_version
 from enliven.files import read_file
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -56,8 +60,27 @@ def setting(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str = "") -> T:
+def parameter(
+    default: Any, doc: str, *, unit: str = "", low: float = -math.inf, high: float = math.inf
+) -> Any:
+    """Returns a dataclass field for code and tests, with the arguments of :func:`setting`.
+
+    Users cannot change it: a file that contains it gets a warning. Only files that enliven wrote itself, such
+    as takes, keep it.
+    """
+    field = setting(default, doc, unit=unit, low=low, high=high)
+    return dataclasses.field(default=default, metadata={**field.metadata, "hidden": True})
+
+
+def load_settings(
+    kind: type[T], source: Path | Mapping[str, Any], *, where: str = "", own_file: bool = False
+) -> T:
     """Builds a ``kind`` from a TOML file or a mapping, checked key by key.
+
+    Keys in ``kind.REMOVED_SETTINGS``, and those of a :func:`parameter`, are ignored with one warning.
+
+    Args:
+        own_file: enliven wrote the values itself, so the fields of :func:`parameter` are read as well.
 
     Raises:
         InputError: if the file cannot be read, a key is unknown or missing, or a value has the wrong type or
@@ -66,7 +89,14 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
     if isinstance(source, Path):
         where = where or str(source)
         source = read_toml(source)
-    return _build(kind, source, where or "settings", "")
+    where = where or "settings"
+    removed: list[str] = []
+    values = _without_removed(kind, source, own_file, removed)
+    if removed and not own_file:
+        log.warning(
+            "%s: settings that no longer exist are ignored: %s. Delete them.", where, ", ".join(removed)
+        )
+    return _build(kind, values, where, "")
 
 
 def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
@@ -98,11 +128,11 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
         raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
     version = tables.pop(_VERSION, 1)
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        problem, mend = (
+        problem, remedy = (
             f"version is {version!r:.40}, expected a whole number from 1",
             f"Write version = {newest}.",
         )
-        raise InputError(problem, where=str(path), mend=mend)
+        raise InputError(problem, where=str(path), remedy=remedy)
     refuse_later_version(version, newest, str(path))
     return tables
 
@@ -126,6 +156,30 @@ def _nested_containers(value: Any) -> list[Any]:
     return [item for item in inner if isinstance(item, (dict, list))]
 
 
+def _without_removed(
+    kind: type, values: Mapping[str, Any], own_file: bool, removed: list[str], prefix: str = ""
+) -> dict[str, Any]:
+    """Returns the values without the keys that users cannot change any more, also in nested groups.
+
+    Args:
+        own_file: as in :func:`load_settings`.
+        removed: list to which the paths of these keys are appended.
+        prefix: the dotted path of the group.
+    """
+    hints, names = typing.get_type_hints(kind), set(getattr(kind, "REMOVED_SETTINGS", ()))
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    kept: dict[str, Any] = {}
+    for key, value in values.items():
+        is_hidden = key in fields and fields[key].metadata.get("hidden", False)
+        if key in names or (is_hidden and not own_file):
+            removed.append(prefix + key)
+        elif key in fields and dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
+            kept[key] = _without_removed(hints[key], value, own_file, removed, f"{prefix}{key}.")
+        else:
+            kept[key] = value
+    return kept
+
+
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:
     """Builds one settings group from a mapping. ``prefix`` is the dotted path of the group."""
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
@@ -134,19 +188,19 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     for key in values:
         if key not in fields:
             near = difflib.get_close_matches(key, fields, n=1)
-            mend = (
+            remedy = (
                 f"Did you mean {prefix}{near[0]}?"
                 if near
                 else f"Known: {', '.join(fields)}. {_UNKNOWN_KEY_ADVICE}"
             )
-            raise InputError(f"unknown key {prefix}{key}", where=where, mend=mend)
+            raise InputError(f"unknown key {prefix}{key}", where=where, remedy=remedy)
     arguments: dict[str, Any] = {}
     for name, field in fields.items():
         if name in values:
             arguments[name] = _check_value(hints[name], values[name], where, prefix + name, field)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(
-                f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", "")
+                f"the key {prefix}{name} is missing", where=where, remedy=field.metadata.get("doc", "")
             )
     return kind(**arguments)
 
@@ -179,7 +233,7 @@ def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasse
         if typing.get_origin(hint) is typing.Literal:
             expected = " or ".join(repr(word) for word in typing.get_args(hint))
         raise InputError(
-            f"{path} is {value!r}, expected {expected}", where=where, mend=field.metadata.get("doc", "")
+            f"{path} is {value!r}, expected {expected}", where=where, remedy=field.metadata.get("doc", "")
         )
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
     if isinstance(converted, int | float) and not low <= converted <= high:

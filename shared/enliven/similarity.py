@@ -9,7 +9,8 @@ import numpy as np
 from enliven.arrays import Float
 
 _MIN_SQUARE_M2 = 1e-12
-"""Minimum sum of squared distances from the centre, square metres: points that coincide have no scale."""
+"""Minimum sum of squared distances from the centre, in square metres. Points that coincide define no scale.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,9 +18,9 @@ class Similarity:
     """A similarity transform: x becomes size turn x + move.
 
     Attributes:
-        size: scale, above 0.
+        size: scale factor, above 0.
         turn: (3, 3) rotation.
-        move: (3,) metres.
+        move: (3,) displacement in metres.
     """
 
     size: float = 1.0
@@ -39,13 +40,13 @@ def fit_similarity(source: Float, target: Float) -> Similarity:
     """Returns the similarity from source points (N, 3) to target points (N, 3).
 
     It minimises sum |size turn s + move - t|^2 over rotations and displacements, with the scale that gives
-    both sets the same spread (Horn 1987; Umeyama 1991 for the rotation). It is unique for a flat mesh too,
-    where an affine map is not.
+    both sets the same spread (Horn 1987; Umeyama 1991 for the rotation). It is unique even for a flat mesh,
+    unlike an affine map.
     """
     source_centre, target_centre = source.mean(0), target.mean(0)
     a, b = source - source_centre, target - target_centre
     size = float(np.sqrt(max((b**2).sum(), _MIN_SQUARE_M2) / max((a**2).sum(), _MIN_SQUARE_M2)))
     u, _, vt = np.linalg.svd(b.T @ a)
     u[:, 2] *= np.sign(np.linalg.det(u @ vt))
-    turn = u @ vt
-    return Similarity(size, turn, target_centre - size * turn @ source_centre)
+    rotation = u @ vt
+    return Similarity(size, rotation, target_centre - size * rotation @ source_centre)

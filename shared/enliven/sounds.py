@@ -11,7 +11,9 @@ from enliven.arrays import Int16
 from enliven.errors import InputError
 
 SOUND_RATE = 32_000
-"""Samples per second. A lower rate than that of music keeps projects small, and the sound is still clear."""
+"""Samples per second. This rate is lower than that of music, so that projects stay small, and the sound is
+still clear.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +32,8 @@ class Sound:
 
     def __post_init__(self) -> None:
         if self.samples.ndim != 1 or self.samples.dtype != np.int16 or not 0.0 <= self.begin < float("inf"):
-            mend = "Give 16-bit samples of one channel, and a begin of at least 0."
-            raise InputError("it is not a valid sound", where=f"sound {self.id!r}", mend=mend)
+            remedy = "Give 16-bit samples of one channel, and a begin of at least 0."
+            raise InputError("it is not a valid sound", where=f"sound {self.id!r}", remedy=remedy)
 
     @property
     def end(self) -> float:
@@ -40,11 +42,13 @@ class Sound:
 
 
 _MAX_INT16 = 32767
-"""The largest sample of 16 bits."""
+"""The largest 16-bit sample."""
 
 
 def mix_sounds(sounds: Iterable[Sound], first: int, count: int) -> Int16:
-    """Returns (count,) the mix of all sounds, beginning at the sample ``first`` of the project's time."""
+    """Returns (count,) the mix of all sounds, starting at the sample index ``first`` of the project's
+    time.
+    """
     total = np.zeros(count, np.int32)
     for sound in sounds:
         begin = round(sound.begin * SOUND_RATE)

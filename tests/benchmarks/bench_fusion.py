@@ -19,14 +19,15 @@ from fusion_measures import agreement, fused, jitter_mm
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
+from enliven.space.rigid_transform import angle_between, invert, transform_points
+from enliven.space.space_file import Space
 from enliven_edge.fusion.calibration.calibration import calibrate
 from enliven_edge.fusion.calibration.tracks import Collector, stream_from_frames
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import sensor_positions, settings_before_fusion, transform_bodies
-from enliven_edge.fusion.placement.rigid_transform import angle_between, invert, transform_points
-from enliven_edge.fusion.placement.space import Space
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
@@ -51,7 +52,7 @@ def figures() -> Iterator[Figure]:
     yield from _cost()
 
 
-class _Reel:
+class _Reel(Sensor):
     """The frames of a view, rendered on demand."""
 
     recorded = True

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import graph_figures
+from data_needs import MESHES, RIGS
 from figure import Figure
 
 from enliven.deformation.graph.graph import DeformationGraph
@@ -27,7 +28,7 @@ NODES = (64, 128, 256)
 def figures() -> Iterator[Figure]:
     """Yields the cost always, and the limb figures if the real meshes exist."""
     yield from graph_figures.figures()
-    if (DATA / "meshes").is_dir():
+    if not (MESHES.is_missing or RIGS.is_missing):
         yield from _limbs()
 
 

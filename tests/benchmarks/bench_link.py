@@ -21,7 +21,7 @@ from bench_road import Reel
 from figure import Figure
 
 from enliven.frames import DepthFrame
-from enliven.keys import KeyPair, KeyStore
+from enliven.keys.key_files import KeyPair, KeyStore
 from enliven_edge.network.access import Access
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
@@ -80,7 +80,7 @@ class Lap:
 
 
 def figures() -> Iterator[Figure]:
-    """Yields link.curve_cost."""
+    """Yields link.curve_us and link.curve_cost."""
     with SyntheticSensor(width=640, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(FRAMES)]
     warm_up_tracking()

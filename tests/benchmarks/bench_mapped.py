@@ -16,13 +16,13 @@ from turning_measures import measure_turning
 from turning_people import metres_from_bone
 
 from enliven.arrays import Float
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes import Mesh
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, standing_figure
 from enliven.possession.attachment import ReachGrowth, attach
-from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.likeness.any_mesh import body_from_extremities
+from enliven.possession.likeness.finding import find_body_in_mesh
 from enliven.possession.preparation import apply_vertex_motion, prepare_mesh
 
 PEER = "extremities by height alone"

@@ -1,13 +1,16 @@
-"""Measures the cost of live outputs: the packets of a frame, and the frame rate that the edge loses.
+"""Measures the cost of live outputs: the packets of a frame, and the time that the edge loses.
 
 The frame has four human characters with 22 bones each. The peer encodes the same VMC messages one by one with
-python-osc. The loss compares an edge without outputs and one with all four, in turn on the same depth images
-at full speed. One performer possesses the chair. The receivers are sockets of this machine that are not read.
+python-osc. The loss compares an edge without outputs and one with all five, in turn on the same depth images:
+at the rate of a camera, and at full speed ("unpaced"). One performer possesses the chair. The receivers are
+sockets of this machine that are not read. That of Foxglove has subscribed to everything.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
+import math
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -18,34 +21,42 @@ from bench_road import NODES, Reel
 from figure import Figure
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import build_msg
+from websockets import Subprotocol
+from websockets.sync.client import ClientConnection, connect
 
 from enliven.arrays import Float
 from enliven.document import Character, Pose, Skeleton, SkinWeights
 from enliven.frames import DepthFrame
-from enliven.person import Body
+from enliven.outputs.foxglove.stage_encoders import SceneEncoder, StageEncoder, TransformsEncoder
+from enliven.outputs.humanoid_map import humanoid_map
+from enliven.outputs.live_frame import CharacterInfo, LiveFrame
+from enliven.outputs.opening import open_outputs
+from enliven.outputs.osc_tree import OscOutput
+from enliven.outputs.output import LiveOutput
+from enliven.outputs.rokoko import RokokoOutput
+from enliven.outputs.settings import outputs_of
+from enliven.outputs.vmc import VmcOutput
+from enliven.outputs.vrchat import VrchatOutput
+from enliven.person import Body, HumanPose, unity_position, unity_rotation
 from enliven.person.human_pose import human_of_body
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven_edge.network import Outlet
-from enliven_edge.outputs import LiveOutputs, open_outputs, outputs_of
-from enliven_edge.outputs.humanoid_map import humanoid_map
-from enliven_edge.outputs.live_frame import CharacterInfo, LiveFrame
-from enliven_edge.outputs.osc_tree import OscOutput
-from enliven_edge.outputs.output import LiveOutput
-from enliven_edge.outputs.rokoko import RokokoOutput
-from enliven_edge.outputs.vmc import VmcOutput, bone_numbers
-from enliven_edge.outputs.vrchat import VrchatOutput
+from enliven_edge.live_outputs import LiveOutputs
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage, create_actor
-from enliven_edge.tracking import Tracker
+from enliven_edge.stage.character_setup import create_actor
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAMES, ROUNDS = 120, 3
 """Frames of each run of the edge, and runs with and without outputs."""
-SCHEMES = ("vmc", "vrchat", "rokoko", "osc")
+CAMERA_FPS = 30.0
+"""Frames per second of a camera."""
+SCHEMES = ("vmc", "vrchat", "rokoko", "osc", "foxglove")
 REPEATS = 200
 """Frames that each output converts."""
 
@@ -57,19 +68,24 @@ def figures() -> Iterator[Figure]:
     yield Figure("out.vmc_us", ours, "us", "python-osc", peer / ours)
     for name, output in (("vrchat", VrchatOutput()), ("rokoko", RokokoOutput()), ("osc", OscOutput())):
         yield Figure(f"out.{name}_us", _of_output(output, frame), "us")
+    yield Figure("out.foxglove_us", _microseconds(_foxglove(), frame), "us")
     packets = VmcOutput().packets(frame)
     yield Figure("out.vmc_bytes", float(sum(map(len, packets))), "bytes")
     yield Figure("out.vmc_packets", float(len(packets)), "packets")
     with SyntheticSensor(width=640, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(FRAMES)]
     warm_up_tracking()
-    without, with_all = [], []
-    for _ in range(ROUNDS):
-        without.append(_frame_rate(frames, ()))
-        with_all.append(_frame_rate(frames, SCHEMES))
-    yield Figure("out.edge_fps", float(np.median(with_all)), "frames/s")
-    loss = 1.0 - np.median(with_all) / np.median(without)
-    yield Figure("out.edge_loss_percent", 100.0 * float(loss), "%")
+    for name, rate in (("", CAMERA_FPS), ("unpaced_", math.inf)):
+        without, with_all = [], []
+        for _ in range(ROUNDS):
+            without.append(_step_seconds(frames, (), rate))
+            with_all.append(_step_seconds(frames, SCHEMES, rate))
+        before, after = (np.concatenate(rounds) for rounds in (without, with_all))
+        yield Figure(f"out.edge_{name}step_ms", 1e3 * float(np.median(after)), "ms")
+        yield Figure(f"out.edge_{name}step_p99_ms", 1e3 * float(np.percentile(after, 99)), "ms")
+        # The frames that an edge could process in the same time.
+        loss = 1.0 - before.mean() / after.mean()
+        yield Figure(f"out.edge_{name}loss_percent", 100.0 * float(loss), "%")
 
 
 def four_humans() -> LiveFrame:
@@ -110,10 +126,10 @@ def _skeleton() -> Skeleton:
 
 def _microseconds(convert: Callable[[LiveFrame], object], frame: LiveFrame) -> float:
     """Returns the median time per frame. Each call gets a new frame, so that nothing is computed before."""
-    convert(replace(frame, _humans={}))
+    convert(replace(frame))
     took = []
     for _ in range(REPEATS):
-        fresh = replace(frame, _humans={})
+        fresh = replace(frame)
         begin = time.perf_counter()
         convert(fresh)
         took.append(time.perf_counter() - begin)
@@ -124,36 +140,69 @@ def _of_output(output: LiveOutput, frame: LiveFrame) -> float:
     return _microseconds(output.packets, frame)
 
 
+def _foxglove() -> Callable[[LiveFrame], object]:
+    """Returns a function that encodes the messages of a frame without a depth image."""
+    transforms, scene, stage = TransformsEncoder(), SceneEncoder(), StageEncoder()
+    return lambda frame: (transforms.encode(frame, 0), scene.encode(frame, 0), stage.encode(frame))
+
+
 def _python_osc(frame: LiveFrame) -> bytes:
     """Encodes the bones of one human and the trackers of three, one by one with python-osc."""
     builder = OscBundleBuilder(IMMEDIATELY)
     first, *others = (frame.human_character(name) for name in frame.characters)
-    for bone, numbers in zip(first.bones, bone_numbers(first).tolist(), strict=True):
+    for bone, numbers in zip(first.bones, _bone_numbers(first).tolist(), strict=True):
         builder.add_content(build_msg("/VMC/Ext/Bone/Pos", [bone, *numbers]))
     for human in others:
-        for bone, numbers in zip(human.bones, bone_numbers(human).tolist(), strict=True):
+        for bone, numbers in zip(human.bones, _bone_numbers(human).tolist(), strict=True):
             builder.add_content(build_msg("/VMC/Ext/Tra/Pos", [f"{human.name}/{bone}", *numbers]))
     return builder.build().dgram
 
 
-def _frame_rate(frames: list[DepthFrame], schemes: tuple[str, ...]) -> float:
-    """Returns the frames per second of an edge with these outputs, after the performer was found."""
+def _bone_numbers(human: HumanPose) -> Float:
+    """Returns (B, 7) the local position and rotation (x, y, z, w) of each bone in Unity's axes."""
+    positions, turns = human.local()
+    return np.concatenate([unity_position(positions), unity_rotation(turns)], -1)
+
+
+def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: float) -> list[float]:
+    """Returns the seconds that an edge with these outputs needs for each frame with the performer.
+
+    Args:
+        rate: frames per second of the camera. Infinite: each frame comes when the edge is ready.
+    """
     actor = create_actor("chair", nodes=NODES)
     actor.warm_up()
     with contextlib.ExitStack() as stack:
         words = []
         for scheme in schemes:
-            receiver = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            kind = socket.SOCK_STREAM if scheme == "foxglove" else socket.SOCK_DGRAM
+            receiver = stack.enter_context(socket.socket(socket.AF_INET, kind))
             receiver.bind(("127.0.0.1", 0))
             words.append(f"{scheme}:127.0.0.1:{receiver.getsockname()[1]}")
-        outputs: LiveOutputs = stack.enter_context(open_outputs(outputs_of(words, {})))
+            if scheme == "foxglove":
+                receiver.close()
+        outputs = stack.enter_context(LiveOutputs(open_outputs(outputs_of(words, {}))))
+        if "foxglove" in schemes:
+            stack.enter_context(_subscribe_to_all(outputs.outputs.senders[-1].port))
         outlet = stack.enter_context(Outlet(WireSettings(name="bench", port=0, control_port=0), "reel"))
         edge = Edge(Reel(frames), Tracker(), Stage([actor]), outlet, outputs=outputs)
-        begin = 0.0
+        seconds, start = list[float](), time.perf_counter()
         for number, frame in enumerate(frames):
             if number == FRAMES // 4:
                 edge.stage.possess("chair")
-                begin = time.perf_counter()
+            time.sleep(max(start + number / rate - time.perf_counter(), 0.0))
+            begin = time.perf_counter()
             edge.step(frame)
             edge._poll_requests()
-        return (FRAMES - FRAMES // 4) / (time.perf_counter() - begin)
+            seconds.append(time.perf_counter() - begin)
+        return seconds[FRAMES // 4 :]
+
+
+def _subscribe_to_all(port: int) -> ClientConnection:
+    """Returns a client of Foxglove's protocol that has subscribed to every topic, and reads nothing."""
+    client = connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol("foxglove.sdk.v1")], legacy=True)
+    client.recv()
+    channels = json.loads(client.recv())["channels"]
+    subscriptions = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+    client.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+    return client

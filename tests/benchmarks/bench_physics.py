@@ -18,9 +18,9 @@ from figure import Figure
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.spheres import pack_spheres
 from enliven.document.props import BOX
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven_edge.physics.settings import EngineSettings
-from enliven_edge.physics.world import PropSpecs, World
+from enliven_edge.physics.world import CONTACT_TIME_S, MAX_SUBSTEP_S, PropSpecs, World
 
 FRAME = 1 / 30
 SPHERES, BOXES, SIDE = 100, 50, 0.17
@@ -103,7 +103,7 @@ def _least(call: Callable[[], Any]) -> float:
 def _blow_at(k: int) -> list[float]:
     """Returns the sphere's position after ``k`` time steps: past the box's position at full speed, then at
     rest."""
-    return [min(-0.4 + SPEED * k * SETTINGS.substep, 0.2), 0.1, 0.0]
+    return [min(-0.4 + SPEED * k * MAX_SUBSTEP_S, 0.2), 0.1, 0.0]
 
 
 def _depth(k: int, box: float) -> float:
@@ -116,17 +116,17 @@ def _our_blow() -> float:
     """Returns the penetration depth of a sphere in one box that it hits, metres."""
     world, deepest = World(_boxes(1), SETTINGS), 0.0
     world.put(slice(None), np.array([[0.0, SIDE / 2, 0.0]]))
-    for k in range(round(0.5 / SETTINGS.substep)):
+    for k in range(round(0.5 / MAX_SUBSTEP_S)):
         deepest = max(deepest, _depth(k, float(world.positions[0, 0])))
         world.move(np.array([_blow_at(k + 1)]), np.array([0.06]))
-        world.advance(SETTINGS.substep)
+        world.advance(MAX_SUBSTEP_S)
     return deepest
 
 
 def _blow(heavy: bool) -> float:
     """Returns the same with the engine alone: a mocap body, or a 200 kg body that is placed in every step."""
-    step, half = SETTINGS.substep, SIDE / 2
-    contact = f'solref="{SETTINGS.stiffness} 1" friction="{SETTINGS.friction} 0.005 0.0005"'
+    step, half = MAX_SUBSTEP_S, SIDE / 2
+    contact = f'solref="{CONTACT_TIME_S} 1" friction="{SETTINGS.friction} 0.005 0.0005"'
     slides = (
         "".join(f'<joint type="slide" axis="{a}"/>' for a in ("1 0 0", "0 1 0", "0 0 1")) if heavy else ""
     )

@@ -22,13 +22,13 @@ from enliven.document.character import Pose
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.puppet_examples import examples_of
 from enliven.person.body import Body
-from enliven.samples import cactus_project
+from enliven.samples.shipped import cactus_project
 from enliven.wire.convert import pose_to_message
 from enliven.wire.envelope import pack_stream
 from enliven.wire.posecode import PoseCodec
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.render.normals import make_solved_rows
@@ -86,7 +86,7 @@ def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
 
 def _performer(seconds: float) -> Body:
     """Returns a performer that waves with both arms, marches and turns."""
-    turns = standing(0.3 * seconds)
+    turns = standing_pose(0.3 * seconds)
     for bone, sign, speed in ((model.UPPER_ARM_L, 1.0, 2.0), (model.UPPER_ARM_R, -1.0, 2.7)):
         turns[bone] = rotation(z=sign * (1.3 - 1.3 * np.cos(speed * seconds))) @ turns[bone]
     for thigh, shin, sign in ((model.THIGH_L, model.SHIN_L, 1.0), (model.THIGH_R, model.SHIN_R, -1.0)):

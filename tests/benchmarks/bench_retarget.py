@@ -28,10 +28,12 @@ from standing_feet import standing_slides
 
 from enliven.document import Clip, Shape, Skeleton
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
-from enliven.formats.gltf import read_gltf
-from enliven.mapping import MotionQuality, Plan, automatic, quality_of, retarget
-from enliven.takes import read_take
+from enliven.exporters.gltf.write import glb_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.plan import Plan
+from enliven.mapping.quality import MotionQuality, quality_of
+from enliven.takes.files import read_take
 
 HERE = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ENLIVEN_DATA", HERE.parent / "shared" / "data"))

@@ -18,6 +18,7 @@ from figure import Figure
 from enliven.frames import DepthFrame
 from enliven.wire.streams import PoseMessage
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.character_setup import create_actor
@@ -38,7 +39,7 @@ while True:
 """
 
 
-class Reel:
+class Reel(Sensor):
     """Frames from memory, so that rendering them costs the edge no time."""
 
     name = "reel"

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from enliven.camera import project
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh, load_mesh, save_mesh
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import (
     DepthPreparation,
     Scanner,
@@ -33,20 +33,19 @@ from enliven.scanning import (
     decimate,
     draw_mesh,
 )
-from enliven.scanning.objects import MovedScanner, sample_surface
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven.scanning.objects.registration import align_from_starts
-from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.stage import create_mesh_actor
-from enliven_synthesis.sensor import (
+from enliven_edge.stage.character_setup import create_mesh_actor
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.moved_object import (
     FollowingPath,
-    HandheldPath,
-    HandheldScan,
     MovedObjectPath,
     MovedObjectScan,
     lie_on_back_pose,
-    load_profile,
 )
+from enliven_synthesis.sensor.profile import load_profile
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.45, height=(0.6, 1.9), turns=1.1, seconds=15.0)
@@ -173,8 +172,8 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     yield Figure("scanning.mb", scanner.megabytes, "MB")
     turn, move = _laid(np.array([p[:3, 3] for p in poses]), np.array([p[:3, 3] for p in truth]))
     surface = scanner.surface()
-    near = _near(Mesh(surface.vertices @ turn.T + move, surface.faces), scan.thing)
-    points = _sampled(scan.thing, 600_000)
+    near = _near(Mesh(surface.vertices @ turn.T + move, surface.faces), scan.scanned_mesh)
+    points = _sampled(scan.scanned_mesh, 600_000)
     error = _errors(near, points)
     yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
@@ -198,7 +197,7 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
         step, time_s = scanner.add(frame), index / 30.0
         if step.object_from_camera is not None and time_s > LAID[0] + 1.0:
             again = time_s if again is None else again
-            true = np.linalg.inv(scan.thing_pose(index)) @ scan.pose(index)
+            true = np.linalg.inv(scan.object_pose(index)) @ scan.pose(index)
             off.append(float(np.linalg.norm(step.object_from_camera[:3, 3] - true[:3, 3])))
     yield Figure(
         "scanning.found_again_s", (again or np.inf) - LAID[1], "s of the camera's clock after it lay"
@@ -244,7 +243,7 @@ def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.nda
         shown = np.flatnonzero((column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height))
         ray = local[shown] / np.linalg.norm(local[shown], axis=1, keepdims=True)
         slope = np.abs((ray * (normals[shown] @ pose[:3, :3])).sum(1))
-        before = local[shown, 2] - draw_mesh(scan.thing, camera, pose).depth[row[shown], column[shown]]
+        before = local[shown, 2] - draw_mesh(scan.scanned_mesh, camera, pose).depth[row[shown], column[shown]]
         # A pixel covers 3 mm there, and a larger range of depth the more slanted the surface is.
         looks[shown[before < 0.004 + 0.003 / np.maximum(slope, 0.1)]] += 1
     return looks >= LOOKS

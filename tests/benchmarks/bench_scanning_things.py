@@ -17,9 +17,10 @@ from scipy.spatial import cKDTree
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, ScanState
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import sample_surface
+from enliven.scanning.objects.surface_points import sample_surface
 from enliven.scanning.rigid import pose_difference
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
 EVERY = 3
@@ -41,7 +42,7 @@ def figures() -> Iterator[Figure]:
         scanner.close_loops()
         yield Figure(f"scanning.off_mm_{name}", 1e3 * float(np.median(off)), "mm of the camera")
         yield Figure(f"scanning.left_out_{name}", float(lost), "images")
-        yield from _surface(name, take.thing, scanner.surface())
+        yield from _surface(name, take.scanned_mesh, scanner.surface())
 
 
 def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:

@@ -18,12 +18,16 @@ from scipy.spatial import cKDTree
 
 from enliven.meshes import Mesh
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import MovedScanner, ObjectState, object_tracking_settings, sample_surface
+from enliven.scanning.objects.moved_scanner import MovedScanner, object_tracking_settings
+from enliven.scanning.objects.moved_step import ObjectState
 from enliven.scanning.objects.registration import align_from_starts
-from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven.scanning.rigid import invert_pose, pose_difference
 from enliven.scanning.settings import ScanSettings
-from enliven_synthesis.sensor import HandheldPath, HandTurnedPath, MovedObjectScan, MovingObject, load_profile
+from enliven_synthesis.sensor.hand_turned_object import HandTurnedPath
+from enliven_synthesis.sensor.handheld import HandheldPath
+from enliven_synthesis.sensor.moved_object import MovedObjectScan, MovingObject
+from enliven_synthesis.sensor.profile import load_profile
 
 WAYS: dict[str, tuple[MovingObject, HandheldPath, int]] = {
     "turntable": (WAY, STILL, 405),
@@ -57,7 +61,7 @@ def _followed(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]
         room.append(pose_difference(step.scan.world_from_camera, take.pose(index))[0])
         followed += step.state in (ObjectState.FOLLOWED, ObjectState.RESTING)
         if step.object_from_camera is not None:
-            true = invert_pose(take.thing_pose(index)) @ take.pose(index)
+            true = invert_pose(take.object_pose(index)) @ take.pose(index)
             off.append(pose_difference(step.object_from_camera, true)[0])
     yield Figure(f"scanning.{name}_ms", 1e3 * float(np.median(took)), "ms")
     yield Figure(f"scanning.{name}_p99_ms", 1e3 * float(np.quantile(took, 0.99)), "ms")

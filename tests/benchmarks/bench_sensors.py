@@ -30,7 +30,7 @@ from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.orbbec import OrbbecSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
 from enliven_edge.sensors.drivers.tof import TofSensor
-from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 from enliven_edge.sensors.reopening import ReopeningSensor
 
 WIDTH, HEIGHT, FPS = 640, 400, 30

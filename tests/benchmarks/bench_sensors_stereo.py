@@ -21,7 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from stereo_rig import calibration_of, rectified_left, rig
 from stereo_scene import Photographer, person, room
 
-from enliven_edge.sensors.stereo import Rectification, StereoMatcher
+from enliven_edge.sensors.stereo.matching import StereoMatcher
+from enliven_edge.sensors.stereo.rectification import Rectification
 
 WIDTH, HEIGHT = 640, 400
 DISTANCES = (1, 2, 3)

@@ -26,21 +26,21 @@ from rig_worlds import graph_world, skeleton_world
 from swaying import possessed_chair
 
 from enliven.document import Clip, Project, still_shape
-from enliven.formats.project import project_of, project_of_mesh
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import refine
 from enliven.modeling.edits import paste_character
-from enliven.modeling.puppet import play_take
-from enliven.motion.layers import bind_chain
+from enliven.modeling.puppet.edits import play_take
+from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import IDENTITY
-from enliven.samples import cactus_project, load_sample
+from enliven.samples.shipped import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Done
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
 from enliven_viewer.link.edge_client import EdgeClient
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.timeline import RULER_HEIGHT
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.timeline.layout import RULER_HEIGHT
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 LAYERS = 10
 SCRUBS = 80

@@ -13,8 +13,10 @@ from PIL import Image
 
 from enliven.document import Character, Pose, SkinWeights
 from enliven.meshes import MeshMaterials, Texture
-from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 
 CHARACTERS = 10
 ROWS, COLUMNS = 125, 160

@@ -16,9 +16,10 @@ from figure import Figure
 LAPS = 5
 CHILD = """
 import time
-from enliven_viewer.studio import StudioSettings, StudioWindow
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.settings import StudioSettings
+from enliven_viewer.studio.window import StudioWindow
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 def shown(window):
     print(time.monotonic(), flush=True)

@@ -16,9 +16,9 @@ from pathlib import Path
 from figure import Figure
 
 from enliven.document import Project
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.perform.session import PerformSession
 
 RATE = 60.0
 """Frames per second."""

@@ -10,6 +10,7 @@ from collections.abc import Collection
 from datetime import date
 from pathlib import Path
 
+from data_needs import Need, missing_needs
 from figure import Figure
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures.md"
@@ -36,13 +37,17 @@ def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], pa
     missing = [name for name in known if name not in of_day]
     if not missing:
         figures = [figure for measured in of_day.values() for figure in measured]
-        text = written(page.read_text(encoding="utf-8"), figures, this_machine(), date.today())
+        needs = missing_needs(known)
+        text = written(page.read_text(encoding="utf-8"), figures, this_machine(), date.today(), needs)
         page.write_text(text, encoding="utf-8")
     return missing
 
 
-def written(page: str, figures: list[Figure], machine: str, day: date) -> str:
-    """Returns the page with the table of these figures instead of the previous one."""
+def written(page: str, figures: list[Figure], machine: str, day: date, needs: Collection[Need] = ()) -> str:
+    """Returns the page with the table of these figures instead of the previous one.
+
+    Below the table are the needs of the figures that were not measured.
+    """
     rows = [
         f"| `{figure.name}` | {figure.value:.4g} {figure.unit} | {_compared(figure)} |"
         for figure in sorted(figures, key=lambda one: one.name)
@@ -53,7 +58,9 @@ def written(page: str, figures: list[Figure], machine: str, day: date) -> str:
         "| figure | value | beside |",
         "|---|---|---|",
     ]
-    table = "\n".join(["<!-- figures -->", "", *head, *rows, "", "<!-- end -->"])
+    lacks = [f"- {need}" for need in needs]
+    below = ["", "This machine lacked data:", "", *lacks] if lacks else []
+    table = "\n".join(["<!-- figures -->", "", *head, *rows, *below, "", "<!-- end -->"])
     return re.sub("<!-- figures -->.*?<!-- end -->", lambda _: table, page, flags=re.DOTALL)
 
 

@@ -3,6 +3,9 @@
 Once all have been measured on one machine on one day, by one call or several, the table of docs/figures.md is
 written.
 
+Some figures need recordings of others in the folder ENLIVEN_DATA. Without them these figures are left out.
+The reason is printed and stands below the table (data_needs.py).
+
 A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``. A file bench_NAME_MORE.py
 belongs to it and runs with it.
 """
@@ -11,6 +14,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import sys
 from datetime import date
 from pathlib import Path
@@ -22,8 +26,12 @@ sys.path[:0] = [
     str(folder) for folder in (HERE, HELPERS, SCRIPTS, *sorted(HERE.iterdir())) if folder.is_dir()
 ]
 
+from data_needs import missing_needs  # noqa: E402
 from figure import Figure  # noqa: E402
 from figures_page import PAGE, gathered, this_machine, write_when_whole  # noqa: E402
+
+# All figures are measured with the code that a release ships, and nothing compiles in the background.
+os.environ["ENLIVEN_NATIVE_KERNELS"] = "off"
 
 RESULT = HERE.parents[1] / "bench.json"
 
@@ -43,6 +51,8 @@ def main(names: list[str]) -> int:
             print(figure, flush=True)
             _keep(figure)
             figures.append(figure)
+        for need in missing_needs([name]):
+            print(need, flush=True)
         missing = write_when_whole(gathered(name, figures, this_machine(), date.today()), benchmarks)
     message = f"not measured here today, so {PAGE.name} is as it was: {', '.join(missing)}"
     print(message if missing else f"{PAGE.name} is written", file=sys.stderr)

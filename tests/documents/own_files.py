@@ -23,20 +23,21 @@ from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.example_sessions.text import write_session
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import write_gltf
+from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.project.file import write_project
 from enliven.formats.rig.rig import play_clip
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes.files import save_mesh
-from enliven.motion.layers import Player
+from enliven.motion.layers.evaluate import Player
 from enliven.person import Body
 from enliven.recording import Recorder, Recording
 from enliven.rotation import from_rotation_vector, rotate
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
 
 FRAMES = 45
@@ -111,7 +112,7 @@ def _write_recordings(folder: Path) -> None:
 def in_chair(bow: float) -> np.ndarray:
     """Returns (20, 3) joints of a person in the chair, bending forward by an angle in radians."""
     place = np.array([0.0, 0.95, 0.0])
-    joints = Posture(place, standing(elbow=1.5), lengths_for_height(1.75)).joints()
+    joints = Posture(place, standing_pose(elbow=1.5), lengths_for_height(1.75)).joints()
     turn = from_rotation_vector(np.array([bow, 0.0, 0.0]))
     joints[1:12] = rotate(turn, joints[1:12] - joints[0]) + joints[0]
     return joints

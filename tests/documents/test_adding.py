@@ -11,27 +11,39 @@ from enliven import cli
 from enliven.document import Project, Skeleton, still_shape
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.registry import ENTRY_POINTS
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 CODE = [block.text for block in blocks_of(ROOT / "CONTRIBUTING.md") if block.kind == "python"]
 
 
 @pytest.fixture
-def with_wall_reader(tmp_path, monkeypatch):
-    """Installs the reader as a package of its own, as pip does: a module and its metadata."""
-    about = tmp_path / "site" / "wall_reader-1.0.dist-info"
-    about.mkdir(parents=True)
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: wall-reader\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[enliven.readers]\nwall = wall_reader:WallReader\n")
-    (tmp_path / "site" / "wall_reader.py").write_text(next(code for code in CODE if "WallReader" in code))
-    monkeypatch.syspath_prepend(tmp_path / "site")
-    yield
-    sys.modules.pop("wall_reader", None)
+def install(tmp_path, monkeypatch):
+    """Returns a function that installs a module as pip does: as a package with one entry point."""
+    installed = []
+
+    def install_module(name, code, group, entry):
+        about = tmp_path / "site" / f"{name}-1.0.dist-info"
+        about.mkdir(parents=True)
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(f"[{group}]\n{entry}\n")
+        (tmp_path / "site" / f"{name}.py").write_text(code)
+        monkeypatch.syspath_prepend(tmp_path / "site")
+        installed.append(name)
+
+    yield install_module
+    for name in installed:
+        sys.modules.pop(name, None)
 
 
-def test_a_reader_is_one_class(with_wall_reader, tmp_path, capsys):
+def code_with(word):
+    """Returns the block of CONTRIBUTING.md that contains a word."""
+    return next(code for code in CODE if word in code)
+
+
+def test_a_reader_is_one_class(install, tmp_path, capsys):
+    install("wall_reader", code_with("WallReader"), "enliven.readers", "wall = wall_reader:WallReader")
     (tmp_path / "a.wall").write_text("2000\n2100\n")
     assert cli.run(["import", "--list-readers"]) == 0 and "wall" in capsys.readouterr().out
     assert cli.run(["import", str(tmp_path / "a.wall"), "-o", str(tmp_path / "a.mcap")]) == 0
@@ -42,32 +54,64 @@ def test_a_reader_is_one_class(with_wall_reader, tmp_path, capsys):
     assert "line 2 is no whole number" in capsys.readouterr().err
 
 
-def test_an_action_is_one_line(tmp_path):
-    names: dict = {}
-    exec(compile(next(code for code in CODE if "add_slow" in code), "CONTRIBUTING.md", "exec"), names)
+def bone_project():
+    """Returns a project with a shape of one bone above the floor."""
+    bone = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0, 0.5, 0], [0, 1.5, 0.0]]))
+    return Project().with_characters(still_shape("bone", bone))
+
+
+def test_a_feature_is_one_package(install, tmp_path):
+    install("half_speed", code_with("HalfSpeed"), ENTRY_POINTS, "half_speed = half_speed:register")
     workspace = Workspace.new(Editor(), tmp_path)
-    names["add_slow"](workspace)
     workspace.input.key("ctrl+f9")
     assert workspace.editor.speed == 1.0 and "Nothing is there" in workspace.editor.toasts.shown[-1].text
-    bone = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0, 0.5, 0], [0, 1.5, 0.0]]))
-    workspace.store.new(Project().with_characters(still_shape("bone", bone)))
+    workspace.store.new(bone_project())
     workspace.input.key("ctrl+f9")
     assert workspace.editor.speed == 0.5 and workspace.actions.find("half")[0].id == "view.slow"
+    assert workspace.state(sys.modules["half_speed"].HalfSpeed).editor is workspace.editor
+    workspace.actions.set_shortcut("view.slow", "ctrl+f10")
+    assert Workspace.new(Editor(), tmp_path).actions.shown_key(workspace.actions["view.slow"]) == "Ctrl+F10"
 
 
-def test_a_tool_is_one_class_and_one_line(tmp_path, monkeypatch):
-    names: dict = {}
-    exec(compile(next(code for code in CODE if "FloorTool" in code), "CONTRIBUTING.md", "exec"), names)
-    # The line in tools/registry.py: modules that read it are loaded already.
-    before, after = TOOLS, (*TOOLS, names["FloorTool"])
-    for module in [
-        loaded for name, loaded in sys.modules.items() if name.startswith("enliven_viewer.studio.")
-    ]:
-        if vars(module).get("TOOLS") is before:
-            monkeypatch.setattr(module, "TOOLS", after)
+AFTER_NOTHING = """
+from enliven_viewer.studio.actions.action import Action
+
+def register(app):
+    app.actions.add(Action("a.b", "View", "B", (), app.editor.undo), after="view.none")
+"""
+TOOL_TWICE = """
+from enliven_viewer.studio.tools.cut import CutTool
+
+def register(app):
+    app.add_tool(CutTool)
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "problem"),
+    [
+        ("def register(app):\n    1 / 0", "division by zero"),
+        ("import no_such_module", "No module named 'no_such_module'"),
+        (AFTER_NOTHING, "action a.b: the action view.none is unknown"),
+        (TOOL_TWICE, "action tool.cut: c is tool.cut's"),
+    ],
+    ids=["in register", "at import", "after an unknown action", "a tool twice"],
+)
+def test_a_broken_feature_is_reported_and_the_studio_starts(install, tmp_path, code, problem):
+    install("broken", code, ENTRY_POINTS, "broken = broken:register")
     workspace = Workspace.new(Editor(), tmp_path)
-    bone = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0, 0.5, 0], [0, 1.5, 0.0]]))
-    workspace.store.new(Project().with_characters(still_shape("bone", bone)))
+    (toast,) = workspace.editor.toasts.shown
+    assert "the feature broken cannot be loaded" in toast.text and problem in toast.text
+    assert toast.remedy == "Update or remove the package broken."
+    assert workspace.actions.do("scan.open")
+
+
+def test_a_tool_is_one_class_and_one_line(tmp_path):
+    names: dict = {}
+    exec(compile(code_with("FloorTool"), "CONTRIBUTING.md", "exec"), names)
+    workspace = Workspace.new(Editor(), tmp_path)
+    names["register"](workspace)
+    workspace.store.new(bone_project())
     play([Key("1"), Wait(1.0), Key("f9"), Click(JointPlace("bone", 1))], HeadlessStage(workspace))
     assert abs(workspace.editor.stage_character("bone").handles[:, 1] - [0.0, 1.0]).max() < 1e-9
     assert workspace.editor.history.names == ("to the floor",)

@@ -14,6 +14,7 @@ import enliven.commands.run as run_command
 import enliven_viewer.commands.studio as studio_command
 import enliven_viewer.studio.window as studio_window
 from enliven import cli
+from enliven.kiosk.profile import KioskProfile
 from enliven.mapping.plan_file import read_plan
 from enliven.settings import load_settings
 from enliven_edge.settings import EdgeSettings
@@ -114,7 +115,7 @@ def without_processes(monkeypatch):
         return cli.run([*edge, *BOUNDS["edge"]])
 
     class Closed:
-        def __init__(self, workspace, opening) -> None:
+        def __init__(self, workspace, opening, outputs) -> None:
             self.workspace = workspace
 
         def run(self, seconds: float | None = None) -> None:
@@ -184,6 +185,8 @@ def test_the_settings_of_a_document_are_settings(block, tmp_path):
         assert len(read_plan(path).chains) == len(values["chain"])
     elif block.page.parent.name == "tutorials":
         assert all({"take", "time", "moves"} <= set(pose) for pose in values["pose"])
+    elif block.page.name in ("health.md", "kiosk.md", "technician.md"):
+        assert load_settings(KioskProfile, path) != KioskProfile()
     elif block.page.name == "studio.md":
         assert load_settings(StudioSettings, path).width == values["width"]
     elif "render" in values:

@@ -88,14 +88,14 @@ def test_a_script_follows_a_running_edge(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda one: one.stem)
-def test_a_script_is_short_and_imports_public_names(script):
+def test_a_script_is_short_and_imports_no_private_name(script):
     text = script.read_text(encoding="utf-8")
-    assert len(text.splitlines()) < MOST_LINES
+    assert len(text.splitlines()) <= MOST_LINES
     tree = ast.parse(text)
     assert ast.get_docstring(tree), "it says what it does"
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
-            assert node.module and node.module.count(".") <= 2
+            assert node.module
             assert not any(
                 part.startswith("_")
                 for part in [*node.module.split("."), *(alias.name for alias in node.names)]

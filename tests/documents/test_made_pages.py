@@ -8,8 +8,15 @@ from blocks import ROOT
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "tests" / "benchmarks")]
 
 import figures_page  # noqa: E402
+import health_tables  # noqa: E402
 import settings_page  # noqa: E402
 from figure import Figure  # noqa: E402
+
+
+def test_tables_of_the_health_page_are_current():
+    page = health_tables.PAGE.read_text(encoding="utf-8")
+    assert page == health_tables.written(page), "run .venv/bin/python scripts/health_tables.py"
+    assert page.count("<!-- end -->") == 3 and "| `enliven_edge_up` | gauge | edge |" in page
 
 
 def test_the_page_of_settings_is_that_of_the_classes():

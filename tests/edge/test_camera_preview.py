@@ -10,8 +10,8 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body
 from enliven.rotation import from_rotation_vector
 from enliven_edge.camera_preview import CameraPreview, nearness
-from enliven_viewer.studio.perform import find_aspect, project_bodies
-from enliven_viewer.studio.picture import draw_depth_image
+from enliven_viewer.studio.perform.preview_placement import find_aspect, project_bodies
+from enliven_viewer.studio.picture.preview_textures import draw_depth_image
 
 LENS = Intrinsics(320, 240, 290.0, 290.0, 150.0, 118.0)
 STEP = 100_000_000
@@ -49,7 +49,7 @@ def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
 def test_preview_joints_lie_on_the_image(mirrored) -> None:
     place = tilted()
     body, depth = body_and_depth(place)
-    preview = CameraPreview().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
+    preview = CameraPreview().create_message(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
     assert preview is not None and find_aspect(preview) == pytest.approx(4 / 3, rel=0.02)
     if mirrored:  # by the vertical plane through the line of sight
         body = Body(
@@ -68,15 +68,15 @@ def test_preview_is_sent_every_other_frame_and_needs_a_pose() -> None:
         CameraPreview(),
         lambda n: DepthFrame(np.full((240, 320), 2000, np.uint16), LENS, n * STEP, "s"),
     )
-    sent = [camera_preview.of(frame(n), tilted()) is not None for n in range(7)]
+    sent = [camera_preview.create_message(frame(n), tilted()) is not None for n in range(7)]
     assert sent == [True, False, True, False, True, False, True]
-    assert CameraPreview().of(frame(0), None) is None
-    preview = camera_preview.of(frame(0), tilted())
+    assert CameraPreview().create_message(frame(0), None) is None
+    preview = camera_preview.create_message(frame(0), tilted())
     assert preview is not None, "a recording begins anew"
 
 
 def test_body_sensor_publishes_only_its_pose() -> None:
-    preview = CameraPreview().of(BodyFrame([], 0, "kinect2"), tilted())
+    preview = CameraPreview().create_message(BodyFrame([], 0, "kinect2"), tilted())
     assert preview is not None and preview.height == 0 and preview.nearness == b""
     assert preview.place == pytest.approx(tilted()[:3].ravel().tolist())
 
@@ -87,7 +87,7 @@ def test_any_image_becomes_a_small_picture(size) -> None:
     depth[0, 0], depth[0, -1] = 0, 65535
     small = nearness(depth)
     assert small[0, 0] == 0 and max(small.shape) <= 128 and small.shape[0] <= 72
-    preview = CameraPreview().of(
+    preview = CameraPreview().create_message(
         DepthFrame(depth, Intrinsics(size[1], size[0], 300, 300, 5, 5), 0, "s"), tilted()
     )
     assert preview is not None and draw_depth_image(preview).shape == (*small.shape, 3)

@@ -16,10 +16,10 @@ from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.errors import InputError
-from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.meshes import MeshMaterials, Texture
 from enliven.possession import ActorSettings, EmbeddedActor, find_person_in_mesh
-from enliven.samples import cactus_project
+from enliven.samples.shipped import cactus_project
 from enliven.wire import (
     MAX_PART_BYTES,
     MAX_TEXTURE_BYTES,
@@ -161,7 +161,7 @@ def test_no_message_sequence_harms_the_stage(data):
         try:
             (uploads.put if isinstance(message, PutCharacter) else uploads.take)(message)
         except InputError as error:
-            assert error.mend
+            assert error.remedy
         assert sum(each.order.size for each in uploads._waiting.values()) <= MAX_UPLOAD_BYTES
         assert len(uploads._waiting) <= 4
     deadline = time.monotonic() + PATIENCE
@@ -195,6 +195,15 @@ def wild_star():
     )
 
 
+def unpaired_cactus() -> Project:
+    """Returns a cactus with key poses, and a control point that is not paired with a joint."""
+    project = cactus_project()
+    puppet = project.puppet("cactus")
+    first, *others = puppet.points
+    points = (replace(first, joint=""), *others)
+    return project.with_characters(puppet.with_changes(points=points))
+
+
 @pytest.mark.parametrize(
     ("project", "name", "why"),
     [
@@ -208,7 +217,7 @@ def wild_star():
         (project_of_mesh(replace(MESH, vertices=MESH.vertices * 0), "chair"), "chair", "area"),
         (Project().with_characters(star().with_changes(mesh=None, skin=None)), "star", "no mesh"),
         (
-            Project().with_characters(cactus_project().puppet("cactus").with_changes(poses=())),
+            unpaired_cactus(),
             "cactus",
             "move yet",
         ),

@@ -10,9 +10,9 @@ import typer
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
+from enliven.space.space_file import load_space
 from enliven_edge.commands.edge import edge
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
-from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.settings import EdgeSettings
 from enliven_edge.sources import Source, SourceSettings, open_sources, parse_source, sources_from_settings
 from enliven_edge.tracking.settings import SceneSettings
@@ -54,7 +54,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     space = load_space(EDGES / loaded.space)
     with contextlib.ExitStack() as stack:
         sensors = open_sources([Source("middle", "synthetic", {})], stack)
-        with pytest.raises(InputError, match=r"does not know the sensor .middle.*left, right"):
+        with pytest.raises(InputError, match=r"no pose for the sensor .middle.*left, right"):
             FusedSensors(sensors, {"middle": Tracker()}, space)
 
 

@@ -16,9 +16,10 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.recording import Recording
 from enliven.wire.convert import message_to_bodies
-from enliven.wire.requests import Done, Smooth
+from enliven.wire.requests import Done, LearnRoom, Smooth
 from enliven.wire.streams import BodiesMessage
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
@@ -31,7 +32,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 STEP = 33_333_333
 
 
-class Frames:
+class Frames(Sensor):
     """A sensor that delivers given frames; None if no frame is due."""
 
     name = "given"
@@ -124,6 +125,24 @@ def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     edge.run()
     (state,) = outlet.publisher.status.health
     assert state.kind == HealthKind.NO_FRAMES and state.severity == 2
+
+
+def test_request_makes_the_edge_learn_the_room_again(outlet):
+    with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
+        frames = [sensor.read() for _ in range(120)]
+    edge = Edge(Frames(frames), Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0))
+    reported = []
+    listen = edge._poll_requests
+
+    def heard() -> None:
+        reported.append(HealthKind.LEARNING_ROOM in {state.kind for state in edge.health.states})
+        if len(reported) == 90:
+            assert isinstance(edge.handlers[LearnRoom].apply(LearnRoom()), Done)
+        listen()
+
+    edge._poll_requests = heard
+    edge.run()
+    assert reported[10] and not any(reported[80:90]) and reported[100]
 
 
 def test_bodies_of_a_body_sensor_are_smoothed_and_mirrored(outlet, tmp_path):

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.recording import Recorder, Recording
-from enliven.takes import read_take
+from enliven.takes.files import read_take
 from enliven_edge.commands.track import track, track_frames
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.settings import TrackerSettings
@@ -91,9 +91,9 @@ def test_single_image_gives_a_take(image, tmp_path):
 
 def test_image_without_a_known_camera_asks_for_a_lens(image, tmp_path):
     Image.fromarray(image[1].depth[:200]).save(image[0])
-    with pytest.raises(InputError, match="no file states its camera") as caught:
+    with pytest.raises(InputError, match="no file describes its camera") as caught:
         run(image[0], "-o", tmp_path / "bodies.mcap")
-    assert "--lens FX,FY,CX,CY" in caught.value.mend
+    assert "--lens FX,FY,CX,CY" in caught.value.remedy
     with pytest.raises(InputError, match="is not four numbers"):
         run(image[0], "-o", tmp_path / "bodies.mcap", "--lens", "525,525")
 
@@ -108,7 +108,7 @@ def test_image_without_depth_is_refused_with_its_type(name, mode, message, tmp_p
     with pytest.raises(InputError, match=message) as caught:
         run(tmp_path / name, "-o", tmp_path / "bodies.mcap")
     assert caught.value.where == str(tmp_path / name)
-    assert "16-bit channel, in millimetres" in caught.value.mend
+    assert "16-bit channel, in millimetres" in caught.value.remedy
 
 
 def test_cut_off_image_and_foreign_file_are_refused(image, tmp_path):

@@ -71,4 +71,4 @@ def test_warm_up_compiles_all_kernels():
 @pytest.mark.timeout(700)
 @pytest.mark.slow
 def test_first_frames_without_warmup_load_kernels():
-    assert {"minimise", "_solid"} <= set(kernels_of(warm=False)["live"])
+    assert {"minimise", "_solid_pixels"} <= set(kernels_of(warm=False)["live"])

@@ -7,8 +7,11 @@ ValueError that receivers expect for an array). Nothing else may happen, and tim
 from __future__ import annotations
 
 import logging
+import resource
 import signal
+import traceback
 import warnings
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,12 +20,19 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from fuzz_seeds import Maker
+from fuzz_mutations import mutated
 
 from enliven.errors import EnlivenError
 
 PATIENCE = 30
-"""Timeout for one file on a busy machine, seconds. Each takes milliseconds."""
+"""Maximum processor time for one file, seconds. Each takes milliseconds."""
+WAITING_FACTOR = 10
+"""Maximum time for one file, as a multiple of the processor time: a reader may also wait for something."""
+MAX_GROWTH_MB = 512
+"""Maximum growth of the process while it reads one file, MB. The first file also loads kernels."""
+
+Mutator = Callable[[bytes, bytes, Random], bytes]
+"""A function that returns a mutation of its first argument. Pieces of the second one are spliced into it."""
 
 
 @dataclass(frozen=True)
@@ -32,20 +42,41 @@ class Target:
     Attributes:
         name: name of the reader, and seed of its random generator.
         count: number of mutations in `make test`.
-        make: function that returns a mutated file.
-        read: function that reads the file, in a separate folder.
+        seeds: valid files.
+        read: function that reads a file, in a separate folder.
+        mutators: functions that mutate a file; each is equally likely. They accept any bytes.
         allowed: exceptions that it may raise.
     """
 
     name: str
     count: int
-    make: Maker
+    seeds: tuple[bytes, ...]
     read: Callable[[bytes, Path], Any]
+    mutators: tuple[Mutator, ...] = (mutated,)
     allowed: tuple[type[BaseException], ...] = (EnlivenError,)
+
+    @property
+    def slug(self) -> str:
+        """The name as a part of a file name."""
+        return self.name.replace(" ", "-")
+
+    def make(self, dice: Random) -> bytes:
+        """Returns a mutation of a seed, which depends only on the random generator."""
+        seed, other = dice.choice(self.seeds), dice.choice(self.seeds)
+        return dice.choice(self.mutators)(seed, other, dice)
 
 
 class Broken(AssertionError):
-    """Raised if a reader breaks the rule. The message contains the path of the file."""
+    """Raised if a reader breaks the rule. The message contains the path of the file.
+
+    Attributes:
+        kept: the file.
+        is_new: False if a file with the same fault was kept before.
+    """
+
+    def __init__(self, message: str, kept: Path, is_new: bool) -> None:
+        super().__init__(message)
+        self.kept, self.is_new = kept, is_new
 
 
 def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
@@ -54,29 +85,57 @@ def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
     Raises:
         Broken: if the outcome is not allowed; contains the path of the file.
     """
-    data = target.make(dice_of(target, seed))
+    check_bytes(target, target.make(dice_of(target, seed)), folder, keep, f"seed {seed}")
+
+
+def check_bytes(target: Target, data: bytes, folder: Path, keep: Path, origin: str = "") -> None:
+    """Gives a reader the bytes of a file, in ``folder``. A file that breaks the reader is kept in ``keep``.
+
+    The name of a kept file depends on the place of the fault in the code, so that one fault keeps one file.
+
+    Raises:
+        Broken: if the outcome is not allowed; contains the path of the file.
+    """
+    before = peak_mb()
     try:
-        with _bounded(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with _bounded():
             target.read(data, folder)
+        if (grown := peak_mb() - before) > MAX_GROWTH_MB:
+            raise TooLarge(f"took {grown:.0f} MB")
     except target.allowed:
         return
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
             raise
-        kept = keep / f"broken-{target.name.replace(' ', '-')}-{seed}.bin"
+        raise keep_broken(target, data, keep, error, origin) from error
+
+
+def keep_broken(target: Target, data: bytes, keep: Path, error: BaseException, origin: str = "") -> Broken:
+    """Keeps a file that breaks a reader. Returns the exception that describes it."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f"{Path(frames[-1].filename).name}:{frames[-1].name}" if frames else ""
+    fault = zlib.crc32(f"{type(error).__name__} {place}".encode())
+    kept = keep / f"broken-{target.slug}-{fault:08x}.bin"
+    is_new = not kept.exists()
+    if is_new:
         kept.write_bytes(data)
-        summary = (
-            f"{target.name}, seed {seed}: {type(error).__name__}: {str(error)[:300]}; the file is {kept}"
-        )
-        raise Broken(summary) from error
+    reason = f"{type(error).__name__}: {str(error)[:300]}" + (f" ({place})" if place else "")
+    about = ", ".join(filter(None, (target.name, origin)))
+    return Broken(f"{about}: {reason}; the file is {kept}", kept, is_new)
+
+
+def peak_mb() -> float:
+    """Returns the largest resident memory of this process until now, MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 @contextmanager
 def room() -> Iterator[str]:
-    """Yields a folder for one file after the other, in memory if possible. Readers log nothing."""
+    """Yields a folder for one file after the other, in memory if possible. Readers log and warn nothing."""
     levels = {name: logging.getLogger(name).level for name in ("enliven", "enliven_viewer")}
-    with TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
+    place = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    with TemporaryDirectory(dir=place) as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         try:
             for name in levels:
                 logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -92,21 +151,31 @@ def dice_of(target: Target, seed: str) -> Random:
     return Random(f"{target.name} {seed}")
 
 
+class TooLarge(Exception):
+    """A file that makes its reader take more than :data:`MAX_GROWTH_MB`."""
+
+
 class TooSlow(BaseException):
     """Not a subclass of Exception, so that readers do not mistake it for damage in the file."""
 
 
 @contextmanager
 def _bounded() -> Iterator[None]:
-    """Stops anything that takes longer than :data:`PATIENCE`."""
+    """Stops anything that takes more than :data:`PATIENCE` of processor time, or far more time than that.
 
-    def stop(*_: Any) -> None:
-        raise TooSlow(f"longer than {PATIENCE} s")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    Processor time alone counts at first, because a busy machine may pause this process for long.
+    """
+    before = [signal.signal(each, _stop) for each in (signal.SIGPROF, signal.SIGALRM)]
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    signal.setitimer(signal.ITIMER_REAL, WAITING_FACTOR * PATIENCE)
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGPROF, before[0])
+        signal.signal(signal.SIGALRM, before[1])
+
+
+def _stop(*_: Any) -> None:
+    raise TooSlow(f"longer than {PATIENCE} s")

@@ -13,8 +13,8 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
-from fuzz_mutations import mutated
-from fuzz_seeds import character, json_anew, poses, recording
+from fuzz_mutations import MOST_BYTES, mutated
+from fuzz_seeds import character, json_tree, poses, recording
 from gltf_builder import random_rig
 from surgery_worlds import random_project
 
@@ -77,20 +77,22 @@ def realsense_database() -> bytes:
         return path.read_bytes()
 
 
-def project_anew(dice: Random) -> bytes:
+def project_parts(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a project with a mutated header or array, and with correct archive checksums."""
-    with zipfile.ZipFile(io.BytesIO(project())) as archive:
-        entries = {name: archive.read(name) for name in archive.namelist()}
-    if dice.random() < 0.75:
-        entries["project.json"] = json_anew(entries["project.json"], dice)
-    else:
-        name = dice.choice(sorted(entries))
-        entries[name] = mutated(entries[name], entries[name], dice)
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in entries.items():
-            archive.writestr(name, data)
-    return out.getvalue()
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(each.file_size for each in archive.infolist()) > MOST_BYTES:
+                return mutated(data, other, dice)
+            entries = {name: archive.read(name) for name in archive.namelist()}
+        name = "project.json" if dice.random() < 0.75 else dice.choice(sorted(entries))
+        entries[name] = (json_tree if name == "project.json" else mutated)(entries[name], entries[name], dice)
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, entry in entries.items():
+                archive.writestr(name, entry)
+        return out.getvalue()
+    except Exception:  # mutated before: zipfile raises exceptions of many kinds
+        return mutated(data, other, dice)
 
 
 @functools.cache
@@ -119,13 +121,14 @@ def mesh(suffix: str) -> bytes:
         return path.read_bytes()
 
 
-def glb_anew(dice: Random) -> bytes:
+def glb_parts(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a GLB with mutated JSON tree or numbers, and with correct lengths."""
-    data = mesh(".glb")
-    size = struct.unpack_from("<I", data, 12)[0]
+    size = struct.unpack_from("<I", data, 12)[0] if len(data) > 28 else 0
+    if not 0 < size <= len(data) - 28:
+        return mutated(data, other, dice)
     text, blob = data[20 : 20 + size], data[28 + size :]
     if dice.random() < 0.7:
-        text = json_anew(text, dice)
+        text = json_tree(text, other, dice)
     else:
         blob = mutated(blob, blob, dice)
     return glb_of(text, blob)

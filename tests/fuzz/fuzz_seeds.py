@@ -12,7 +12,6 @@ import json
 import struct
 import tempfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -21,8 +20,10 @@ import msgspec
 import numpy as np
 import zstandard
 from archived_depth import archived
-from fuzz_mutations import mutated, mutated_tree
+from fuzz_law import Mutator
+from fuzz_mutations import MOST_BYTES, mutated, mutated_tree
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 from PIL import Image
@@ -41,40 +42,39 @@ from enliven.wire.convert import bodies_to_message, cues_to_message, pose_to_mes
 from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 
-Maker = Callable[[Random], bytes]
-"""A function that returns a mutated file, which depends only on the random generator."""
 
-
-def of_bytes(*seeds: bytes) -> Maker:
-    """Returns one of the seeds with mutated bytes."""
-    return lambda dice: mutated(dice.choice(seeds), dice.choice(seeds), dice)
-
-
-def of_json(seed: bytes) -> Maker:
-    """Returns a JSON text with a mutated tree."""
-    return lambda dice: json_anew(seed, dice)
-
-
-def of_msgpack(head: bytes, seed: bytes) -> Maker:
-    """Returns a head and a MessagePack value, mutated."""
-    return lambda dice: head + msgpack_anew(seed, dice)
-
-
-def json_anew(seed: bytes, dice: Random) -> bytes:
+def json_tree(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a JSON text with a mutated tree; sometimes nested deeper than any program writes."""
     if dice.random() < 0.01:
-        return patched(seed, dice.choice((b"[", b'{"a":')) * 20_000, dice)
-    return json.dumps(mutated_tree(json.loads(seed), dice)).encode()
+        return patched(data, dice.choice((b"[", b'{"a":')) * 20_000, dice)
+    try:
+        return json.dumps(mutated_tree(json.loads(data), dice)).encode()
+    except (ValueError, RecursionError):  # mutated before, no JSON any more
+        return mutated(data, other, dice)
 
 
-def msgpack_anew(seed: bytes, dice: Random) -> bytes:
+def msgpack_after(head: int) -> Mutator:
+    """Returns a mutator of the tree of a MessagePack value that follows ``head`` bytes."""
+
+    def mutate(data: bytes, other: bytes, dice: Random) -> bytes:
+        return data[:head] + msgpack_tree(data[head:], other[head:], dice)
+
+    return mutate
+
+
+def stream_tree(data: bytes, other: bytes, dice: Random) -> bytes:
+    """Returns a stream message with a mutated tree, which follows the topic, a zero byte and a version."""
+    return msgpack_after(data.find(b"\0") + 2)(data, other, dice)
+
+
+def msgpack_tree(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a MessagePack value with a mutated tree; sometimes nested deeper than any program writes."""
     if dice.random() < 0.01:
-        return patched(seed, dice.choice((b"\x91", b"\x81\xa1a")) * 20_000, dice)
+        return patched(data, dice.choice((b"\x91", b"\x81\xa1a")) * 20_000, dice)
     try:
-        return msgspec.msgpack.encode(mutated_tree(msgspec.msgpack.decode(seed), dice))
-    except (OverflowError, RecursionError, ValueError, msgspec.MsgspecError):  # mutated before, no value now
-        return mutated(seed, seed, dice)
+        return msgspec.msgpack.encode(mutated_tree(msgspec.msgpack.decode(data), dice))
+    except (OverflowError, RecursionError, TypeError, ValueError, msgspec.MsgspecError):
+        return mutated(data, other, dice)  # mutated before, no value any more
 
 
 def patched(data: bytes, piece: bytes, dice: Random) -> bytes:
@@ -179,63 +179,81 @@ def recording() -> bytes:
         return path.read_bytes()
 
 
-def recording_anew(dice: Random) -> bytes:
+def recording_index(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a recording with a mutated index and a correct summary checksum."""
-    data = recording()
-    size, start = len(data) - 37, struct.unpack_from("<Q", data, len(data) - 28)[0]
+    size = len(data) - 37
+    start = struct.unpack_from("<Q", data, len(data) - 28)[0] if size > 0 else 0
+    if not 0 < start < size:
+        return mutated(data, other, dice)
     summary = mutated(data[start:size], data, dice)
     tail = data[size : size + 25]
     check = zlib.crc32(tail, zlib.crc32(summary))
     return data[:start] + summary + tail + struct.pack("<I", check) + data[-8:]
 
 
-def chunk_anew(dice: Random) -> bytes:
-    """Returns a recording without an index, of one uncompressed chunk with mutated content."""
-    records = mutated(_content(), _content(), dice)
+def recording_chunk(data: bytes, other: bytes, dice: Random) -> bytes:
+    """Returns a recording without an index. Its first chunk is repacked with mutated content."""
+    try:
+        first = _first_chunk(data)
+        chunk = Chunk.read(ReadDataStream(io.BytesIO(data[first + 9 :])))
+        content = chunk.data
+        if chunk.compression:
+            size = min(chunk.uncompressed_size, MOST_BYTES)
+            content = zstandard.ZstdDecompressor().decompress(content, size)
+    except (struct.error, IndexError, ValueError, MemoryError, OverflowError, zstandard.ZstdError, EndOfFile):
+        return mutated(data, other, dice)
+    records = mutated(content, content, dice)
     crc = zlib.crc32(records) if dice.random() < 0.7 else 0
     size = len(records) if dice.random() < 0.7 else dice.choice((0, 2**20, 2**40, 2**64 - 1))
     packed, kind = records, b""
     if dice.random() < 0.5:
         packed, kind = zstandard.ZstdCompressor().compress(records), b"zstd"
     body = struct.pack("<QQQII", 0, 10, size, crc, len(kind)) + kind + struct.pack("<Q", len(packed)) + packed
-    return recording()[: _first_chunk()] + struct.pack("<BQ", 6, len(body)) + body
+    return data[:first] + struct.pack("<BQ", 6, len(body)) + body
 
 
-def _first_chunk() -> int:
+def _first_chunk(data: bytes) -> int:
     """Returns the position of the first chunk record."""
-    data, at = recording(), 8
+    at = 8
     while data[at] != 6:
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
     return at
 
 
-@functools.cache
-def _content() -> bytes:
-    """Returns the decompressed records of a chunk."""
-    chunk = Chunk.read(ReadDataStream(io.BytesIO(recording()[_first_chunk() + 9 :])))
-    return zstandard.ZstdDecompressor().decompress(chunk.data, chunk.uncompressed_size)
+def take() -> bytes:
+    """Returns a take of a character, its poses, people and cues."""
+    return mcap(_take_records())
 
 
-def take_anew(dice: Random) -> bytes:
-    """Returns a take of characters and poses, one message of which is mutated."""
+def take_message(data: bytes, other: bytes, dice: Random) -> bytes:
+    """Returns a take with a mutated message or two. It starts from :func:`take`, whatever the first bytes."""
+    records = _take_records()
+    for _ in range(dice.choice((1, 1, 3))):
+        at = dice.randrange(len(records))
+        topic, encoding, payload, time_ns = records[at]
+        payload = dice.choice((msgpack_tree, msgpack_tree, msgpack_tree, mutated))(payload, payload, dice)
+        if dice.random() < 0.3:
+            time_ns = dice.choice((0, 1, 2**62, 2**63 - 1))
+        records[at] = (topic, encoding, payload, time_ns)
+    return mcap(records, dice.random() < 0.5)
+
+
+def _take_records() -> list[tuple[str, str, bytes, int]]:
+    """Returns (topic, encoding, payload, time) of each message of a take."""
     payloads = stream_payloads()
     moved = [msgspec.msgpack.encode(pose_to_message(p, PoseCodec(character()), revision=1)) for p in poses()]
     records = [("character", "msgpack", payloads["character"], 0)]
     records += [("pose", "msgpack", data, 33_000_000 * k) for k, data in enumerate(moved)]
-    records += [(topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")]
-    for _ in range(dice.choice((1, 1, 3))):
-        at = dice.randrange(len(records))
-        topic, encoding, data, time_ns = records[at]
-        data = (msgpack_anew if dice.random() < 0.8 else lambda d, r: mutated(d, d, r))(data, dice)
-        if dice.random() < 0.3:
-            time_ns = dice.choice((0, 1, 2**62, 2**63 - 1))
-        records[at] = (topic, encoding, data, time_ns)
-    return mcap(records, dice.random() < 0.5)
+    return records + [(topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")]
 
 
-def depth_anew(dice: Random) -> bytes:
+def depth_payloads() -> tuple[bytes, ...]:
+    """Returns the depth image in both codecs: today's and that of older recordings."""
+    return encode_depth(depth().depth), archived(depth().depth)
+
+
+def depth_payload(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a mutated depth payload with a correct checksum."""
-    data = dice.choice((encode_depth, archived))(depth().depth)
     head, packed = data[:10], data[14:]
     if dice.random() < 0.5:
         head = (mutated(head, packed, dice) + bytes(10))[:10]

@@ -150,3 +150,41 @@ rate = 30.0
 margin = 0.25
 affine = 1e1
 """
+SPACE = b"""[sensors."left"]
+clock_offset_ns = 1200
+world_from_sensor = [
+  [1.0, 0.0, 0.0, 0.5],
+  [0.0, 1.0, 0.0, 1.1],
+  [0.0, 0.0, 1.0, 0.0],
+  [0.0, 0.0, 0.0, 1.0],
+]
+"""
+EDGE = b"""nodes = 96
+up = "y"
+
+[wire]
+name = "stage"
+port = 5580
+rate = 250.0
+
+[stage]
+characters = 8
+
+[characters.seat]
+mesh = "chair"
+"""
+KIOSK = b"""name = "hall"
+
+[edges.left]
+port = 5580
+
+[characters.chair]
+mesh = "chair"
+
+[story]
+dwell = 1.5
+choose = "step"
+
+[health]
+port = 5590
+"""

@@ -1,24 +1,26 @@
 """Tests with 10,000 mutated files and messages: every reader returns a value or reports an error.
 
     make fuzz-quick                          these tests alone: the same files every time
-    make fuzz SECONDS=600                    other files for ten minutes; the seed is printed
+    make fuzz SECONDS=600                    a search for ten minutes; the seed is printed
     make fuzz SECONDS=600 SEED=7 ONLY=gltf   the same again, of one reader
 
-A file that breaks a reader is kept in the test's folder or in out/fuzz; its seed reproduces it. When the bug
-is fixed, the file becomes a test of its reader.
+A file that breaks a reader is kept in the test's folder or in out/fuzz. When the fault is fixed, the file
+becomes an input of the corpus: its name then starts with "fault".
 """
 
 import resource
 from pathlib import Path
 
+import fuzz_corpus
 import fuzz_law
 import fuzz_readers
-import fuzz_seeds
 import pytest
 
 TARGETS = fuzz_readers.targets()
 COUNT = 10_000
 """Minimum number of mutations in `make test`."""
+MAX_CORPUS_BYTES = 200_000
+"""Maximum size of the stored corpus, bytes."""
 MOST_MB = 768
 """Maximum growth of the process while it reads files of a few kilobytes, MB, including kernels and caches."""
 
@@ -34,7 +36,7 @@ def test_number_of_mutations_is_as_stated():
     assert len({target.name for target in TARGETS}) == len(TARGETS)
 
 
-@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name.replace(" ", "-"))
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.slug)
 def test_reader_survives_every_mutation(target, folder, tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for number in range(target.count):
@@ -44,7 +46,7 @@ def test_reader_survives_every_mutation(target, folder, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name.replace(" ", "-"))
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.slug)
 def test_some_mutated_files_are_still_read(target, folder):
     """Otherwise only the first check of a reader would be tested."""
     for number in range(target.count):
@@ -57,6 +59,28 @@ def test_some_mutated_files_are_still_read(target, folder):
         pytest.fail(f"none of {target.count} mutations was read")
 
 
+def test_corpus_is_small_and_belongs_to_readers():
+    slugs = {target.slug for target in TARGETS}
+    paths = [path for path in fuzz_corpus.CORPUS.rglob("*") if path.is_file()]
+    assert {path.parent.name for path in paths} <= slugs
+    assert sum(path.stat().st_size for path in paths) <= MAX_CORPUS_BYTES
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.slug)
+def test_reader_survives_the_corpus(target, folder, tmp_path):
+    for path in fuzz_corpus.stored(target):
+        fuzz_law.check_bytes(target, path.read_bytes(), folder, tmp_path, path.name)
+
+
+def test_chosen_inputs_reach_different_code(folder):
+    """The corpus is chosen by the lines that an input reaches, so equal outcomes are left out."""
+    (target,) = (each for each in TARGETS if each.name == "mesh off")
+    target.read(target.seeds[0], folder)  # loads what is loaded at the first call
+    refused = b"OFF\n1 1\n"
+    chosen = fuzz_corpus.choose(target, [target.seeds[0], refused, refused + b"#"], folder)
+    assert chosen == [refused]
+
+
 def raises(error):
     def read(data, folder):
         raise error
@@ -66,7 +90,7 @@ def raises(error):
 
 @pytest.mark.parametrize("error", [KeyError("x"), MemoryError(), RecursionError(), fuzz_law.TooSlow()])
 def test_reader_that_breaks_the_rule_is_caught_and_file_kept(folder, tmp_path, error):
-    target = fuzz_law.Target("broken", 1, fuzz_seeds.of_bytes(b"abc"), raises(error))
+    target = fuzz_law.Target("broken", 1, (b"abc",), raises(error))
     with pytest.raises(fuzz_law.Broken, match=f"broken, seed 7: {type(error).__name__}"):
         fuzz_law.check(target, "7", folder, tmp_path)
     (kept,) = tmp_path.iterdir()
@@ -80,6 +104,6 @@ def test_endless_reader_is_stopped(folder, tmp_path, monkeypatch):
         while True:
             pass
 
-    target = fuzz_law.Target("endless", 1, fuzz_seeds.of_bytes(b"abc"), read)
+    target = fuzz_law.Target("endless", 1, (b"abc",), read)
     with pytest.raises(fuzz_law.Broken, match="TooSlow"):
         fuzz_law.check(target, "7", folder, tmp_path)

@@ -16,9 +16,10 @@ from enliven.document.rig import RigBase
 from enliven.document.time_map import LayerBase
 from enliven.meshes import Mesh
 from enliven.modeling.edits import RIGS
-from enliven.modeling.mesh import CutSurface, cut_by_stroke
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.mesh_cut import cut_by_stroke
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
-from enliven.modeling.rigged import Axes
+from enliven.modeling.rigged.axes import Axes
 from enliven.rotation import rotate
 
 CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.samples import load_sample
-from enliven_synthesis.sensor import HandheldPath, TurntablePath
+from enliven.samples.shipped import load_sample
+from enliven_synthesis.sensor.handheld import HandheldPath
 from enliven_synthesis.sensor.scene import Box
+from enliven_synthesis.sensor.turntable_object import TurntablePath
 
 _CHAIR = load_sample("chair")
 _MIDDLE = np.mean(_CHAIR.bounds, axis=0) * [1, 0, 1] + [0, _CHAIR.bounds[0][1], 0]

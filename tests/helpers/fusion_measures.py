@@ -11,9 +11,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
 from enliven.person import Body
+from enliven.space.space_file import Space
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import OutputSchedule, transform_bodies
-from enliven_edge.fusion.placement.space import Space
 
 _LONGEST_STEP = 0.06
 """Maximum time between frames for measuring jitter, seconds. Over longer gaps a change is motion."""

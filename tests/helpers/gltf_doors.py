@@ -9,13 +9,13 @@ import numpy as np
 
 from enliven.example_sessions.mesh import load_session_mesh
 from enliven.example_sessions.tables import MeshTable
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import Mesh, load_mesh, load_upright
-from enliven.takes import find_exportables
+from enliven.oneshot.exportable import find_exportables
 from enliven_edge.stage.character_setup import create_actor
-from enliven_edge.stage.rig import create_rig_actor
+from enliven_edge.stage.rig.rig_actor import create_rig_actor
 from enliven_viewer.commands.stage import _read as read_for_stage
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 Surface = tuple[np.ndarray, np.ndarray]

@@ -14,7 +14,7 @@ from collections import defaultdict
 import lz4.frame
 import numpy as np
 from pythonosc.dispatcher import Dispatcher
-from pythonosc.osc_server import ThreadingOSCUDPServer
+from pythonosc.osc_server import BlockingOSCUDPServer
 
 
 class OscReceiver:
@@ -32,7 +32,8 @@ class OscReceiver:
         dispatcher.set_default_handler(self._take)
         sizes = self.sizes
 
-        class Server(ThreadingOSCUDPServer):
+        # One thread for each packet would let an older packet overtake a newer one.
+        class Server(BlockingOSCUDPServer):
             def verify_request(self, request, client_address):
                 sizes.append(len(request[0]))
                 return super().verify_request(request, client_address)

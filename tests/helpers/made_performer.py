@@ -10,7 +10,7 @@ from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 RATE = 60
@@ -25,7 +25,7 @@ def performer(second: float) -> Body:
     """Returns the performer at a second: still with lifted arms, then swinging the arms and stepping."""
     moves = _smooth(second, STILL, STILL + 1.0) - _smooth(second, LENGTH - 1.0, LENGTH)
     turn = 2 * np.pi * second / 1.6
-    rotations = standing()
+    rotations = standing_pose()
     left, right = 0.55 * moves * np.sin(turn), 0.55 * moves * np.sin(turn + 2.0)
     rotations[model.UPPER_ARM_L] = rotation(z=_LIFTED + left)
     rotations[model.UPPER_ARM_R] = rotation(z=-_LIFTED - right)

@@ -32,6 +32,8 @@ def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
             return st.booleans()
         case inspect.LiteralType():
             return st.sampled_from(list(info.values))
+        case inspect.EnumType():
+            return st.sampled_from(list(info.cls))
         case inspect.IntType():
             return st.integers(info.ge, info.le)
         case inspect.FloatType():
@@ -114,8 +116,9 @@ def _fit_piece(v: dict[str, Any]) -> None:
 
 
 def _fit_order(v: dict[str, Any]) -> None:
-    v["within"] = None if v["person"] or v["moved"] or v["turned"] else v["within"]
-    v["moved"], v["turned"] = v["moved"] and not v["person"], v["turned"] and not v["person"]
+    v["within"] = (v["within"] or 1.0) if v["mode"] == "near" else None
+    for flag in ("moved", "turned", "person"):
+        v[flag] = v[flag] and v["mode"] == flag
     whole = len(v["box"]) == 6 and len(v["stage_from_scan"]) == 12
     corners = v["box"][:3], v["box"][3:]
     v["box"] = [*map(min, *corners), *map(max, *corners)] if whole else []
@@ -189,7 +192,7 @@ def outside(info: inspect.Type) -> Iterator[Any]:
         case inspect.TupleType():
             for value in outside(info.item_types[0]):
                 yield [value] * len(info.item_types)
-        case inspect.LiteralType():
+        case inspect.LiteralType() | inspect.EnumType():
             yield "no such word"
 
 

@@ -9,19 +9,20 @@ from pathlib import Path
 from sample_meshes.chair import make_chair
 from swaying import STEP_NS, swaying
 
-from enliven.deformation.graph import DeformationGraph, character_from, graph_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from, graph_of
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.wire import Order
-from enliven_edge.network import Outlet
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import Tracker
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
 
 
-class Performers:
+class Performers(Sensor):
     """A sensor of tracked bodies: two performers, each in view in the frames given by ``seen``."""
 
     name, fps = "performers", 30.0

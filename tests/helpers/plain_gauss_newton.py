@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix, csr_matrix, identity, vstack
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int
-from enliven.deformation.constraints import PointConstraints
+from enliven.deformation.constraints.planes import PointConstraints
 from enliven.deformation.embedded.solver import EmbeddedSettings
 from enliven.deformation.graph.graph import DeformationGraph
 

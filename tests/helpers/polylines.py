@@ -4,7 +4,7 @@ shape at once."""
 import numpy as np
 
 from enliven.kernels import njit
-from enliven.motion.kinematics import between, load, store
+from enliven.motion.kinematics.quaternions import between, load, store
 from enliven.motion.layers.polyline import knot_turns, locate_on_knots
 from enliven.rotation import IDENTITY
 

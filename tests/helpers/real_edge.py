@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from enliven.wire import BODIES, Topic, free_ports
-from enliven_viewer.link import EdgeClient, EdgeFeed
-from enliven_viewer.playback import Document
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.playback.document import Document
 
 
 class RealEdge:

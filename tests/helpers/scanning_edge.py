@@ -14,11 +14,12 @@ from enliven.frames import DepthFrame, Frame
 from enliven.possession import Actor
 from enliven.wire import SCAN, Scan, ScanMessage
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import Tracker
-from enliven_viewer.link import EdgeClient
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.link.edge_client import EdgeClient
 
 LATER = 10**11
 """Nanoseconds added to the images' times in each repetition, so that they are later than before."""
@@ -33,7 +34,7 @@ class Follower(Protocol):
         """Processes received messages."""
 
 
-class Reel:
+class Reel(Sensor):
     """A sensor that delivers the given frames."""
 
     name, fps, recorded = "reel", 30.0, True

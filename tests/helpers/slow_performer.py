@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person.joints import Joint
 from enliven.person.limbs import Limb
-from enliven_synthesis.body.kinematics import FOLDED, STRAIGHTEST
+from enliven_synthesis.body.kinematics import MAX_LEG_REACH, MIN_LEG_REACH
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.body.rotations import (
@@ -56,7 +56,7 @@ class SlowPerformer(Performer):
     ) -> Float:
         """Returns (3,) the hip centre at the requested height, or lower if a planted leg is too short."""
         y = self.standing + posture.rise
-        reach = STRAIGHTEST * (self.thigh + self.shank)
+        reach = MAX_LEG_REACH * (self.thigh + self.shank)
         for side, foot in enumerate((posture.left_foot, posture.right_foot)):
             if foot.lift > 0:
                 continue
@@ -117,11 +117,11 @@ class SlowPerformer(Performer):
         its splay."""
         first = (Joint.HIP_LEFT, Joint.HIP_RIGHT)[side]
         hip = joints[Joint.HIP_CENTER] + pelvis @ _mirrored(self.hip, side)
-        reach = STRAIGHTEST * (self.thigh + self.shank)
+        reach = MAX_LEG_REACH * (self.thigh + self.shank)
         leg = ankle - hip
         apart = float(np.sqrt(leg @ leg))
         along = leg / apart if apart > 1e-6 else np.array([0.0, -1.0, 0.0])
-        distance = min(max(apart, FOLDED * reach), reach)
+        distance = min(max(apart, MIN_LEG_REACH * reach), reach)
         ankle = hip + distance * along
         ahead = rotation_about_y(foot.yaw + (1.0 - 2.0 * side) * foot.splay) @ np.array([0.0, 0.0, 1.0])
         forward = ahead + 0.35 * (pelvis @ np.array([0.0, 0.0, 1.0]))

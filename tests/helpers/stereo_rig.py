@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from stereo_scene import Lens
 
-from enliven_edge.sensors.stereo import Rectification
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
+from enliven_edge.sensors.stereo.rectification import Rectification
 
 FOCAL = 457.0
 """Focal length in pixels for a width of 640: 70 degrees from left to right."""

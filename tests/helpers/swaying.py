@@ -8,7 +8,7 @@ import numpy as np
 from sample_meshes.chair import make_chair
 
 from enliven.document import BodyTake, HoldChange, Project
-from enliven.oneshot import possess
+from enliven.oneshot.possession import possess
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
 from enliven.possession.standing_placement import standing_figure

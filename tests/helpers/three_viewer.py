@@ -27,7 +27,7 @@ MISSING = (
     else "three.js is not here: make test-web"
 )
 """The reason why no image can be rendered; empty if everything is installed."""
-_OPTIONS = [
+CHROMIUM_OPTIONS = [
     "--headless=new",
     "--no-sandbox",
     "--use-gl=angle",
@@ -38,6 +38,7 @@ _OPTIONS = [
     "--disable-component-update",
     "--no-first-run",
 ]
+"""Options of headless Chromium with WebGL on the CPU."""
 _PATIENCE_S = 120.0
 """Timeout for all images, seconds. Chromium starts in 2 s, and each image takes less than a second on an idle
 machine."""
@@ -97,7 +98,7 @@ def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     address = f"http://127.0.0.1:{server.server_port}/three_page.html"
-    own = [CHROMIUM, *_OPTIONS, f"--user-data-dir={folder}", "--remote-debugging-port=0", address]
+    own = [CHROMIUM, *CHROMIUM_OPTIONS, f"--user-data-dir={folder}", "--remote-debugging-port=0", address]
     browser = subprocess.Popen(
         own, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )

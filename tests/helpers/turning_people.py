@@ -14,7 +14,7 @@ from enliven.person.joints import PARENTS, Joint
 from enliven.possession import EmbeddedActor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME_RATE_HZ = 30.0
@@ -42,7 +42,7 @@ def spinning_people(
     walk = 0.4 * np.sin(swing[:2] / 2)
     lengths, bodies = model.lengths_for_height(height), []
     for n in range(count):
-        rotations = standing(yaw[n], elbow=0.4)
+        rotations = standing_pose(yaw[n], elbow=0.4)
         rotations[model.UPPER_ARM_L], rotations[model.UPPER_ARM_R] = (
             rotation(x=-0.3 * arms[0, n], z=arms[0, n]),
             rotation(x=-0.3 * arms[1, n], z=-arms[1, n]),

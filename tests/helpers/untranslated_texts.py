@@ -46,14 +46,23 @@ FOR_DEVELOPERS = {
 """Errors that appear in a terminal or for a plugin's author, not in the window."""
 
 
-def untranslated(tree: ast.AST) -> Iterator[ast.Constant]:
-    """Yields the literals of a module that are shown without translation."""
+def untranslated(tree: ast.AST, *, errors_are_shown: bool = True) -> Iterator[ast.Constant]:
+    """Yields the literals of a module that are shown without translation.
+
+    Args:
+        errors_are_shown: False if its errors go to the log or the terminal of an operator, in English.
+    """
     for function in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))]:
         values = assigned(function)
         for call in own(function):
-            if isinstance(call, ast.Call):
+            if isinstance(call, ast.Call) and (errors_are_shown or not is_error(call)):
                 for argument in shown_arguments(call):
                     yield from literals(argument, values, plain_word=is_label(call, argument))
+
+
+def is_error(call: ast.Call) -> bool:
+    """Returns True if a call creates one of :data:`ERRORS`."""
+    return isinstance(call.func, ast.Name) and call.func.id in ERRORS
 
 
 def own(function: ast.AST) -> Iterator[ast.AST]:
@@ -91,7 +100,7 @@ def shown_arguments(call: ast.Call) -> list[ast.expr]:
     if name in TELLING:
         return call.args
     if name in ERRORS:
-        return [*call.args, *(keyword.value for keyword in call.keywords if keyword.arg == "mend")]
+        return [*call.args, *(keyword.value for keyword in call.keywords if keyword.arg == "remedy")]
     if name in STEPS and call.args and isinstance(call.args[0], ast.JoinedStr):
         return call.args[:1]
     return []

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 from three_viewer import Job, draw
 
-from enliven.deformation import skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document import Character, Pose
 from enliven.meshes import MeshMaterials
 from enliven.meshes.gltf.srgb import linear_from_srgb
-from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.camera import CameraView, look_at, make_perspective
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
 
 SIZE = 256
@@ -57,16 +58,27 @@ def compare(
         files: GLB files, each with the seconds of its animation at each pose; None for the file at rest.
         folder: folder for the browser's files.
     """
+    camera = lower_camera(view_of(character, poses))
+    jobs = [Job(file, camera, (SIZE, SIZE), second) for file, times in files for second in times]
+    return compare_drawn(character, poses, draw(jobs, folder))
+
+
+def compare_drawn(
+    character: Character, poses: Sequence[Pose], drawn: Sequence[np.ndarray]
+) -> tuple[list[list[Compared]], np.ndarray]:
+    """Compares images of another renderer; returns what :func:`compare` does.
+
+    Args:
+        drawn: (H, W, 4) images with the camera of :func:`view_of`, lowered; one for each pose, for each file.
+    """
     view = view_of(character, poses)
-    jobs = [Job(file, _lowered(view), (SIZE, SIZE), second) for file, times in files for second in times]
-    drawn = draw(jobs, folder)
     renderer = Renderer(
         create_offscreen_context(), (SIZE, SIZE), RenderSettings(shadow_size=64, contact_size=32)
     )
     own = [_drawn(renderer, unlit(character), pose, view) for pose in poses]
     shown = [_shape(_drawn(renderer, bright(character), pose, view)) for pose in poses]
     rows, strips = [], [np.concatenate(own, 1)]
-    for number in range(len(files)):
+    for number in range(len(drawn) // len(poses)):
         theirs = drawn[number * len(poses) : (number + 1) * len(poses)]
         rows.append([_compared(*three) for three in zip(own, shown, theirs, strict=True)])
         strips.append(np.concatenate([_developed(picture) for picture in theirs], 1))
@@ -115,8 +127,8 @@ def _with_materials(character: Character, own: MeshMaterials, change: dict, name
     return replace(character, id=name, materials=replace(own, definitions=tuple(definitions)))
 
 
-def _lowered(view: CameraView) -> np.ndarray:
-    """(4, 4) clip_from_world of the same camera, for models that are not raised."""
+def lower_camera(view: CameraView) -> np.ndarray:
+    """Returns (4, 4) clip_from_world of the same camera, for models that are not raised."""
     raised = np.eye(4)
     raised[1, 3] = _LIFT
     return view.clip_from_world @ raised

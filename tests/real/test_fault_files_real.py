@@ -13,16 +13,16 @@ from typer.testing import CliRunner
 
 from enliven.cli import run
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
-from enliven.formats.project import read_project
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project
 from enliven.meshes import load_mesh, load_upright
 from enliven.modeling.mesh.solids import Solid, solid_of
 from enliven.recording import Recording
 from enliven.rotation import rotate
-from enliven.takes import read_take
+from enliven.takes.files import read_take
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.commands.track import track
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -14,17 +14,17 @@ import pytest
 from fusion_measures import agreement, fused, jitter_mm
 
 from enliven.frames import BodyFrame
-from enliven_edge.fusion.calibration.calibration import calibrate
-from enliven_edge.fusion.calibration.quality import Verdict
-from enliven_edge.fusion.calibration.tracks import stream_from_frames
-from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import sensor_positions, transform_bodies
-from enliven_edge.fusion.placement.rigid_transform import (
+from enliven.space.rigid_transform import (
     angle_between,
     compose_transform,
     invert,
     rotation_from_vector,
 )
+from enliven_edge.fusion.calibration.calibration import calibrate
+from enliven_edge.fusion.calibration.quality import Verdict
+from enliven_edge.fusion.calibration.tracks import stream_from_frames
+from enliven_edge.fusion.live.fuser import Fuser
+from enliven_edge.fusion.live.merge import sensor_positions, transform_bodies
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader

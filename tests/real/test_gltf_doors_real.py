@@ -13,12 +13,12 @@ from gltf_doors import DOORS, STILL, measures
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
 from enliven.errors import InputError
-from enliven.exporters.gltf import glb_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
+from enliven.exporters.gltf.write import glb_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
-from enliven.motion.layers import Player
-from enliven.takes import find_exportables
+from enliven.motion.layers.evaluate import Player
+from enliven.oneshot.exportable import find_exportables
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "formats"))
 from slow_gltf import SlowGltf

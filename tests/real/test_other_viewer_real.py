@@ -13,10 +13,11 @@ from web_pictures import compare
 
 from enliven.cli import run
 from enliven.document import Project, character_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
-from enliven.meshes.gltf import GltfFile, frame_times
-from enliven.motion.layers import Player
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.motion import frame_times
+from enliven.motion.layers.evaluate import Player
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PICTURES = Path(__file__).parents[2] / "out" / "web" / "pictures"

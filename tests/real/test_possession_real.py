@@ -16,7 +16,7 @@ from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
@@ -42,7 +42,7 @@ pytestmark = [
 
 def person(reach=0.0) -> Body:
     """Returns a standing person with hanging arms, the right one raised forward by radians."""
-    rotations = standing(arm_forward=0.1, elbow=0.1)
+    rotations = standing_pose(arm_forward=0.1, elbow=0.1)
     rotations[model.UPPER_ARM_R] = rotation(x=-reach) @ rotations[model.UPPER_ARM_R]
     joints = Posture(np.array([0.0, 1.0, -2.5]), rotations, model.lengths_for_height(1.75)).joints()
     return Body(1, joints, np.ones(20), stature=1.75)

@@ -17,7 +17,7 @@ from enliven.person import Joint
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, largest_part
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.scanning import PersonScanner
+from enliven_edge.scanning.person import PersonScanner
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 KITCHEN = DATA / "scans" / "sevenscenes_kitchen"

@@ -8,7 +8,7 @@ import pytest
 
 from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
-from enliven.modeling.puppet import change_key_pose
+from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.workspace.workspace import Workspace

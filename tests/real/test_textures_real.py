@@ -11,12 +11,14 @@ import pytest
 
 from enliven.document import Character, Project
 from enliven.document.rigged import character_of
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.modeling.edits import cut_character
-from enliven.modeling.mesh import PlaneCut
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.wire import character_to_message, message_to_character
-from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 
 DATA = (
     Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "gltf" / "khronos"

@@ -76,7 +76,7 @@ def test_doctor_as_json():
 def test_every_missing_item_has_a_fix():
     for check in run_all_checks():
         assert isinstance(check, Check)
-        assert check.ok or check.mend, check.name
+        assert check.ok or check.remedy, check.name
 
 
 def test_json_lines():

@@ -76,7 +76,7 @@ def test_log_record_is_one_safe_line(text: str, handler: str) -> None:
 
 @pytest.mark.parametrize("text", EVIL.values(), ids=EVIL.keys())
 def test_an_error_is_one_safe_line(text: str) -> None:
-    assert is_safe(str(InputError(text, where=f"character {text}", mend=text)))
+    assert is_safe(str(InputError(text, where=f"character {text}", remedy=text)))
 
 
 def test_records_of_other_programs_are_left_alone() -> None:

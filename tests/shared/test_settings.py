@@ -1,12 +1,13 @@
 """Settings: defaults, overrides, and messages that name the nearest known key."""
 
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import ClassVar, Literal
 
 import pytest
 
 from enliven.errors import InputError
-from enliven.settings import load_settings, setting
+from enliven.settings import load_settings, parameter, setting
 from enliven_edge.settings import EdgeSettings
 
 
@@ -80,8 +81,6 @@ def test_every_setting_of_the_edge_is_explained():
 
 
 def test_every_shipped_file_of_the_edge_loads():
-    from pathlib import Path
-
     files = sorted((Path(__file__).parents[2] / "firmware_configs" / "edges").glob("*.toml"))
     assert {path.stem for path in files} >= {"laptop", "ceiling"}
     names = [load_settings(EdgeSettings, path).wire.name for path in files]
@@ -98,3 +97,42 @@ def test_an_earlier_name_of_a_key_is_still_read() -> None:
     assert not load_settings(Renamed, {"open": True, "insecure": False}).insecure
     with pytest.raises(InputError, match="insecure is 7"):
         load_settings(Renamed, {"open": 7})
+
+
+@dataclass(frozen=True)
+class Shutter:
+    REMOVED_SETTINGS: ClassVar = ("blur", "leaf")
+
+    speed: float = setting(0.01, "Exposure time.", low=0.0)
+    gain: float = parameter(2.0, "Gain of the sensor.", low=0.0, high=9.0)
+
+
+@dataclass(frozen=True)
+class Body:
+    shutter: Shutter = setting(Shutter, "The shutter.")
+
+
+def test_settings_that_no_longer_exist_are_ignored_with_one_sentence(caplog) -> None:
+    old = {"shutter": {"speed": 0.5, "blur": "much", "leaf": {"width": 3}, "gain": 4.0}}
+    assert load_settings(Body, old, where="old.toml") == Body(Shutter(speed=0.5))
+    assert caplog.messages == [
+        "old.toml: settings that no longer exist are ignored: shutter.blur, shutter.leaf, shutter.gain. "
+        "Delete them."
+    ]
+    with pytest.raises(InputError, match=r"unknown key shutter\.lens"):
+        load_settings(Body, {"shutter": {"lens": 1, "blur": 1}})
+
+
+def test_files_of_enliven_itself_keep_the_parameters_of_the_code(caplog) -> None:
+    values = {"shutter": {"gain": 4.0, "blur": 1.0}}
+    assert load_settings(Body, values, own_file=True) == Body(Shutter(gain=4.0))
+    assert not caplog.messages
+    with pytest.raises(InputError, match=r"gain is 10\.0, outside"):
+        load_settings(Body, {"shutter": {"gain": 10.0}}, own_file=True)
+
+
+def test_a_complete_file_of_version_0_1_opens_with_one_sentence(caplog) -> None:
+    path = Path(__file__).parents[1] / "system" / "versions" / "0.1" / "edge.toml"
+    load_settings(EdgeSettings, path)
+    (message,) = caplog.messages
+    assert "tracker.fit.temporal" in message and "fusion.gate" in message and str(path) in message

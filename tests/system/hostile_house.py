@@ -12,9 +12,9 @@ import trimesh
 import zmq
 from patience import PATIENCE
 
-from enliven.formats.project import character_bytes, project_of_mesh
+from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.frames import BodyFrame
-from enliven.keys import ClientKeys
+from enliven.keys.client import ClientKeys
 from enliven.meshes import Mesh
 from enliven.person.body import Body
 from enliven.wire import requests, topics
@@ -22,9 +22,10 @@ from enliven.wire.envelope import pack_control, unpack_control
 from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.network.access import Access
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import EdgeSettings, WireSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 from enliven_edge.stage.stage_capacity import StageSettings
 from enliven_edge.tracking.tracker import Tracker
 
@@ -35,7 +36,7 @@ BOX_DATA = character_bytes(project_of_mesh(BOX_MESH, "box"), "box")
 """A project of one small possessed mesh, as a client sends it."""
 
 
-class NoSensor:
+class NoSensor(Sensor):
     """A sensor without frames; the test provides them."""
 
     name, fps = "given", 30.0

@@ -15,15 +15,16 @@ import numpy as np
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.recording import Recorder
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import EdgeSettings, WireSettings
-from enliven_edge.stage import Stage, create_mesh_actor
+from enliven_edge.stage.character_setup import create_mesh_actor
+from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.tracker import Tracker
 
@@ -32,7 +33,7 @@ FRAMES, STEP_NS = 60, 33_333_333
 
 def performer(i: int) -> Body:
     """Returns a person lifting the left knee and putting it down again."""
-    rotations = standing(arm_forward=0.1, elbow=1.5)
+    rotations = standing_pose(arm_forward=0.1, elbow=1.5)
     lift = 0.5 - 0.5 * np.cos(2 * np.pi * i / FRAMES)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)

@@ -7,10 +7,10 @@ import pytest
 from gltf_doors import DOORS, STILL, measures
 from gltf_twins import TWINS
 
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import load_mesh
-from enliven.takes import find_exportables
-from enliven_viewer.studio.editor import Editor
+from enliven.oneshot.exportable import find_exportables
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 SUFFIXES = (".glb", ".vrm")

@@ -21,7 +21,7 @@ from enliven_viewer.link import requests as link_requests
 from enliven_viewer.link.bounded_containers import BoundedQueue, NewestValues
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.playback import Document
+from enliven_viewer.playback.document import Document
 
 from ..shared.test_logs_escaped import EVIL, is_safe
 
@@ -259,7 +259,7 @@ def test_words_of_an_edge_reach_log_and_window_escaped(evil: str, caplog: pytest
             document.edge.address,
             next(iter(edge.link.health.values())).text,
         ]
-        shown += [each.what + each.mend for each in document.edge.health]
+        shown += [each.what + each.remedy for each in document.edge.health]
         shown += [record.getMessage() for record in caplog.records]
         assert all(map(is_safe, shown)) and any("\\" in text for text in shown)
     finally:

@@ -15,9 +15,9 @@ import pytest
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.document import Character
-from enliven.formats.project import project_of_mesh
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.wire import (
     MAX_REVISION,
     STREAMS,

@@ -34,10 +34,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "matching"))
 
 from rigs_for_stage import person, star
 
+from enliven_edge.sensors.base import Sensor
+
 STEP = 33_333_333
 
 
-class Pointing:
+class Pointing(Sensor):
     """A sensor of one body with arms in given directions."""
 
     name = "pointing"

@@ -24,7 +24,7 @@ COMMAND_THAT_STAYS = (
 """Runs a command, and stays long enough for telemetry to report."""
 LIBRARY = """
 import sys, time
-from enliven_edge.tracking.estimator import shipped_estimator
+from enliven_edge.tracking.estimator.estimator import shipped_estimator
 shipped_estimator()
 time.sleep(float(sys.argv[1]))
 """

@@ -22,7 +22,7 @@ from enliven.wire.convert import message_to_props, props_to_message
 from enliven.wire.streams import PropsMessage
 from enliven.wire.topics import PROPS
 from enliven_edge.network.publisher import Publisher
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_viewer.link.edge_client import EdgeClient
@@ -40,7 +40,7 @@ def walk(path: Path) -> None:
     with Recorder(path) as recorder:
         for k in range(FRAMES):
             hip = np.array([max(0.0, 0.045 * (k - 15)), 0.95, 0.0])
-            posture = Posture(hip, standing(elbow=1.5), lengths_for_height(1.75))
+            posture = Posture(hip, standing_pose(elbow=1.5), lengths_for_height(1.75))
             body = Body(1, posture.joints(), np.ones(20))
             recorder.write_frame(BodyFrame([body], k * 33_333_333, "walker"))
 

@@ -13,19 +13,20 @@ from performed_take import STEP_NS, Performers, chair_actor, perform
 from sample_meshes.cactus import make_cactus
 
 from enliven import cli
-from enliven.formats.gltf import read_gltf
-from enliven.formats.project import read_project
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project
 from enliven.meshes.files import save_mesh
-from enliven.modeling.possessed import graph_pose, stale
+from enliven.modeling.possessed.pose import graph_pose
+from enliven.modeling.possessed.solving import stale
 from enliven.possession import ActorSettings
 from enliven.recording import Recording
-from enliven.takes import read_possessed
+from enliven.takes.possessed import read_possessed
 from enliven.wire import HOLDS, HoldMessage, Possess, Release
-from enliven_edge.network import Outlet
+from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage
-from enliven_edge.tracking import Tracker
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.playback.document import Document

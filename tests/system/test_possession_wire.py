@@ -16,11 +16,12 @@ from enliven.frames import BodyFrame, Frame
 from enliven.person.body import Body
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_client import EdgeClient
@@ -32,14 +33,16 @@ from enliven_viewer.render.scene import make_scene
 STEP = 33_333_333
 
 
-class TwoPeople:
+class TwoPeople(Sensor):
     """A sensor of bodies with two people, one inside and one next to the mesh, for as long as it is read."""
 
     name = "two people"
 
     def __init__(self) -> None:
         posture = Posture(
-            np.array([0.0, 1.0, -2.5]), standing(arm_forward=0.1, elbow=1.5), model.lengths_for_height(1.75)
+            np.array([0.0, 1.0, -2.5]),
+            standing_pose(arm_forward=0.1, elbow=1.5),
+            model.lengths_for_height(1.75),
         )
         self._joints, self._count = posture.joints(), 0
 

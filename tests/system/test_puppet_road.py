@@ -45,13 +45,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "puppets"))
 
 from people_for_puppets import FRAME, person
 
+from enliven_edge.sensors.base import Sensor
+
 PROJECT = cactus_project(0.05)
 PUPPET = PROJECT.puppet("cactus")
 NAMES = [point.name for point in PUPPET.points]
 LEFT, RIGHT = (1 + NAMES.index(name) for name in ("left hand", "right hand"))
 
 
-class Waving:
+class Waving(Sensor):
     """A sensor of two people with left arms at given heights."""
 
     name = "waving"

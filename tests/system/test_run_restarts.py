@@ -13,13 +13,13 @@ from patience import until
 
 import enliven_edge.assets
 from enliven import cli
-from enliven.commands import processes
 from enliven.commands.processes import Process, run_together
 from enliven.errors import InputError
 from enliven.recording import Recorder, Recording
+from enliven.supervision import child as child_module
+from enliven.supervision import schedule
 
 CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
-FAILS, WAITS, DONE = ["run", "--recording", "nowhere.mcap"], ["doctor"], ["--version"]
 
 
 def child(parent: int, command: str) -> int | None:
@@ -48,7 +48,7 @@ def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
         until(lambda: next_take.exists() and next_take.stat().st_size > 1000, "its take", 120.0)
         assert child(run.pid, "view") == view and run.poll() is None
         log_text = (tmp_path / "log").read_text()
-        assert "the edge has ended by the signal SIGKILL. It starts again in 1 s." in log_text
+        assert "the edge has ended: signal SIGKILL. It starts again at once." in log_text
         new = child(run.pid, "edge")
         os.kill(view, signal.SIGTERM)
         assert run.wait(30) == 130, "the window's own exit code: it was interrupted"
@@ -60,35 +60,43 @@ def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
     assert Recording(tmp_path / "take-restart001.mcap").info.topics["character"].count >= 1
 
 
-def test_a_failing_program_is_started_again_with_growing_waits(monkeypatch, caplog) -> None:
-    monkeypatch.setattr(processes, "_INITIAL_WAIT_S", 0.05)
-    monkeypatch.setattr(processes, "_MAX_WAIT_S", 0.2)
-    waits = [sys.executable, "-c", "import time; time.sleep(2)"]
-    started = []
+def scripted(monkeypatch, **scripts: str) -> list[str]:
+    """Makes each ``enliven`` command run a Python script instead. Returns the list of started commands."""
+    started: list[str] = []
 
-    def start(arguments, stderr=None):
-        started.append(list(arguments))
-        command = waits if arguments == WAITS else [sys.executable, "-c", "raise SystemExit(4)"]
-        return subprocess.Popen(command)
+    def start(command, *_arguments, **_options):
+        started.append(command[-1])
+        return subprocess.Popen([sys.executable, "-S", "-c", scripts[command[-1]]])
 
-    monkeypatch.setattr(processes, "start_process", start)
-    edge = Process("edge", FAILS, again=DONE)
-    assert run_together([edge, Process("viewer", WAITS, leads=True)]) == 0
-    assert started[0] == FAILS and started.count(DONE) >= 3, "its first arguments only once"
+    monkeypatch.setattr(child_module, "start_child", start)
+    return started
+
+
+def test_failing_program_is_started_again_with_growing_waits(monkeypatch, caplog) -> None:
+    monkeypatch.setattr(schedule, "_SECOND_WAIT_S", 0.05)
+    scripts = {"first": "raise SystemExit(4)", "again": "raise SystemExit(4)"}
+    started = scripted(monkeypatch, **scripts, window="import time; time.sleep(2)")
+    edge = Process("edge", ["first"], again=["again"])
+    assert run_together([edge, Process("viewer", ["window"], leads=True)]) == 0
+    assert started[0] == "first" and started.count("again") >= 3, "its first arguments only once"
     messages = [record.getMessage() for record in caplog.records]
-    assert messages[0].endswith("with exit code 4. It starts again in 0.05 s.")
-    assert (
-        messages[1].endswith("in 0.1 s.")
-        and messages[2].endswith("in 0.2 s.")
-        and messages[3].endswith("in 0.2 s.")
-    )
+    assert messages[0] == "the edge has ended: exit code 4. It starts again at once."
+    assert messages[1].endswith("in 0.05 s.") and messages[2].endswith("in 0.1 s.")
 
 
-def test_a_window_that_crashes_is_no_interruption(monkeypatch, caplog) -> None:
-    crash = [sys.executable, "-c", "import os; os.kill(os.getpid(), 11)"]
-    monkeypatch.setattr(processes, "start_process", lambda *_: subprocess.Popen(crash))
-    assert run_together([Process("viewer", [], leads=True)]) == 1
-    assert "the viewer has ended by the signal SIGSEGV" in caplog.text
+def test_crash_of_a_window_is_no_interruption(monkeypatch, caplog) -> None:
+    scripted(monkeypatch, window="import os; os.kill(os.getpid(), 11)")
+    assert run_together([Process("viewer", ["window"], leads=True)]) == 1
+    assert "the viewer has ended: signal SIGSEGV" in caplog.text
+
+
+@pytest.mark.parametrize("again", [None, ["edge"]])
+def test_edge_that_is_killed_while_it_starts_is_named(monkeypatch, caplog, again) -> None:
+    started = scripted(monkeypatch, edge="import os; os.kill(os.getpid(), 9)", window="")
+    edge = Process("edge", ["edge"], again=again, ready=lambda: False)
+    assert run_together([edge, Process("viewer", ["window"], leads=True)]) == 1
+    assert "the edge has ended: signal SIGKILL." in caplog.text
+    assert started == ["edge"], "the window waits for the edge"
 
 
 @pytest.mark.parametrize("overwrite", [False, True])

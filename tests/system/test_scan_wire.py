@@ -9,12 +9,13 @@ import pytest
 from scanning_edge import ScanningEdge
 
 from enliven.errors import InputError
-from enliven.samples import load_sample
-from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan
-from enliven_edge.stage import create_mesh_actor
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven.samples.shipped import load_sample
+from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan, ScanMode
+from enliven_edge.stage.character_setup import create_mesh_actor
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
-from enliven_viewer.link import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "synthesis"))
 from test_handheld import box_mesh
@@ -43,9 +44,9 @@ def seen(viewer: EdgeClient, number: int = 1) -> set[str]:
 @pytest.mark.slow
 def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames) -> None:
     viewer = running.viewer()
-    assert isinstance(running.ask(Scan("pause")), Refused), "nothing is scanned"
+    assert isinstance(running.ask(Scan("pause")), Refused), "no scan is running"
     running.ask(Scan("start", name="box", voxel=0.008))
-    assert "a scan" in running.ask(Scan("start")).reason or "begins" in running.answers[-1].reason
+    assert "a scan" in running.ask(Scan("start")).reason or "starting" in running.answers[-1].reason
     running.until(lambda: running.said().phase == "scanning", "the beginning")
     running.show(frames[:6])
     running.until(lambda: seen(viewer) and running.said().view, "a surface, and a way to go on")
@@ -72,7 +73,7 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     character = viewer.characters["box"]
     size = np.ptp(character.vertices, axis=0)
     assert abs(size[1] - 0.5) < 0.03 and character.colours is not None and running.said().character == "box"
-    running.until(lambda: not running.edge.scans.active, "performers again")
+    running.until(lambda: not running.edge.scans.is_active, "performers again")
     # Continuing the scan extends it.
     before = running.said().fused
     running.ask(Scan("go on"))
@@ -93,7 +94,7 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
     running.until(lambda: running.said().fused > 1, "images")
     running.ask(Scan("done"))
     running.until(lambda: running.said().phase == "failed", "the refusal")
-    assert "moved 0 cm" in running.said().note and "round the object" in running.said().mend
+    assert "moved 0 cm" in running.said().note and "round the object" in running.said().remedy
     running.ask(Scan("go on"))
     running.show(frames[1:8])
     running.until(lambda: seen(viewer), "a surface")
@@ -102,13 +103,13 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
     late = running.viewer()
     running.until(lambda: late.latest(SCAN), "what is told late")
     assert not late.latest(SCAN_PIECE) and not running.stage.characters
-    with pytest.raises(InputError, match="nothing is scanned"):
+    with pytest.raises(InputError, match="no scan is running"):
         running.edge.carry_out(Scan("done"))
 
 
 def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
     viewer = running.viewer()
-    running.ask(Scan("start", voxel=0.016, turned=True))
+    running.ask(Scan("start", voxel=0.016, mode=ScanMode.TURNED))
     running.until(lambda: running.said().phase == "scanning", "the beginning")
     running.show(frames[:4])
     running.until(lambda: seen(viewer), "a surface")

@@ -145,7 +145,7 @@ def test_edge_started_before_its_camera_waits_and_informs_viewers(no_camera, tmp
                     assert running.poll() is None
                     wrong = link.status.health if link.status else []
                     return any(
-                        f"{MISSING}. {state.mend}".startswith(PLUG) or NO_LIBRARY in state.what
+                        f"{MISSING}. {state.remedy}".startswith(PLUG) or NO_LIBRARY in state.what
                         for state in wrong
                     )
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from performed_take import chair_actor, perform
 from swaying import without_cache
 
-from enliven.modeling.possessed import has_missing_motion, solve_again, stale
+from enliven.modeling.possessed.solving import has_missing_motion, solve_again, stale
 from enliven.possession import ActorSettings
-from enliven.takes import read_possessed
+from enliven.takes.possessed import read_possessed
 from enliven.wire import Possess, Release
 from enliven.wire.quantize import POSITION_ERROR
 

@@ -19,13 +19,14 @@ import typer
 from patience import PATIENCE
 from typer.testing import CliRunner
 
-from enliven.formats.project import project_of_mesh
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import Mesh, load_mesh, save_mesh
 from enliven.recording import Recorder, Recording
-from enliven.samples import cactus_project, load_sample
+from enliven.samples.shipped import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Answer, Done, Endpoint, Refused, StageMessage
 from enliven_edge.commands.scan import scan
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_viewer.commands.stage import stage as command
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed

@@ -13,11 +13,11 @@ from two_views import CLOCKS, RATE, View, left_from_right_camera, walker
 
 from enliven.cli import run
 from enliven.recording import Recorder, Recording
+from enliven.space.rigid_transform import angle_between, invert, transform_points
+from enliven.space.space_file import load_space
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.merge import settings_before_fusion
-from enliven_edge.fusion.placement.rigid_transform import angle_between, invert, transform_points
-from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker

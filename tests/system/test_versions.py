@@ -16,23 +16,25 @@ import pytest
 
 from enliven import __version__, cli
 from enliven.errors import InputError, LaterVersionError
-from enliven.example_sessions import read_session, write_session
-from enliven.formats.project import read_project
+from enliven.example_sessions.session import read_session
+from enliven.example_sessions.text import write_session
+from enliven.formats.project.file import read_project
 from enliven.frames import DepthFrame
-from enliven.mapping import read_plan, write_plan
+from enliven.mapping.plan_file import read_plan, write_plan
 from enliven.recording import Recorder, Recording, recover, schemas
 from enliven.settings import load_settings
-from enliven.takes import clips_of_recording, read_possessed
+from enliven.space.space_file import load_space, save_space
+from enliven.takes.possessed import read_possessed
+from enliven.takes.recorded import clips_of_recording
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.fusion.placement.space import load_space, save_space
 from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 from enliven_edge.settings import EdgeSettings
 from enliven_viewer.settings import ViewerSettings
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.studio.workspace.project_store import ProjectStore
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 STORED = Path(__file__).parent / "versions" / "0.1"
 TOML_READERS = {
@@ -195,7 +197,7 @@ def test_preferences_of_a_later_version_are_kept(tmp_path):
     workspace.preferences.remember_file(tmp_path / "a.enliven")
     assert workspace.preferences.text_size > 1.0, "choices hold until the program ends"
     assert path.read_bytes() == before and [file.name for file in tmp_path.iterdir()] == [path.name]
-    shown = [f"{toast.text}. {toast.mend}" for toast in workspace.editor.toasts.shown]
+    shown = [f"{toast.text}. {toast.remedy}" for toast in workspace.editor.toasts.shown]
     assert any("is of version 2" in text and text.endswith("update enliven.") for text in shown)
 
 

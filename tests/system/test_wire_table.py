@@ -22,13 +22,14 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.recording import Recording
-from enliven.takes import read_possessed
+from enliven.takes.possessed import read_possessed
 from enliven.wire import BODIES, BY_TYPE, POSE, REQUESTS, STREAMS, TOPICS, Order, Topic, pack_stream, register
 from enliven.wire.requests import Done, Listen, Lock, Refused
 from enliven.wire.streams import BodiesMessage
 from enliven_edge.network.handlers import Handler, execute
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.network.permissions import refusal_of
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
@@ -67,7 +68,7 @@ def wind() -> Iterator[Topic]:
     REQUESTS.remove(Blow)
 
 
-class Nobody:
+class Nobody(Sensor):
     """A sensor without frames."""
 
     name, fps = "nobody", 30.0
@@ -155,7 +156,7 @@ def test_some_requests_are_for_viewers_of_the_same_machine(
 
 def test_handler_error_and_ended_stream_are_refusals() -> None:
     def refuse(order: Order) -> None:
-        raise InputError("it is bolted down", where="the chair", mend="Unscrew it.")
+        raise InputError("it is bolted down", where="the chair", remedy="Unscrew it.")
 
     assert "bolted down" in execute({Lock: Handler(refuse)}, Lock(True)).reason
     assert execute({}, Lock(True)) == Refused("the stream has ended")

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from imgui_bundle import hello_imgui, imgui
 
-from enliven_viewer.studio.actions import KEYS, Action
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.actions.imgui_keys import KEYS
 
 PATIENCE = 900.0
 """Timeout in seconds of a script. The engine's default is one minute. After it, mouse and key input silently

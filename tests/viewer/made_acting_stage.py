@@ -11,17 +11,17 @@ from strokes import limb
 
 from enliven.document import graph_shape_at_rest
 from enliven.document.project import Project
-from enliven.formats.project import write_project
+from enliven.formats.project.file import write_project
 from enliven.modeling.edits import paint_character, scale_character
-from enliven.modeling.puppet import add_key_pose
+from enliven.modeling.puppet.poses import add_key_pose
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.tools import Pointer
+from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 LIMB = {"character": "limb", "handle": None, "chain": (), "layer": None}

@@ -11,7 +11,8 @@ from studio_driver import HeadlessStage
 from enliven.document.project import Project
 from enliven.document.puppet import Plane
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet import add_point, make_puppet, play_take
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor

@@ -20,9 +20,9 @@ from deeds import by_key, by_menu, press, scripted
 from strokes import limb
 
 from enliven.modeling.edits import cut_character, handle_characters, scale_character
-from enliven.modeling.mesh import PlaneCut
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven_viewer.live import PART_CHOICES
+from enliven_viewer.live.possession_choice import PART_CHOICES
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings

@@ -19,8 +19,9 @@ from PIL import Image
 
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.scan.advice import choose_advice
+from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.scan.scan_advice import choose_advice
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -36,7 +37,7 @@ wanted: list[str] = []
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: str) -> None:
     """Plays an artist's actions."""
     workspace = window.workspace
-    editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
+    editor, perform, scan = workspace.editor, workspace.perform, workspace.state(ScanSession)
     places = set[tuple[int, ...]]()
 
     def until(done: Callable[[], object], what: str) -> None:
@@ -46,7 +47,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
                 state = [
                     scan.message.phase,
                     scan.message.note,
-                    scan.message.mend,
+                    scan.message.remedy,
                     scan.message.tracking,
                     scan.message.fused,
                 ]

@@ -22,7 +22,7 @@ from coarse_pixels import coarse_pixels
 from deeds import by_key, by_menu, menu_path, press, scripted
 from made_acting_stage import NEEDS, acting_stage, ready_for
 
-from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace

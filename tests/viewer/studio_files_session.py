@@ -24,9 +24,9 @@ from made_acting_stage import acting_stage
 
 from enliven.document import Shape
 from enliven.exporters import exporter_of, performance_of
-from enliven.mapping import played_clip
+from enliven.mapping.model_clips import played_clip
 from enliven.sounds import SOUND_RATE, Sound
-from enliven_viewer.studio.sound import read_sound
+from enliven_viewer.studio.features.sound.sound_reader import read_sound
 from enliven_viewer.studio.window import StudioWindow
 
 report: dict[str, Any] = {"done": False}

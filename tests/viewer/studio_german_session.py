@@ -17,7 +17,7 @@ from made_acting_stage import acting_stage
 from studio_layout_session import STATES
 
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 DIALOGS = ("preferences", "help", "palette", "unsaved")
 SETTLED = 6

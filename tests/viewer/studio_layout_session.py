@@ -20,8 +20,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from drawn_text import Letters, cut_letters, drawn_letters, overlapping_letters
 from made_acting_stage import acting_stage
 
+from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 SIZES = {
     "600x400": (600, 400, 1.0),
@@ -40,7 +41,7 @@ report: dict[str, dict] = {}
 
 def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: str = "choose") -> None:
     """Shows a workspace with a character and a tool."""
-    workspace.perform.active_workspace, workspace.scan.shown = room, False
+    workspace.perform.active_workspace, workspace.state(ScanSession).shown = room, False
     workspace.input.take(tool)
     workspace.editor.choose(chosen)
 
@@ -48,7 +49,7 @@ def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: s
 def scan(workspace: Workspace) -> None:
     """Shows the panel of a scan."""
     enter(workspace, "Perform")
-    workspace.scan.open()
+    workspace.state(ScanSession).open()
 
 
 def start_page(workspace: Workspace) -> None:

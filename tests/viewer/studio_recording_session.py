@@ -23,7 +23,7 @@ from deeds import scripted
 from perform_session import PATIENCE, PAUSE, RealEdge
 from strokes import limb
 
-from enliven.formats.project import project_of_mesh
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.health import HealthState, Severity
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings

@@ -17,7 +17,8 @@ from imgui_bundle import imgui
 
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform import Camera
+from enliven_viewer.studio.features.scan.session import ScanSession
+from enliven_viewer.studio.perform.cameras import Camera
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -91,7 +92,7 @@ class Steps:
         search._handle_search("nothing", True)
         self.picture("problem")
         yield lambda: self.count < FRAMES
-        workspace.scan.shown = True
+        workspace.state(ScanSession).shown = True
         self.show("a scan")
         self.picture("scan")
         yield lambda: self.count < FRAMES

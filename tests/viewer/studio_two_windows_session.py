@@ -18,7 +18,7 @@ from PIL import Image
 from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
-from enliven.formats.project import read_project, write_project
+from enliven.formats.project.file import read_project, write_project
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings

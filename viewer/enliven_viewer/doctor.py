@@ -24,13 +24,13 @@ def has_display() -> bool:
 def _check_offscreen() -> Check:
     name = "OpenGL off-screen"
     try:
-        from enliven_viewer.render.gl import create_offscreen_context
+        from enliven_viewer.render.gl.context import create_offscreen_context
 
         ctx = create_offscreen_context()
     except ImportError as error:
         return Check(name, False, str(error), "Install it: pip install moderngl")
     except EnlivenError as error:
-        return Check(name, False, error.what, error.mend)
+        return Check(name, False, error.what, error.remedy)
     renderer, version = ctx.info["GL_RENDERER"], ctx.version_code
     ctx.release()
     return Check(name, True, f"{renderer}, OpenGL {version // 100}.{version // 10 % 10}")
@@ -66,13 +66,13 @@ def _check_encoder() -> Check:
     try:
         import av
 
-        from enliven.film import choose_encoder
+        from enliven.film.encoders import choose_encoder
 
         encoder = choose_encoder(av)
     except ImportError as error:
         return Check(name, False, str(error), "Install it: pip install av")
     except EnlivenError as error:
-        return Check(name, False, error.what, error.mend)
+        return Check(name, False, error.what, error.remedy)
     description = f"{encoder.name} ({encoder.format}; licence {encoder.licence})"
     if encoder.format != "H.264":
         description = f"no H.264 encoder, films are {encoder.format}"

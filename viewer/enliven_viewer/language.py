@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gettext
 import io
+import locale
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -35,6 +36,14 @@ def set_language(language: str) -> None:
         return
     _ActiveCatalogue.catalogue = gettext.GNUTranslations(io.BytesIO(polib.pofile(str(path)).to_binary()))
     _ActiveCatalogue.language = language
+
+
+def find_language(requested: str) -> str:
+    """Returns the code of a requested language. If it is empty, the computer's language, or else English."""
+    if requested:
+        return requested
+    name = (locale.getlocale()[0] or "en").lower()
+    return next((code for code in LANGUAGES if name.startswith((code, LANGUAGES[code].lower()))), "en")
 
 
 def language_in_use() -> str:

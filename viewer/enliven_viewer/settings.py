@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from enliven.errors import InputError
+from enliven.outputs.settings import LiveOutputSettings
 from enliven.settings import setting
 
 Encoder = Literal[
@@ -87,8 +88,8 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         if self.backdrop and not re.fullmatch(r"#[0-9a-fA-F]{6}", self.backdrop):
-            mend = "Give six hexadecimal digits, such as '#22334a'."
-            raise InputError(f"{self.backdrop!r} is not a colour", where="render.backdrop", mend=mend)
+            remedy = "Give six hexadecimal digits, such as '#22334a'."
+            raise InputError(f"{self.backdrop!r} is not a colour", where="render.backdrop", remedy=remedy)
 
     @property
     def opening(self) -> float:
@@ -162,6 +163,12 @@ class ViewerSettings:
     film: FilmSettings = field(default_factory=FilmSettings)
     width: int = setting(1280, "Width of the window or film.", unit="pixels", low=16, high=16384)
     height: int = setting(720, "Height of the window or film.", unit="pixels", low=16, high=16384)
+    space: str = setting(
+        "", "Path of a space file of `enliven calibrate` that places several edges, relative to this file."
+    )
+    outputs: dict[str, LiveOutputSettings] = field(
+        default_factory=dict, metadata={"doc": "Other programs that receive the shown motion live, by name."}
+    )
 
 
 @dataclass(frozen=True)
@@ -194,6 +201,6 @@ def with_size(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     match = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
     if not match or not all(16 <= int(n) <= 16384 for n in match.groups()):
         raise InputError(
-            f"{size!r} is not a size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720."
+            f"{size!r} is not a size", where="--size", remedy="Give WIDTHxHEIGHT, such as 1280x720."
         )
     return replace(settings, width=int(match[1]), height=int(match[2]))

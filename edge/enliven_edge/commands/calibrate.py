@@ -14,22 +14,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands import progress_lines, say
+from enliven.commands.terminal import progress_lines, say
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.progress import interruptible
 
 if TYPE_CHECKING:
-    from enliven_edge.fusion.calibration import Calibration, Collector, SensorPair
+    from enliven_edge.fusion.calibration.calibration import Calibration, SensorPair
+    from enliven_edge.fusion.calibration.tracks import Collector
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import EdgeSettings
     from enliven_edge.sources import Source
-    from enliven_edge.tracking import SceneSettings
+    from enliven_edge.tracking.settings import SceneSettings
 
 log = logging.getLogger(__name__)
 
 _EVALUATION_INTERVAL_S = 4.0
-"""Seconds between two trial calibrations with live sensors. Each takes processor time from the trackers."""
+"""Seconds between two preliminary calibrations with live sensors. Each one slows down the trackers."""
 
 
 def calibrate(
@@ -79,7 +80,7 @@ def calibrate(
         raise InputError(
             "a calibration needs at least two sensors",
             where="calibrate",
-            mend="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
+            remedy="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
         )
     _check_recordings(sensor_sources)
     with contextlib.ExitStack() as stack:
@@ -98,8 +99,9 @@ def calibrate(
 
 
 def _check_recordings(sources: list[Source]) -> None:
-    """Checks that no recording, or a copy of it, is given twice. It would agree with itself, so the result
-    would look good.
+    """Checks that no recording, or a copy of it, is given twice.
+
+    It would agree with itself, so that the result would look good.
 
     Raises:
         InputError: if two sources read the same content.
@@ -111,7 +113,7 @@ def _check_recordings(sources: list[Source]) -> None:
             raise InputError(
                 "the recording is given twice",
                 where=str(second),
-                mend="Give the recording that each sensor made at the same time.",
+                remedy="Give the recording that each sensor made at the same time.",
             )
 
 
@@ -122,9 +124,9 @@ def _create_collectors(
     seconds: float | None,
 ) -> list[Collector]:
     """Returns a collector for each sensor, with its own tracker."""
-    from enliven_edge.fusion.calibration import Collector
-    from enliven_edge.fusion.live import settings_before_fusion
-    from enliven_edge.tracking import Tracker
+    from enliven_edge.fusion.calibration.tracks import Collector
+    from enliven_edge.fusion.live.merge import settings_before_fusion
+    from enliven_edge.tracking.tracker import Tracker
 
     collectors = []
     for name, sensor in sensors.items():
@@ -136,8 +138,9 @@ def _create_collectors(
 
 
 def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSettings) -> Calibration:
-    """Collects bodies until the recordings end, live sensors have seen enough, or Ctrl-C."""
-    from enliven_edge.fusion.calibration import calibrate as calibrated
+    """Collects bodies until the recordings end, the live sensors have seen enough, or the user presses
+    Ctrl-C."""
+    from enliven_edge.fusion.calibration.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
 
     with (
@@ -169,7 +172,7 @@ def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSetti
 
 
 def _describe_pair(pair: SensorPair) -> str:
-    """Describes the result of a pair of sensors."""
+    """Returns one line that describes the calibration of a pair of sensors."""
     quality = pair.quality
     if pair.fit is None:
         return f"{pair.a} - {pair.b}: {quality.verdict}"
@@ -189,16 +192,16 @@ def _describe_pair(pair: SensorPair) -> str:
 def _write(calibration: Calibration, collectors: list[Collector], output: Path, accept_doubt: bool) -> None:
     """Writes the file if the calibration is good or the user accepts it. Otherwise raises InputError with the
     reason."""
-    from enliven_edge.fusion.placement import save_space
+    from enliven.space.space_file import save_space
 
     warnings = [] if calibration.is_good else ["NOT GOOD ENOUGH: " + "; ".join(calibration.advice)]
     missing = [name for name in calibration.sensors if name not in calibration.world_from_sensor]
     if missing or (warnings and not accept_doubt):
-        kept = f"; {output} was left unchanged" if output.exists() else ""
+        backup_note = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
-            f"the sensors cannot be placed yet{kept}",
+            f"the sensors cannot be placed yet{backup_note}",
             where="calibrate",
-            mend="; ".join(calibration.advice) + ".",
+            remedy="; ".join(calibration.advice) + ".",
         )
     mounts = {collector.name: collector.level_from_camera for collector in collectors}
     space = calibration.space({name: mount for name, mount in mounts.items() if mount is not None})
@@ -209,5 +212,5 @@ def _write(calibration: Calibration, collectors: list[Collector], output: Path, 
         *map(_describe_pair, calibration.pairs),
     ]
     backup = save_space(output, space, remarks)
-    kept = f" (the previous file is now {backup})" if backup else ""
-    say(f"{output} holds the places of {len(space.sensors)} sensors{kept}")
+    backup_note = f" (the previous file is now {backup})" if backup else ""
+    say(f"{output} holds the places of {len(space.sensors)} sensors{backup_note}")

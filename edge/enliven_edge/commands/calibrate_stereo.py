@@ -10,19 +10,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands import facts_table, plain_console, say
+from enliven.commands.terminal import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, CalibrationQuality
+    from enliven_edge.sensors.stereo.board import CalibrationBoard
+    from enliven_edge.sensors.stereo.calibration_quality import CalibrationQuality
+    from enliven_edge.sensors.stereo.stereo_solver import BoardSighting
 
 _CHECK_INTERVAL_S = 0.3
 """Interval between two checks of live cameras, in seconds. Moving a board by hand takes longer."""
 _MAX_TIME_OFFSET_MS = 20.0
-"""Maximum time difference of the live images of a pair, in milliseconds. It may be large, because the board
-is held still."""
+"""Maximum time difference in milliseconds between the two live images of a pair. It may be large, because the
+board is held still."""
 _PAIR_TIMEOUT_S = 10.0
-"""Longest time without an image pair before live cameras are given up, in seconds."""
+"""Maximum seconds without an image pair before the command gives up."""
 
 
 def calibrate_stereo(
@@ -61,7 +63,7 @@ def calibrate_stereo(
       enliven calibrate-stereo --live PAIRS --square 37.9 -o stereo.toml
       enliven run --sensor libcamera --set calibration=stereo.toml
     """
-    from enliven_edge.sensors.stereo import CalibrationBoard
+    from enliven_edge.sensors.stereo.board import CalibrationBoard
 
     board = CalibrationBoard(*_parse_size(squares, "--squares"), 1e-3 * square)
     if print_to is not None:
@@ -71,7 +73,7 @@ def calibrate_stereo(
         raise InputError(
             "no image pairs were given",
             where="calibrate-stereo",
-            mend="Give the folder of the pairs, or --live and a folder for new pairs.",
+            remedy="Give the folder of the pairs, or --live and a folder for new pairs.",
         )
     if live:
         _record_pairs(board, folder, (left, right), _parse_size(size, "--size"), pairs)
@@ -80,7 +82,7 @@ def calibrate_stereo(
 
 def _write_board(board: CalibrationBoard, path: Path) -> None:
     if path.suffix.lower() != ".pdf":
-        raise InputError(f"it ends in {path.suffix!r}", where=str(path), mend="Give a name with .pdf.")
+        raise InputError(f"it ends in {path.suffix!r}", where=str(path), remedy="Give a name with .pdf.")
     try:
         path.write_bytes(board.pdf())
     except OSError as error:
@@ -91,7 +93,9 @@ def _write_board(board: CalibrationBoard, path: Path) -> None:
 def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt: bool) -> None:
     """Solves the calibration, prints its quality, and writes it if it is good enough or the user accepts
     it."""
-    from enliven_edge.sensors.stereo import judge, save_calibration, solve
+    from enliven_edge.sensors.stereo.calibration import save_calibration
+    from enliven_edge.sensors.stereo.calibration_quality import judge
+    from enliven_edge.sensors.stereo.stereo_solver import solve
 
     sightings, size = _find_boards(board, folder)
     solution = solve(board, sightings, size)
@@ -103,7 +107,7 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
         raise InputError(
             f"the calibration is not good enough{unchanged_note}",
             where=str(folder),
-            mend=" ".join(judgement.advice)
+            remedy=" ".join(judgement.advice)
             + (" Or, to try it all the same: --accept-doubt" if calibration else ""),
         )
     facts = [f"{name}: {value}" for name, value in judgement.facts]
@@ -116,7 +120,8 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
 def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
     """Finds the board in a folder's image pairs. Returns the sightings and the images' (width, height) in
     pixels."""
-    from enliven_edge.sensors.stereo import BoardSighting, image_pairs, read_grey
+    from enliven_edge.sensors.stereo.pair_folder import image_pairs, read_grey
+    from enliven_edge.sensors.stereo.stereo_solver import BoardSighting
 
     sightings, size = [], (0, 0)
     for files in image_pairs(folder):
@@ -128,7 +133,7 @@ def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSight
                     f"{dimensions[0]} x {dimensions[1]}" for dimensions in (image.shape[::-1], size)
                 )
                 problem = f"it has {image_size} pixels, the first image {first_size}"
-                raise InputError(problem, where=str(file), mend="Take all in one size.")
+                raise InputError(problem, where=str(file), remedy="Take all in one size.")
         sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
@@ -139,8 +144,9 @@ def _record_pairs(
     """Saves pairs of live images in a folder."""
     from PIL import Image
 
-    from enliven_edge.sensors.drivers import LibcameraImages
-    from enliven_edge.sensors.stereo import Pairing, PairSelector
+    from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
+    from enliven_edge.sensors.stereo.calibration_quality import PairSelector
+    from enliven_edge.sensors.stereo.pairing import Pairing
 
     images = LibcameraImages(list(names), size)
     try:
@@ -149,7 +155,7 @@ def _record_pairs(
         last_message, checked_at, last_pair_at = "", 0.0, time.monotonic()
         while len(selector.kept) < pairs:
             if time.monotonic() - last_pair_at > _PAIR_TIMEOUT_S:
-                raise ResourceError("no pair of images came", where=images.name, mend="Check both cameras.")
+                raise ResourceError("no pair of images came", where=images.name, remedy="Check both cameras.")
             try:
                 picture = images.read(1.0)
             except TimeoutError:
@@ -182,5 +188,5 @@ def _parse_size(text: str, where: str) -> tuple[int, int]:
     """Parses the two numbers of 640x400."""
     match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not match:
-        raise InputError(f"{text!r} is not ACROSSxDOWN", where=where, mend="For example: 7x5")
+        raise InputError(f"{text!r} is not ACROSSxDOWN", where=where, remedy="For example: 7x5")
     return int(match[1]), int(match[2])

@@ -13,17 +13,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands import check_parts
+from enliven.commands.part_names import check_parts
 from enliven.errors import InputError
 from enliven.files import require_folder
 from enliven.settings import load_settings
+from enliven.supervision.notify import Notifier
 
 if TYPE_CHECKING:
     from enliven.document import Character
-    from enliven_edge.fusion.live import FusedSensors
-    from enliven_edge.landmarks import ColourPoseEstimator
-    from enliven_edge.network import Access
-    from enliven_edge.physics import PhysicsSettings, Playground
+    from enliven.possession import Actor
+    from enliven_edge.fusion.live.fused_sensor import FusedSensors
+    from enliven_edge.kept_stage.keeper import StageKeeper
+    from enliven_edge.landmarks.colour_pose import ColourPoseEstimator
+    from enliven_edge.network.access import Access
+    from enliven_edge.physics.playground import Playground
+    from enliven_edge.physics.settings import PhysicsSettings
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import CharacterChoice, EdgeSettings
     from enliven_edge.sources import Source
@@ -54,7 +58,7 @@ def edge(
         list[str] | None,
         typer.Option(
             help="Character to move: a mesh, 'chair', 'lamp', or a puppet (its session, its project, or "
-            "'cactus'). Repeat the option for several."
+            "'cactus'). NAME=MESH names it. Repeat the option for several."
         ),
     ] = None,
     possess_at: Annotated[
@@ -103,11 +107,22 @@ def edge(
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
+    part_minutes: Annotated[
+        float | None, typer.Option(help="Continue the take in a new file after this many minutes.")
+    ] = None,
+    keep_free: Annotated[
+        float | None,
+        typer.Option(help="Keep this many GB free: the oldest takes of the same name pattern are deleted."),
+    ] = None,
+    keep_stage: Annotated[
+        Path | None,
+        typer.Option(help="Keep the stage in this folder, so that it comes back after a restart."),
+    ] = None,
     out: Annotated[
         list[str] | None,
         typer.Option(
-            help="Send the motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
-            "Repeat the option for several."
+            help="Send the motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. Or "
+            "let it connect here: foxglove:127.0.0.1. Repeat the option for several."
         ),
     ] = None,
     wait_for_viewer: Annotated[
@@ -135,9 +150,12 @@ def edge(
     """
     _limit_blas_threads()
     require_folder(record)
-    from enliven_edge.network import open_access, raise_descriptor_limit
-    from enliven_edge.outputs import outputs_of
-    from enliven_edge.physics import PhysicsSettings
+    from enliven.outputs.settings import outputs_of
+    from enliven_edge.kept_stage.folder import stage_folder
+    from enliven_edge.network.access import open_access
+    from enliven_edge.network.tcp_listener import raise_descriptor_limit
+    from enliven_edge.physics.settings import PhysicsSettings
+    from enliven_edge.recording.settings import with_options
     from enliven_edge.settings import characters_from_options
 
     edge_settings = _load_edge_settings(
@@ -152,6 +170,8 @@ def edge(
         edge_settings = dataclasses.replace(
             edge_settings, physics=dataclasses.replace(edge_settings.physics, world=world)
         )
+    recording_settings = with_options(edge_settings.recording, part_minutes, keep_free)
+    edge_settings = dataclasses.replace(edge_settings, recording=recording_settings)
     edge_settings = dataclasses.replace(edge_settings, outputs=outputs_of(out or [], edge_settings.outputs))
     characters = characters_from_options(mesh or [], drive or [], parts or [], edge_settings.characters)
     folder = settings.parent if settings else None
@@ -161,15 +181,15 @@ def edge(
     elif edge_settings.space and folder is not None:
         edge_settings = dataclasses.replace(edge_settings, space=str(folder / edge_settings.space))
     run_options = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
-    serve(edge_settings, source, run_options, folder, once, wait_for_sensor, access)
+    stage_path = stage_folder(keep_stage, edge_settings.stage.keep, folder, edge_settings.wire.name)
+    serve(edge_settings, source, run_options, folder, once, wait_for_sensor, access, stage_path)
 
 
 def _limit_blas_threads() -> None:
-    """Limits the matrix library of NumPy and SciPy to one thread, because matrices here are small and idle
-    threads spin.
+    """Limits the matrix library of NumPy and SciPy to one thread, because the matrices are small.
 
-    This saves 0.1 s of processor time at each start (measured). A number of threads that the user has set is
-        kept.
+    Idle threads of the library would busy-wait. The limit saves 0.1 s of processor time at each start
+    (measured). A number of threads that the user has set is kept.
     """
     if "numpy" not in sys.modules:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -183,43 +203,68 @@ def serve(
     once: bool = False,
     wait_for_sensor: bool = False,
     access: Access | None = None,
+    kept: Path | None = None,
 ) -> None:
     """Opens the sensors and the stage, runs the loop, and closes everything. Imports heavy modules only
     here."""
+    from enliven.doctor import need
+    from enliven.outputs.opening import open_outputs
     from enliven_edge.character_upload import CharacterUploads
     from enliven_edge.commands.preparation import prepare_actors
     from enliven_edge.commands.progress import handle_signals
-    from enliven_edge.controls import open_controls
-    from enliven_edge.extras import need
-    from enliven_edge.network import Outlet, check_free, is_local
-    from enliven_edge.outputs import open_outputs
-    from enliven_edge.physics import PhysicsSwitch
+    from enliven_edge.controls.control_set import open_controls
+    from enliven_edge.live_outputs import LiveOutputs
+    from enliven_edge.liveness import MAX_OPENING_S, MAX_PREPARATION_S, ProgressReporter, extend_start_timeout
+    from enliven_edge.network.announcing import announce
+    from enliven_edge.network.outlet import Outlet, check_free
+    from enliven_edge.network.tcp_listener import is_local
+    from enliven_edge.physics.switch import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
     from enliven_edge.sources import open_sources
-    from enliven_edge.stage import Stage
-    from enliven_edge.tracking import Tracker, without_deadline
-    from enliven_edge.tracking.health import HealthMonitor
+    from enliven_edge.stage.stage import Stage
+    from enliven_edge.tracking.health.health import HealthMonitor
+    from enliven_edge.tracking.settings import without_deadline
+    from enliven_edge.tracking.tracker import Tracker
 
     characters, possess_at, record, overwrite, viewer_timeout, seconds = run_options
     if edge_settings.physics.world != "none":
         need("mujoco", "physics", "--physics")
     check_free(edge_settings.wire, access)
-    outputs = open_outputs(edge_settings.outputs, folder)
+    outputs = LiveOutputs(open_outputs(edge_settings.outputs, folder, insecure=edge_settings.wire.insecure))
+    notifier = Notifier()
     with outputs, handle_signals(_raise_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
         hides_talk = edge_settings.wire.insecure or not is_local(edge_settings.wire.host)
         controls = stack.enter_context(open_controls(edge_settings.controls, folder, hides_talk=hides_talk))
-        sensors = open_sources(sources, stack, wait_for_sensor)
+        with extend_start_timeout(notifier, MAX_OPENING_S):
+            sensors = open_sources(sources, stack, wait_for_sensor, edge_settings.sensor.power_cycle)
         is_live = any(source.sensor != "replay" for source in sources)
         if not is_live:
             edge_settings = dataclasses.replace(
                 edge_settings, tracker=without_deadline(edge_settings.tracker)
             )
-        sensor = stack.enter_context(_combine_sensors(sensors, sources, edge_settings, once))
-        actors, parts = prepare_actors(characters, edge_settings)
-        playground = _create_playground(edge_settings.physics, [actor.character for actor in actors], is_live)
+        with extend_start_timeout(notifier, MAX_PREPARATION_S):
+            sensor = stack.enter_context(_combine_sensors(sensors, sources, edge_settings, once))
+            actors, parts = prepare_actors(characters, edge_settings)
+            keeper = None if kept is None else _open_keeper(kept, characters, actors, edge_settings, stack)
+            if keeper is not None:
+                actors = [actor for actor in actors if not keeper.is_removed(actor.character.id)]
+            shapes = [actor.character for actor in actors]
+            playground = _create_playground(edge_settings.physics, shapes, is_live)
         outlet = stack.enter_context(
-            Outlet(edge_settings.wire, sensor.name, record=record, overwrite=overwrite, access=access)
+            Outlet(
+                edge_settings.wire,
+                sensor.name,
+                record=record,
+                overwrite=overwrite,
+                access=access,
+                recording=edge_settings.recording,
+                # A person is told at once that the disk is full. An edge without staff must perform without.
+                waits_for_space=notifier.is_supervised,
+            )
+        )
+        progress = stack.enter_context(
+            ProgressReporter(notifier, edge_settings.wire.name, lambda: outlet.publisher.status)
         )
         stage = Stage(actors, edge_settings.stage)
         outputs.check(stage)
@@ -237,22 +282,50 @@ def serve(
             controls=controls,
             outputs=outputs,
             once=once,
-            health=HealthMonitor(
-                edge_settings.health, fps=getattr(sensor, "fps", None), far=edge_settings.tracker.scene.far
-            ),
+            progress=progress,
+            keeper=keeper,
+            health=HealthMonitor(edge_settings.health, fps=sensor.fps, far=edge_settings.tracker.scene.far),
         )
+        if keeper is not None:
+            with extend_start_timeout(notifier, MAX_PREPARATION_S):
+                keeper.restore(service)
         controls.forget()
         with handle_signals(service.stop, signal.SIGINT, signal.SIGTERM):
             log.info(
                 "%s listens on %s for %s", edge_settings.wire.name, outlet.publisher.endpoint, sensor.name
             )
+            outlet.announcer = announce(
+                *(edge_settings.wire, outlet.publisher.endpoint),
+                has_keys=access is not None,
+                characters=len(actors),
+            )
             if access is not None:
                 access.begin()
             if viewer_timeout:
-                service.wait_for_viewer(viewer_timeout)
+                with extend_start_timeout(notifier, viewer_timeout + 1.0):
+                    service.wait_for_viewer(viewer_timeout)
             service.run()
         outlet.end(service.pace)
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
+
+
+def _open_keeper(
+    folder: Path,
+    choices: list[CharacterChoice],
+    actors: list[Actor],
+    edge_settings: EdgeSettings,
+    stack: contextlib.ExitStack,
+) -> StageKeeper:
+    """Returns the keeper, which saves the stage to disk. ``stack`` closes it.
+
+    Args:
+        actors: the initial actors, in the order of ``choices``.
+    """
+    from enliven_edge.kept_stage.folder import StageFolder
+    from enliven_edge.kept_stage.keeper import StageKeeper
+
+    meshes = {actor.character.id: choice.mesh for actor, (_, choice) in zip(actors, choices, strict=True)}
+    return stack.enter_context(StageKeeper(StageFolder(folder), meshes, edge_settings))
 
 
 def _raise_interrupt() -> None:
@@ -267,7 +340,8 @@ def _open_colour_estimator(
     """Returns the estimator of bodies from colour images, or None if the settings do not use it."""
     if not edge_settings.colour.use:
         return None
-    from enliven_edge.landmarks import ColourPoseEstimator, MediaPipeSource
+    from enliven_edge.landmarks.colour_pose import ColourPoseEstimator
+    from enliven_edge.landmarks.source import MediaPipeSource
 
     return ColourPoseEstimator(
         stack.enter_context(MediaPipeSource(edge_settings.colour.mediapipe)), edge_settings.colour.lift
@@ -277,10 +351,10 @@ def _open_colour_estimator(
 def _create_playground(
     physics_settings: PhysicsSettings, characters: list[Character], is_live: bool
 ) -> Playground | None:
-    """Returns the physics world, ready for the first frame, or None. With a recording it is deterministic."""
+    """Returns the physics world, ready for the first frame, or None. It is deterministic for recordings."""
     if physics_settings.world == "none":
         return None
-    from enliven_edge.physics import Playground
+    from enliven_edge.physics.playground import Playground
 
     if not is_live:
         physics_settings = dataclasses.replace(
@@ -292,7 +366,7 @@ def _create_playground(
 
 
 def _load_edge_settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
-    """Returns the settings of the file, with the values of the command line in their place."""
+    """Returns the settings of the file, overridden by the values of the command line."""
     from enliven_edge.settings import EdgeSettings, WireSettings
 
     loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
@@ -332,14 +406,14 @@ def _select_sources(
 def _combine_sensors(
     sensors: dict[str, Sensor], sources: list[Source], edge_settings: EdgeSettings, once: bool
 ) -> Sensor:
-    """Returns the only sensor, or several sensors fused into one that delivers bodies."""
+    """Returns the sensor, or several sensors fused into one sensor that delivers bodies."""
     if len(sensors) == 1:
         return next(iter(sensors.values()))
     if not edge_settings.space:
         raise InputError(
             "the places of several sensors must be known",
             where="edge",
-            mend="Run enliven calibrate ... -o space.toml, and give --space space.toml.",
+            remedy="Run enliven calibrate ... -o space.toml, and give --space space.toml.",
         )
     return _fuse_sensors(sources, sensors, edge_settings, once)
 
@@ -347,11 +421,13 @@ def _combine_sensors(
 def _fuse_sensors(
     sources: list[Source], sensors: dict[str, Sensor], edge_settings: EdgeSettings, once: bool
 ) -> FusedSensors:
-    """Returns several sensors fused into one that delivers bodies."""
-    from enliven_edge.fusion.live import FusedSensors, settings_before_fusion, warm_up_fusion
-    from enliven_edge.fusion.placement import load_space
-    from enliven_edge.tracking import Tracker
-    from enliven_edge.tracking.health import HealthMonitor
+    """Returns a sensor that fuses several sensors and delivers bodies."""
+    from enliven.space.space_file import load_space
+    from enliven_edge.fusion.live.fused_sensor import FusedSensors
+    from enliven_edge.fusion.live.fuser import warm_up_fusion
+    from enliven_edge.fusion.live.merge import settings_before_fusion
+    from enliven_edge.tracking.health.health import HealthMonitor
+    from enliven_edge.tracking.tracker import Tracker
 
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
@@ -359,7 +435,7 @@ def _fuse_sensors(
         trackers[name] = Tracker(
             settings_before_fusion(dataclasses.replace(edge_settings.tracker, scene=scene))
         )
-        fps = getattr(sensor, "fps", None)
+        fps = sensor.fps
         health[name] = HealthMonitor(edge_settings.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()
     space = load_space(Path(edge_settings.space))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from enliven.commands import plain_console, plain_text, say
+from enliven.commands.terminal import plain_console, plain_text, say
 from enliven.errors import InputError
 from enliven_edge.commands.image_options import LensOption, UnitsOption
 from enliven_edge.commands.progress import write_recording
@@ -48,7 +48,9 @@ def import_recording(
       enliven import D405/ --units-per-metre 10000 -o d405.mcap   depth images in another unit
       enliven import --list-readers                               list the known layouts
     """
-    from enliven_edge.importing import ImportOptions, find_files, find_reader, mirror_frames, parse_lens
+    from enliven_edge.importing.base import ImportOptions, parse_lens
+    from enliven_edge.importing.mirror import mirror_frames
+    from enliven_edge.importing.registry import find_files, find_reader
 
     console = plain_console()
     if list_readers:
@@ -58,15 +60,15 @@ def import_recording(
         raise InputError(
             "nothing to import" if not files else "the output file is not named",
             where="enliven import",
-            mend="For example: enliven import FOLDER -o take.mcap",
+            remedy="For example: enliven import FOLDER -o take.mcap",
         )
     paths = find_files(files)
     chosen_reader = find_reader(paths, reader)
     notes = [chosen_reader.note] if chosen_reader.note else []
     options = ImportOptions(fps, device, parse_lens(lens), units_per_metre, notes.append)
     frames = iter(chosen_reader.read(paths, options))
-    # Read the first frame in advance, because it settles the assumptions about the files, which the recording
-    # stores.
+    # Read the first frame in advance. The reader then makes its assumptions about the files, which the
+    # recording stores.
     first_frame = list(islice(frames, 1))
     frames = chain(first_frame, frames)
     contents = write_recording(
@@ -74,7 +76,7 @@ def import_recording(
         output,
         task=f"Importing ({chosen_reader.name})",
         facts=("import", {"reader": chosen_reader.name, "note": "; ".join(notes)}),
-        empty=InputError("the files hold no frames", where=chosen_reader.name, mend="Choose others."),
+        empty=InputError("the files hold no frames", where=chosen_reader.name, remedy="Choose others."),
         level=level,
         overwrite=overwrite,
         console=console,
@@ -86,7 +88,7 @@ def import_recording(
 
 
 def _reader_table() -> Table:
-    from enliven_edge.importing import readers
+    from enliven_edge.importing.registry import readers
 
     table = Table("reader", "layout", "note")
     for reader in readers().values():

@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import track
 
-from enliven.commands import facts_table, plain_console, say
+from enliven.commands.terminal import facts_table, plain_console, say
 from enliven.errors import InputError
 from enliven.files import require_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
     from enliven.recording import Recording
-    from enliven_edge.inspection import Inspector, SensorLog
+    from enliven_edge.inspection.inspector import Inspector
+    from enliven_edge.inspection.log import SensorLog
 
 _BIT_RATE = 6.0
-"""Bit rate of a film if the encoder accepts no quality, in Mbit/s: the same as of the viewer's films."""
+"""Bit rate of a film in Mbit/s if the encoder has no quality setting. It is that of the viewer's films."""
 _USUAL_RATE = 30.0
-"""Frame rate, in frames per second, that is assumed for a recording with too few frames to measure it: that
-of depth cameras."""
+"""Assumed frame rate in frames per second of a recording with too few frames to measure it. It is typical of
+depth cameras."""
 
 
 def inspect(
@@ -48,7 +49,7 @@ def inspect(
       enliven inspect TAKE.mcap -o take.mp4 --sheet take.png --slow 4
     """
     from enliven.recording import DEPTH_TOPIC, Recording
-    from enliven_edge.inspection import SensorLog
+    from enliven_edge.inspection.log import SensorLog
     from enliven_edge.sensors import LogReader
 
     require_folder(output, sheet)
@@ -61,7 +62,7 @@ def inspect(
         raise InputError(
             "the recording has no depth frames",
             where=str(recording),
-            mend="Skeletons alone cannot be tracked.",
+            remedy="Skeletons alone cannot be tracked.",
         )
     else:
         rate, count = _measure_rate(source, count), min(count, frames or count)
@@ -79,30 +80,32 @@ def _write_film(
     rates: tuple[float, float],
     count: int,
 ) -> None:
-    """Writes the film, and the contact sheet if requested. ``rates`` are the recording's and the film's, in
+    """Writes the film, and the contact sheet if requested. ``rates`` are those of recording and film in
     Hz."""
     import numpy as np
     from PIL import Image
 
-    from enliven.film import FilmWriter
-    from enliven_edge.inspection import Inspector, contact_sheet
-    from enliven_edge.tracking import Tracker, TrackerSettings, without_deadline
+    from enliven.film.writer import FilmWriter
+    from enliven_edge.inspection.inspector import Inspector
+    from enliven_edge.inspection.picture import contact_sheet
+    from enliven_edge.tracking.settings import TrackerSettings, without_deadline
+    from enliven_edge.tracking.tracker import Tracker
 
     inspector = Inspector(Tracker(without_deadline(TrackerSettings())), width, rates[0])
-    kept: list[UInt8] = []
+    sheet_pictures: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
     with FilmWriter(output, None, rates[1], _BIT_RATE) as film:
         numbered = zip(range(count), _draw_pictures(source, log, inspector), strict=False)
         for n, picture in track(numbered, "Filming", total=count, transient=True):
             film.add(picture)
             if n in picked:
-                kept.append(picture)
+                sheet_pictures.append(picture)
     if sheet is not None:
-        write_picture(sheet, Image.fromarray(contact_sheet(kept, 4, 480)))
+        write_picture(sheet, Image.fromarray(contact_sheet(sheet_pictures, 4, 480)))
 
 
 def _draw_pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
-    """Yields a picture for every depth frame."""
+    """Draws and yields a picture for every depth frame."""
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import LogReader
 

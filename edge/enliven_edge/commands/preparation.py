@@ -10,11 +10,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Self
 
-from enliven.commands import progress_lines, say
+from enliven.commands.terminal import progress_lines, say
 from enliven.document import unused
-from enliven.kernel_cache import on_compilation, user_folder
-from enliven_edge.stage import create_actor, name_of, parts_for
-from enliven_edge.stage.puppet import is_puppet
+from enliven.kernel_cache.compiling import on_compilation
+from enliven.kernel_cache.store import user_folder
+from enliven_edge.stage.character_setup import create_actor, name_of, parts_for
+from enliven_edge.stage.puppet.spec import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 def prepare_actors(
     choices: Sequence[CharacterChoice], edge_settings: EdgeSettings
 ) -> tuple[list[Actor], dict[str, str]]:
-    """Returns the actors with every kernel compiled, and by actor ID the body parts that may possess it.
+    """Prepares the actors and compiles every kernel. Returns the actors, and the possessing parts by actor
+    id.
 
     If the machine has no compiled kernels, this takes a minute on two cores. Later starts take a second.
     """
@@ -52,12 +54,12 @@ def _create_actor(
 ) -> Actor:
     """Returns the actor for the settings, with an unused ID. Only the modules that it needs are imported."""
     if is_puppet(character.mesh):
-        from enliven_edge.stage.puppet import create_puppet_actor
+        from enliven_edge.stage.puppet.puppet_setup import create_puppet_actor
 
         return create_puppet_actor(character.mesh, edge_settings.puppet, name, used_ids)
     name = unused(name or name_of(character.mesh), used_ids)
     if (character.drive or edge_settings.drive) == "skeleton":
-        from enliven_edge.stage.rig import create_rig_actor
+        from enliven_edge.stage.rig.rig_actor import create_rig_actor
 
         return create_rig_actor(character.mesh, edge_settings.matching, name)
     return create_actor(
@@ -68,8 +70,8 @@ def _create_actor(
 class TrackerCompilation:
     """A process that compiles the tracker's kernels while this one prepares the characters.
 
-    It is started when this process compiles its first kernel, since the tracker's kernels are then missing,
-    too. Its results reach this process through the folder of compiled kernels. Use it as a context manager.
+    It is started when this process compiles its first kernel, because the tracker's kernels are then missing
+    too. This process gets the results through the folder of compiled kernels. Use it as a context manager.
     """
 
     def __init__(self) -> None:
@@ -104,8 +106,8 @@ class TrackerCompilation:
 def _show_steps(first_step: str, total: int) -> Iterator[Callable[[str], None]]:
     """Yields a function that reports the next step by name.
 
-    A terminal shows the current step and the number of compiled kernels. Other outputs get one line at the
-    first compiled kernel, so that a log explains the wait.
+    A terminal shows the current step and the number of compiled kernels. Without a terminal, one line is
+    printed at the first compiled kernel, so that a log explains the wait.
     """
     if not sys.stderr.isatty():
         with on_compilation(_print_note_once):

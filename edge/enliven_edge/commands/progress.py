@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from enliven.commands import progress_lines
+from enliven.commands.terminal import progress_lines
 from enliven.errors import InputError
 from enliven.files import replace_file
 
@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def handle_signals(callback: Callable[[], None], *signals: int) -> Iterator[None]:
-    """Calls ``callback`` at these signals while the context is open. Does nothing outside the main thread,
-    which alone gets signals."""
+    """Calls ``callback`` at these signals while the context is open.
+
+    Does nothing outside the main thread, because only the main thread receives signals.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -88,10 +90,10 @@ class RecordingCounts:
 
     @property
     def summary(self) -> str:
-        """One line for the user."""
+        """Returns a summary of the counts in one line for the user."""
         seconds = (self.last_ns - self.first_ns) * 1e-9
-        who = "1 person" if self.people == 1 else f"{self.people} people"
-        content = self.size or f"bodies, {who}"
+        people = "1 person" if self.people == 1 else f"{self.people} people"
+        content = self.size or f"bodies, {people}"
         colour = f", {self.coloured} with colour" if self.coloured else ""
         return f"{self.frames} frames of {content}{colour}, {seconds:.1f} s, sensor {', '.join(self.sensors)}"
 
@@ -111,7 +113,7 @@ def write_recording(
 
     Args:
         task: text of the progress bar.
-        facts: name and values of a metadata record about the origin of the recording.
+        facts: name and values of a metadata record that describes the origin of the recording.
         empty: the error to raise if there are no frames.
         level: compression level, 1 to 22.
 
@@ -121,7 +123,9 @@ def write_recording(
     from enliven.recording import Recorder
 
     if output.exists() and not overwrite:
-        raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
+        raise InputError(
+            "the file exists already", where=str(output), remedy="Add --overwrite to replace it."
+        )
     contents = RecordingCounts()
     with replace_file(output) as part:
         with (

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands import plain_console, say
+from enliven.commands.terminal import plain_console, say
 from enliven.errors import InputError
 from enliven_edge.commands.progress import frame_progress, interruptible
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder
-    from enliven_edge.recording import PartedRecorder
+    from enliven_edge.recording.parts import PartedRecorder
     from enliven_edge.sensors import Sensor
 
 log = logging.getLogger(__name__)
 
 _FRAME_TIMEOUT_S = 0.25
-"""Seconds to wait for a frame before checking for an end and handing the written data to the disk."""
+"""Seconds to wait for a frame before checking for the end and flushing the written data to disk."""
 
 
 def record(
@@ -39,6 +39,15 @@ def record(
     ] = None,
     level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
+    part_minutes: Annotated[
+        float | None, typer.Option(help="Continue the recording in a new file after this many minutes.")
+    ] = None,
+    keep_free: Annotated[
+        float | None,
+        typer.Option(
+            help="Keep this many GB free: the oldest recordings of the same name pattern are deleted."
+        ),
+    ] = None,
 ) -> None:
     """Record a sensor until its stream ends, the time is up, or Ctrl-C.
 
@@ -46,13 +55,15 @@ def record(
       enliven record --sensor synthetic --seconds 10 -o take.mcap
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
-    from enliven_edge.recording import PartedRecorder
+    from enliven_edge.recording.parts import PartedRecorder
+    from enliven_edge.recording.settings import RecordingSettings, with_options
     from enliven_edge.sensors import open_reopening, sensor_opener, sensor_options
 
     console = plain_console()
+    settings = with_options(RecordingSettings(), part_minutes, keep_free)
     with (
         open_reopening(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
-        PartedRecorder(output, compression_level=level, overwrite=overwrite) as recorder,
+        PartedRecorder(output, compression_level=level, overwrite=overwrite, settings=settings) as recorder,
         interruptible() as stop,
         frame_progress(console) as progress,
     ):
@@ -73,14 +84,13 @@ def record(
 def record_stream(
     stream: Sensor, recorder: Recorder | PartedRecorder, stop: threading.Event, seconds: float | None = None
 ) -> Iterator[int]:
-    """Writes frames until the stream ends, ``stop`` is set, or ``seconds`` have passed. Yields the frame
-    count.
+    """Writes frames until the stream ends, ``stop`` is set, or ``seconds`` have passed. Yields the count.
 
-    The events of the sensor are recorded too. After a failure of the sensor, reading continues. A frame that
-    cannot be used is left out. Both are logged.
+    The events of the sensor are recorded too. Reading continues after a failure of the sensor. Unusable
+    frames are left out. Failures and left out frames are logged.
     """
-    from enliven_edge.sensors import EventLog, SensorFault, condition_of
-    from enliven_edge.tracking.frame import find_flaw
+    from enliven_edge.sensors import EventLog, SensorFault
+    from enliven_edge.tracking.frame.frame_check import find_flaw
 
     count, first_ns, event_log = 0, None, EventLog(recorder)
     while not stop.is_set():
@@ -103,7 +113,7 @@ def record_stream(
         if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
             return
         try:
-            event_log.frame(frame, condition_of(stream))
+            event_log.frame(frame, stream.condition())
         except InputError as error:
             log.warning("a frame is left out: %s", error)
             continue

@@ -109,7 +109,7 @@ def scan(
       enliven scan --recording WITH.mcap --before EMPTY.mcap -o chair.glb
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
-    from enliven.scanning.objects import MovedScanner, object_tracking_settings
+    from enliven.scanning.objects.moved_scanner import MovedScanner, object_tracking_settings
     from enliven_edge.commands.scan_job import (
         ScanJob,
         create_scanner,
@@ -117,19 +117,14 @@ def scan(
         refuse_combination,
         select_kept_part,
     )
-    from enliven_edge.scanning import (
-        MAX_PERSON_DISTANCE_M,
-        PERSON_VOXEL_M,
-        PersonScanner,
-        put_on_stage,
-        stage_command,
-    )
+    from enliven_edge.scanning.person import MAX_PERSON_DISTANCE_M, PERSON_VOXEL_M, PersonScanner
+    from enliven_edge.scanning.scan_mesh import put_on_stage, stage_command
 
     require_folder(output, sheet)
     _check_arguments(output, recording, sensor, overwrite or output == add)
     kept_part = select_kept_part(whole, parse_box(box), before, within)
     if before is not None and add is not None:
-        raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
+        raise InputError("--before and --add do not go together", where="scan", remedy="Give one of them.")
     if edge is not None:
         stage_command()  # Report missing requirements of the stage before the scan, not after it.
     voxel = voxel or (1e3 * PERSON_VOXEL_M if person else _DEFAULT_VOXEL_MM)
@@ -142,7 +137,7 @@ def scan(
         if moved or turned:
             other = "--turned" if turned else "--moved"
             raise InputError(
-                f"--person and {other} do not go together", where="scan", mend="Give one of them."
+                f"--person and {other} do not go together", where="scan", remedy="Give one of them."
             )
         scanner = PersonScanner(
             create_scanner(voxel, MAX_PERSON_DISTANCE_M, MAX_PERSON_DISTANCE_M, memory).settings
@@ -158,22 +153,24 @@ def scan(
 
 def _check_arguments(output: Path, recording: Path | None, sensor: str | None, overwrite: bool) -> None:
     """Raises InputError for invalid arguments, before the first frame is read."""
-    from enliven_edge.scanning import ENDINGS
+    from enliven_edge.scanning.scan_mesh import ENDINGS
 
     if (recording is None) == (sensor is None):
-        raise InputError("give a recording or a sensor", where="scan", mend="Add --recording or --sensor.")
+        raise InputError("give a recording or a sensor", where="scan", remedy="Add --recording or --sensor.")
     if output.suffix.lower() not in ENDINGS:
         endings = ", ".join(ending[1:] for ending in ENDINGS)
         raise InputError(
-            f"cannot write {output.suffix or 'no'} files", where=str(output), mend=f"Known: {endings}."
+            f"cannot write {output.suffix or 'no'} files", where=str(output), remedy=f"Known: {endings}."
         )
     if output.exists() and not overwrite:
-        raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
+        raise InputError(
+            "the file exists already", where=str(output), remedy="Add --overwrite to replace it."
+        )
 
 
 def _write_sheet(mesh: Mesh, path: Path) -> None:
     from PIL import Image
 
-    from enliven_edge.scanning import draw_contact_sheet
+    from enliven_edge.scanning.contact_sheet import draw_contact_sheet
 
     write_picture(path, Image.fromarray(draw_contact_sheet(mesh)))

@@ -1,4 +1,4 @@
-"""The work of ``enliven scan``: fuses images until they end, and writes the selected part of the surface."""
+"""The scan of ``enliven scan``: fuses depth images until they end, and writes the selected surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from threading import Event
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.commands import plain_console, say
+from enliven.commands.terminal import plain_console, say
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.scanning import (
@@ -23,22 +23,13 @@ from enliven.scanning import (
     VolumeSettings,
     settings_within,
 )
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.commands.progress import frame_progress, interruptible
-from enliven_edge.scanning import (
-    Keep,
-    ScanLog,
-    ScannedMesh,
-    check_registered,
-    describe_objects,
-    finish_scan,
-    load_first_part,
-    recorded_images,
-    sensor_images,
-    store_scan,
-    stored_scan_path,
-    write_scan,
-)
+from enliven_edge.scanning.kept_scans import check_registered, load_first_part, store_scan, stored_scan_path
+from enliven_edge.scanning.object_messages import describe_objects
+from enliven_edge.scanning.scan_log import ScanLog
+from enliven_edge.scanning.scan_mesh import Keep, ScannedMesh, finish_scan, write_scan
+from enliven_edge.scanning.sources import recorded_images, sensor_images
 
 
 def create_scanner(voxel: float, reach: float, within: float | None, memory: int, thing: int = 1) -> Scanner:
@@ -49,7 +40,8 @@ def create_scanner(voxel: float, reach: float, within: float | None, memory: int
         reach: maximum distance of surfaces from the camera, in metres.
         within: depth beyond this distance is ignored, in metres. None: no limit.
         memory: limit in megabytes, for the finest voxels and for each coarser level.
-        thing: number of the object on the floor to keep. 1 is the one that the camera looked at most.
+        thing: number of the object on the floor to keep. Number 1 is the object that the camera looked at
+            most.
     """
     volume = VolumeSettings(voxel=voxel * 1e-3, reach=reach, memory=memory)
     if within is None:
@@ -58,21 +50,20 @@ def create_scanner(voxel: float, reach: float, within: float | None, memory: int
 
 
 def parse_box(box: str) -> tuple[Float, Float] | None:
-    """Parses a box, six numbers in metres with commas. Returns its two corners (3,), or None for an empty
-    text.
+    """Parses a box of six numbers in metres. Returns its two corners (3,), or None for an empty text.
 
     Raises:
         InputError: if it is not a box.
     """
     if not box:
         return None
-    mend = "Give x0,y0,z0,x1,y1,z1 in metres, such as --box=-0.5,0,-0.5,0.5,1.2,0.5."
+    remedy = "Give x0,y0,z0,x1,y1,z1 in metres, such as --box=-0.5,0,-0.5,0.5,1.2,0.5."
     try:
         numbers = np.array([float(part) for part in box.split(",")])
     except ValueError:
-        raise InputError(f"{box!r} is not a box", where="--box", mend=mend) from None
+        raise InputError(f"{box!r} is not a box", where="--box", remedy=remedy) from None
     if len(numbers) != 6 or not np.isfinite(numbers).all() or (numbers[:3] >= numbers[3:]).any():
-        raise InputError(f"{box!r} is not a box", where="--box", mend=mend)
+        raise InputError(f"{box!r} is not a box", where="--box", remedy=remedy)
     return numbers[:3], numbers[3:]
 
 
@@ -89,7 +80,7 @@ def select_kept_part(
     ]
     if len(options) > 1:
         problem = f"{' and '.join(options)} cannot be used together"
-        raise InputError(problem, where="scan", mend="Give one of them.")
+        raise InputError(problem, where="scan", remedy="Give one of them.")
     if corners is not None:
         return Keep("box", *corners)
     if before is not None:
@@ -108,8 +99,8 @@ def refuse_combination(
     options = ("--whole", whole), ("--box", box), ("--before", before), ("--add", add), ("--within", within)
     for other, given in options:
         if given:
-            mend = "Leave one of them out."
-            raise InputError(f"{name} and {other} do not go together", where="scan", mend=mend)
+            remedy = "Leave one of them out."
+            raise InputError(f"{name} and {other} do not go together", where="scan", remedy=remedy)
 
 
 @dataclass
@@ -120,8 +111,8 @@ class ScanJob:
         scanner: fuses the images.
         recording: source of the images. None: they come from ``sensor`` with its ``options``.
         seconds: maximum duration by the sensor's clock. None: no limit.
-        first: an earlier scan, or a recording, to which the images are added, or None.
-        keeps_images: True if the images are stored next to the mesh.
+        first: an earlier scan or recording to which the images are added, or None.
+        keeps_images: whether the images are stored next to the mesh.
     """
 
     scanner: Scanner | MovedScanner
@@ -140,7 +131,7 @@ class ScanJob:
         return str(self.recording or self.sensor)
 
     def run(self, keep: Keep, triangles: int, output: Path) -> ScannedMesh:
-        """Scans, and writes the kept part of the surface as a mesh.
+        """Runs the scan, and writes the kept part of the surface as a mesh.
 
         Raises:
             InputError: if no mesh can be made. The images of a live sensor are then stored.
@@ -157,7 +148,7 @@ class ScanJob:
             if self.recording is not None or not self._keep_images(output, 0):
                 raise
             hint = f"The recorded images were kept: --recording {stored_scan_path(output)} scans them again."
-            raise InputError(error.what, where=error.where, mend=f"{error.mend} {hint}") from None
+            raise InputError(error.what, where=error.where, remedy=f"{error.remedy} {hint}") from None
         if self.keeps_images:
             self._keep_images(output, earlier_count if keep.what == "new" else 0)
         write_scan(scan_result, output)
@@ -181,7 +172,7 @@ class ScanJob:
             say(f"Note: {sentence}")
 
     def _scan(self) -> int:
-        """Fuses all images. Returns the number of images of an earlier scan that precede them."""
+        """Fuses all images. Returns the number of images that come from an earlier scan."""
         with interruptible() as stop, frame_progress(plain_console()) as progress:
             task, earlier_count = progress.add_task("Scanning", total=None, count=0), 0
             if self.first is not None and isinstance(self.scanner, Scanner):
@@ -204,8 +195,8 @@ class ScanJob:
         return sensor_images(self.sensor, self.options, stop)
 
     def _start_time_limit(self) -> Callable[[DepthFrame], bool]:
-        """Returns a function that returns True for images before the time limit, which starts with the first
-        image."""
+        """Returns a predicate for images: True until the time limit, counted from the first image, is
+        reached."""
         times_ns: list[int] = []
 
         def is_in_time(frame: DepthFrame) -> bool:
@@ -215,7 +206,7 @@ class ScanJob:
         return is_in_time
 
     def _keep_images(self, output: Path, since: int) -> bool:
-        """Stores the images next to the mesh. Returns True if that succeeded and there were any."""
+        """Stores the images next to the mesh. Returns True if images were stored."""
         try:
             store_scan(self.scanner, stored_scan_path(output), since)
         except ResourceError as error:

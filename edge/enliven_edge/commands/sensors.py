@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands import facts_table, plain_console, say
+from enliven.commands.terminal import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
 from enliven.files import write_picture
 
@@ -22,11 +22,10 @@ if TYPE_CHECKING:
     from enliven.arrays import Float, UInt8
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import Condition, Sensor
-    from enliven_edge.terminal import ImageProtocol
+    from enliven_edge.terminal.image_encoding import ImageProtocol
 
 _PREVIEW_TIMEOUT_S = 15.0
-"""Longest time without any frame before a preview gives up, in seconds. The first frame of a camera may take
-ten."""
+"""Maximum seconds without a frame before a preview gives up. A camera may need ten for its first frame."""
 
 
 def sensors(
@@ -58,7 +57,8 @@ def sensors(
       enliven sensors synthetic -o depth.png
       enliven sensors replay --set path=TAKE.mcap
     """
-    # Print without styles, because the brackets of an extra in a pip command would be taken for a style.
+    # Print without styles. Otherwise Rich would interpret the brackets of an extra in a pip command as a
+    # style.
     console = plain_console()
     if as_json:
         import msgspec
@@ -70,17 +70,17 @@ def sensors(
     if name is None:
         _list_sensors(console)
         return
-    from enliven_edge.sensors import condition_of, open_sensor, sensor_options
+    from enliven_edge.sensors import open_sensor, sensor_options
 
     if output is not None and output.suffix != ".png":
-        raise InputError(f"it ends in {output.suffix!r}", where=str(output), mend="Give a name with .png.")
+        raise InputError(f"it ends in {output.suffix!r}", where=str(output), remedy="Give a name with .png.")
     protocol = _choose_protocol(picture)
     with open_sensor(name, **sensor_options(setting or [])) as sensor:
         frames = _read_frames(sensor, seconds)
-        facts = _describe_sensor(frames, condition_of(sensor), sensor.name)
+        facts = _describe_sensor(frames, sensor.condition(), sensor.name)
     console.print(facts_table(facts))
     if protocol is not None:
-        from enliven_edge.terminal import encode_image
+        from enliven_edge.terminal.image_encoding import encode_image
 
         typer.echo(encode_image(_draw_picture(frames[-1]), protocol, console.width), nl=False, color=True)
     if output is not None:
@@ -91,14 +91,15 @@ def sensors(
 def _list_sensors(console: Console) -> None:
     """Lists the names of sensors, and the devices that are plugged in."""
     from enliven_edge.sensors import list_attached, sensor_names
-    from enliven_edge.sensors.drivers import list_cameras
+    from enliven_edge.sensors.drivers.libcamera_library import list_cameras
 
     facts = [("known", ", ".join(sensor_names()))]
     cameras = list_attached()
     for camera in cameras:
         problems = camera.find_problems()
         advice = (
-            "; ".join(f"{problem}. {mend}" for problem, mend in problems) or f"--sensor {camera.kind.sensor}"
+            "; ".join(f"{problem}. {remedy}" for problem, remedy in problems)
+            or f"--sensor {camera.kind.sensor}"
         )
         facts.append((camera.kind.name, f"{camera.title}: {advice}"))
     if not cameras:
@@ -112,12 +113,12 @@ def _list_sensors(console: Console) -> None:
                 )
             )
     except ResourceError as error:
-        facts.append(("libcamera", f"{error.what}. {error.mend}"))
+        facts.append(("libcamera", f"{error.what}. {error.remedy}"))
     console.print(facts_table(facts))
 
 
 def _read_frames(sensor: Sensor, seconds: float) -> list[DepthFrame]:
-    """Returns the depth frames of ``seconds`` seconds, at least one."""
+    """Reads a sensor for ``seconds`` seconds and returns its depth frames, at least one."""
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import SensorFault
 
@@ -130,7 +131,7 @@ def _read_frames(sensor: Sensor, seconds: float) -> list[DepthFrame]:
         except TimeoutError:
             continue
         except (SensorFault, InputError) as error:
-            if not getattr(sensor, "recorded", False):
+            if not sensor.recorded:
                 raise
             say(f"enliven: {error}", err=True)
             continue
@@ -138,30 +139,30 @@ def _read_frames(sensor: Sensor, seconds: float) -> list[DepthFrame]:
             break
         if not isinstance(frame, DepthFrame):
             raise InputError(
-                "it delivers bodies and no depth", where=sensor.name, mend="Look at it with: enliven edge"
+                "it delivers bodies and no depth", where=sensor.name, remedy="Look at it with: enliven edge"
             )
         frames.append(frame)
     if not frames:
-        raise ResourceError("it sent no frame", where=sensor.name, mend="Check its cable and power.")
+        raise ResourceError("it sent no frame", where=sensor.name, remedy="Check its cable and power.")
     return frames
 
 
 def _describe_sensor(
     frames: list[DepthFrame], condition: Condition | None, name: str
 ) -> list[tuple[str, str]]:
-    """Returns facts about a sensor, each with its name."""
+    """Returns facts about a sensor for the user, as pairs of label and value."""
     import numpy as np
 
     from enliven.camera import rays, unproject
-    from enliven_edge.tracking.frame import survey
-    from enliven_edge.tracking.scene import world_from_floor
+    from enliven_edge.tracking.frame.reduction import survey
+    from enliven_edge.tracking.scene.floor import world_from_floor
 
     last = frames[-1]
     steps = [1e-9 * (b.time_ns - a.time_ns) for a, b in itertools.pairwise(frames)]
     facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
-    known_fraction = statistics.median(survey(frame.depth).known for frame in frames)
+    known_fraction = statistics.median(survey(frame.depth).known_fraction for frame in frames)
     facts.append(("depth", f"known in {100 * known_fraction:.0f} % of the image"))
     metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
     if len(metres):
@@ -203,13 +204,14 @@ def _describe_condition(condition: Condition, down: Float | None) -> list[tuple[
 
 def _choose_protocol(name: str) -> ImageProtocol | None:
     """Returns the image protocol to draw with, or None if no picture is drawn."""
-    from enliven_edge.terminal import IMAGE_PROTOCOLS, image_protocol
+    from enliven_edge.terminal.image_encoding import IMAGE_PROTOCOLS
+    from enliven_edge.terminal.protocol_query import image_protocol
 
     if name in ("auto", "none"):
         return image_protocol(sys.stdout, sys.stdin) if name == "auto" else None
     if name not in IMAGE_PROTOCOLS:
         choices = ", ".join(("auto", "none", *IMAGE_PROTOCOLS))
-        raise InputError(f"{name!r} is not a way to draw", where="--picture", mend=f"Give {choices}.")
+        raise InputError(f"{name!r} is not a way to draw", where="--picture", remedy=f"Give {choices}.")
     return name  # type: ignore[return-value]
 
 
@@ -218,7 +220,7 @@ def _draw_picture(frame: DepthFrame) -> UInt8:
     import numpy as np
     from PIL import Image
 
-    from enliven_edge.inspection import depth_picture, depth_span
+    from enliven_edge.inspection.picture import depth_picture, depth_span
 
     depth_image = depth_picture(frame.depth, *depth_span(frame.depth))
     if frame.colour is None:
@@ -230,6 +232,6 @@ def _draw_picture(frame: DepthFrame) -> UInt8:
 def _write_picture_file(frame: DepthFrame, output: Path, lines: list[str]) -> None:
     from PIL import Image
 
-    from enliven_edge.inspection import add_caption
+    from enliven_edge.inspection.picture import add_caption
 
     write_picture(output, Image.fromarray(add_caption(_draw_picture(frame), lines)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands import plain_console, say
+from enliven.commands.terminal import plain_console, say
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.image_options import LensOption, UnitsOption
@@ -17,7 +17,7 @@ from enliven_edge.commands.progress import write_recording
 
 if TYPE_CHECKING:
     from enliven.frames import BodyFrame, Frame
-    from enliven_edge.tracking import TrackerSettings
+    from enliven_edge.tracking.settings import TrackerSettings
 
 
 def track(
@@ -62,7 +62,7 @@ def track(
         output,
         task="Tracking",
         facts=("track", {"recording": recording.name}),
-        empty=InputError("none of its images can be read", where=str(recording), mend="Record it again."),
+        empty=InputError("none of its images can be read", where=str(recording), remedy="Record it again."),
         console=plain_console(),
         overwrite=overwrite,
     )
@@ -74,7 +74,7 @@ def track(
 def _is_recording(path: Path) -> bool:
     """Returns True if a path is a recording: a file that is MCAP by its name or its content."""
     from enliven.recording import MAGIC
-    from enliven_edge.importing import read_head
+    from enliven_edge.importing.base import read_head
 
     return not path.is_dir() and (path.suffix == ".mcap" or read_head(path, len(MAGIC)) == MAGIC)
 
@@ -94,7 +94,7 @@ def _open_recording(path: Path) -> tuple[Iterable[Frame], int]:
 
 
 def _open_images(path: Path, lens: str | None, units_per_metre: float | None) -> tuple[Iterable[Frame], int]:
-    """Returns the frames of foreign files as ``enliven import`` reads them, and the number of files.
+    """Returns the frames in files of other programs, read like ``enliven import``, and the number of files.
 
     Prints the camera and the assumptions about the files.
 
@@ -102,7 +102,8 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
         InputError: if no reader recognises the files, or they contain no depth.
     """
     from enliven.frames import DepthFrame
-    from enliven_edge.importing import ImportOptions, find_files, find_reader, parse_lens
+    from enliven_edge.importing.base import ImportOptions, parse_lens
+    from enliven_edge.importing.registry import find_files, find_reader
 
     paths = find_files([str(path)])
     reader = find_reader(paths)
@@ -126,8 +127,8 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
 
 
 def _no_depth_error(path: Path) -> InputError:
-    mend = "Give a recording of a depth camera. A recording of bodies is already a take."
-    return InputError("the recording has no depth images", where=str(path), mend=mend)
+    remedy = "Give a recording of a depth camera. A recording of bodies is already a take."
+    return InputError("the recording has no depth images", where=str(path), remedy=remedy)
 
 
 def _report_progress(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:
@@ -140,12 +141,13 @@ def _report_progress(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFr
 def track_frames(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[BodyFrame]:
     """Yields the bodies in each depth image, in the world frame. Each sensor has its own tracker.
 
-    People in the first image are detected in that image. Images that cannot be used are left out, as by the
-    edge.
+    Unlike in a live edge, searches are not spread over frames, so people in the first image are detected at
+    once. Unusable images are left out, as in a live edge.
     """
     from enliven.frames import BodyFrame, DepthFrame
-    from enliven_edge.tracking import Tracker, without_deadline
-    from enliven_edge.tracking.health import HealthMonitor
+    from enliven_edge.tracking.health.health import HealthMonitor
+    from enliven_edge.tracking.settings import without_deadline
+    from enliven_edge.tracking.tracker import Tracker
 
     trackers: dict[str, tuple[Tracker, HealthMonitor]] = {}
     for frame in frames:

@@ -16,7 +16,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.person import parse_parts
 from enliven.wire import Browse, Lock, Order, Possess, Release, Resize
 from enliven_edge.controls.panel_protocol import Lamps
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 
 Call = Literal["record", "stop", "again"]
 Word = Literal[
@@ -24,7 +24,9 @@ Word = Literal[
     "scale", "parts", "record", "stop", "again",
 ]  # fmt: skip
 Command = str
-"""A word. Words that possess, and "parts", may be followed by parts of the body: "possess left arm"."""
+"""A command word, such as "next". Commands that possess a character, and "parts", may be followed by parts of
+the body: "possess left arm".
+"""
 
 WORDS: tuple[Word, ...] = get_args(Word)
 CALLS: tuple[Call, ...] = get_args(Call)
@@ -38,7 +40,7 @@ _MODES: dict[str, Literal["alone", "join", "extend"]] = {
     "extend": "extend",
 }
 _PARTS_COMMAND = "parts"
-"""The command that chooses the parts of the next hold, which the mesh shows immediately."""
+"""The command that selects the body parts for the next possession. The mesh highlights them immediately."""
 _COMMANDS_WITH_PARTS = (*_MODES, _PARTS_COMMAND)
 """The commands that accept parts of the body after them."""
 
@@ -54,20 +56,20 @@ def check_map(key_map: Mapping[str, str], where: str) -> dict[str, Command]:
 
 def _parse_command(key: str, text: str, where: str) -> Command:
     """Returns the command of a key, or raises if it is invalid."""
-    word, _, parts = text.partition(" ")
-    if word in WORDS and (word in _COMMANDS_WITH_PARTS or not parts):
+    name, _, parts = text.partition(" ")
+    if name in WORDS and (name in _COMMANDS_WITH_PARTS or not parts):
         if parts:
             try:
                 parse_parts(parts)
             except InputError as error:
-                raise InputError(f"{key!r}: {error.what}", where=where, mend=error.mend) from None
-        elif word == _PARTS_COMMAND:
-            mend = 'Such as "parts legs".'
-            raise InputError(f"{key!r} selects body parts, and names none", where=where, mend=mend)
+                raise InputError(f"{key!r}: {error.what}", where=where, remedy=error.remedy) from None
+        elif name == _PARTS_COMMAND:
+            remedy = 'Such as "parts legs".'
+            raise InputError(f"{key!r} selects body parts, and names none", where=where, remedy=remedy)
         return text
     similar = difflib.get_close_matches(text, WORDS, n=1)
-    mend = f"Did you mean {similar[0]!r}?" if similar else f"Known: {', '.join(WORDS)}."
-    raise InputError(f"{key!r} means {text!r}, which is not a command", where=where, mend=mend)
+    remedy = f"Did you mean {similar[0]!r}?" if similar else f"Known: {', '.join(WORDS)}."
+    raise InputError(f"{key!r} means {text!r}, which is not a command", where=where, remedy=remedy)
 
 
 def orders_from_command(command: Command, stage: Stage) -> list[Order]:
@@ -75,22 +77,22 @@ def orders_from_command(command: Command, stage: Stage) -> list[Order]:
 
     Empty for a command that windows carry out.
     """
-    word, _, parts = command.partition(" ")
-    if word in CALLS:
+    name, _, parts = command.partition(" ")
+    if name in CALLS:
         return []
-    if word in ("lock", "unlock"):
-        return [Lock(word == "lock")]
+    if name in ("lock", "unlock"):
+        return [Lock(name == "lock")]
     if not stage.actors:
         return []
-    if word == "release":
+    if name == "release":
         return [Release()]
-    if word == "scale":
+    if name == "scale":
         return [Resize("hands")]
-    if word in _STEPS:
-        return [Browse(step=_STEPS[word])]
-    if word == _PARTS_COMMAND:
+    if name in _STEPS:
+        return [Browse(step=_STEPS[name])]
+    if name == _PARTS_COMMAND:
         return [Possess(parts=parts, mode="preview")]
-    mode = _MODES[word]
+    mode = _MODES[name]
     return [
         Possess(possession.character, possession.body, parts or possession.parts, mode)
         for possession in stage.pending_possessions(mode)
@@ -104,7 +106,7 @@ READ_TIMEOUT_S = 0.1
 _MAX_QUEUED = 32
 """Maximum number of queued commands. Older ones are dropped, since the stage has changed since then."""
 _MAX_UNKNOWN_KEYS = 16
-"""Maximum number of unknown keys that are logged, as a help for writing the map."""
+"""Maximum number of unknown keys that are logged, so that the user can add them to the map."""
 
 
 class Device(ABC):
@@ -115,7 +117,7 @@ class Device(ABC):
         """Opens the device, or opens it again.
 
         Raises:
-            Exception: an error of the library, mostly an OSError, if the device is missing.
+            Exception: an error of the device's library, mostly an OSError, if the device is missing.
         """
 
     @abstractmethod
@@ -123,7 +125,7 @@ class Device(ABC):
         """Returns the keys that went down, after :data:`READ_TIMEOUT_S` at the latest.
 
         Raises:
-            Exception: an error of the library if the device is gone.
+            Exception: an error of the device's library if the device was unplugged.
             EOFError: if no more input can come.
         """
 
@@ -180,7 +182,7 @@ class Debouncer:
 
 
 class ControlReader:
-    """Reads a device in a daemon thread until :meth:`close`, also after unplugging and plugging in.
+    """Reads a device in a daemon thread until :meth:`close`. Opens it again after it was unplugged.
 
     Args:
         name: the user's name of the control.
@@ -206,7 +208,7 @@ class ControlReader:
 
     @property
     def there(self) -> bool:
-        """True if the device is present and being read. Earlier presses are lost."""
+        """True if the device is present and being read. Presses before that are lost."""
         return self._is_present
 
     @property

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal, cast
 
 from enliven.errors import EnlivenError, InputError
+from enliven.supervision.closeable import Closeable
 from enliven.wire import MAX_PHRASES, HeardMessage, Order, VoiceMessage
-from enliven_edge.closeable import Closeable
 from enliven_edge.controls.base import (
     CALLS,
     WORDS,
@@ -24,7 +24,7 @@ from enliven_edge.controls.base import (
 )
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ PHRASES = {
     "puppet start recording": "record",
     "puppet stop recording": "stop",
 }
-"""The phrases of a microphone that a window opens at an edge without a voice control in its settings."""
+"""Phrases of the voice control that a window starts if the edge's settings contain no voice control."""
 _MAX_MESSAGE_LENGTH = 160
 """Maximum number of characters of a sentence in a wire message."""
 
@@ -113,15 +113,15 @@ class Controls(Closeable):
         send_call: Callable[[Call, str], None],
     ) -> str:
         """Carries out a command. Returns the stage's reason for a refusal, or ""."""
-        word, refusal = press.command, ""
-        log.info("%s: %s", control.name, word)
-        if word in CALLS:
-            send_call(cast(Call, word), control.name)
-        for order in orders_from_command(word, stage):
+        command, refusal = press.command, ""
+        log.info("%s: %s", control.name, command)
+        if command in CALLS:
+            send_call(cast(Call, command), control.name)
+        for order in orders_from_command(command, stage):
             try:
                 carry_out(order)
             except EnlivenError as error:
-                log.warning("%s: %s was refused: %s", control.name, word, error)
+                log.warning("%s: %s was refused: %s", control.name, command, error)
                 refusal = error.what
         return refusal
 
@@ -171,8 +171,8 @@ class Controls(Closeable):
                 "off" if any(voice.is_paused for voice in voices) else "starting"
             )
             return VoiceMessage(state, phrases=phrases, actions=actions)
-        problem, mend = error.what[:_MAX_MESSAGE_LENGTH], (error.mend or "")[:_MAX_MESSAGE_LENGTH]
-        return VoiceMessage("missing", problem, mend, phrases, actions)
+        problem, remedy = error.what[:_MAX_MESSAGE_LENGTH], (error.remedy or "")[:_MAX_MESSAGE_LENGTH]
+        return VoiceMessage("missing", problem, remedy, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:
         """Shows the state of the stage. A lamp changes to "no edge" if this is not called for a second."""
@@ -209,11 +209,11 @@ def open_controls(
         ResourceError: if a required library is missing. A missing device is not an error: it is searched for
             until it appears.
     """
-    ready = [(name, control, create_device(name, control, folder)) for name, control in settings.items()]
+    controls = [(name, control, create_device(name, control, folder)) for name, control in settings.items()]
     return Controls(
         [
             ControlReader(name, device, commands_by_key(name, control), control.debounce, control.retry)
-            for name, control, device in ready
+            for name, control, device in controls
         ],
         [name for name, control in settings.items() if control.kind == "voice"],
         hides_talk=hides_talk,
@@ -227,8 +227,8 @@ def commands_by_key(name: str, settings: ControlSettings) -> dict[str, Command]:
         InputError: for an unknown command, or a voice without phrases.
     """
     if settings.kind == "voice" and not settings.map:
-        mend = 'Such as "puppet let it go" = "release".'
-        raise InputError("a voice needs phrases", where=f"controls.{name}.map", mend=mend)
+        remedy = 'Such as "puppet let it go" = "release".'
+        raise InputError("a voice needs phrases", where=f"controls.{name}.map", remedy=remedy)
     return check_map(
         settings.map or {word: word for word in WORDS if word != "parts"}, f"controls.{name}.map"
     )

@@ -13,14 +13,16 @@ import sys
 import threading
 from typing import Any, Literal
 
+from enliven.doctor import need
 from enliven.errors import InputError
 from enliven_edge.controls.base import READ_TIMEOUT_S, Device
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.extras import need
 
 _MODIFIERS = ("ctrl", "shift", "alt", "meta", "right ctrl", "right shift", "right alt", "right meta")
 _MAX_ERROR_CODE = 3
-"""Highest code that is not a key but an error: more keys are down than a report can hold (roll-over)."""
+"""Highest code that reports an error instead of a key: more keys are pressed than a report can hold
+(roll-over).
+"""
 _NAMES = {
     **{4 + i: chr(ord("a") + i) for i in range(26)},
     **{30 + i: str((i + 1) % 10) for i in range(10)},
@@ -45,7 +47,7 @@ _NAMES = {
 
 
 def keys_down(report: bytes) -> frozenset[str] | None:
-    """Returns the keys that a keyboard's report states as down. None if it reports too many.
+    """Returns the pressed keys of a keyboard's report. None if more keys are pressed than it can report.
 
     Keys have the names of a US keyboard: a, 1, f5, enter, page down, ... Keys without a name get their code,
     such as 0x65.
@@ -67,12 +69,12 @@ def buttons_down(report: bytes) -> frozenset[str]:
 
 
 class ButtonEdges:
-    """Converts reports of the keys that are down to the keys that went down since the previous report.
+    """Converts reports of pressed keys to the keys that were pressed since the previous report.
 
     Args:
         report: the content of the reports.
-        skip: bytes before the keys, after the report's number.
-        number: the first byte of the reports that count. Others, such as a clicker's mouse, are ignored. 0:
+        skip: number of bytes between the report's number and the keys.
+        number: the report number (first byte) to read. Others, such as a clicker's mouse, are ignored. 0:
             all reports count, and have no number.
     """
 
@@ -81,7 +83,9 @@ class ButtonEdges:
         self._down: frozenset[str] = frozenset()
 
     def feed(self, report: bytes) -> list[str]:
-        """Returns the names of the keys that went down with this report. A broken report changes nothing."""
+        """Returns the names of the keys that were pressed since the previous report. A broken report changes
+        nothing.
+        """
         if self._number and report[:1] != bytes([self._number]):
             return []
         payload = report[self._skip + (self._number > 0) :]
@@ -99,7 +103,7 @@ class ButtonEdges:
 _LISTING_LOCK = threading.Lock()
 """Lock for listing devices: hidapi's enumeration is not thread-safe."""
 _MAX_REPORT_BYTES = 64
-"""Maximum bytes read of a report: the most that USB's full speed sends at once."""
+"""Maximum bytes read of a report: the largest report of a full-speed USB device."""
 _KEYBOARD_USAGE = (1, 6)
 """Usage page and usage: generic desktop, keyboard."""
 
@@ -114,8 +118,8 @@ class HidPedal(Device):
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
         if not (settings.vendor and settings.product):
-            mend = "lsusb lists them: 0c45:7403 is vendor = 0x0c45, product = 0x7403."
-            raise InputError("a HID control needs its vendor and product", where=where, mend=mend)
+            remedy = "lsusb lists them: 0c45:7403 is vendor = 0x0c45, product = 0x7403."
+            raise InputError("a HID control needs its vendor and product", where=where, remedy=remedy)
         need("hid", "controls", where)
         self._settings = settings
         self._edges = ButtonEdges(settings.report, settings.skip, settings.number)
@@ -163,9 +167,10 @@ class HidPedal(Device):
 
 
 def _import_hidapi() -> Any:
-    """Imports the kernel's own HID interface if it exists, since it supports Bluetooth too.
+    """Imports the hidapi variant for the kernel's HID interface if it exists, since it supports Bluetooth
+    too.
 
-    Otherwise libusb's.
+    Otherwise imports the libusb variant.
     """
     kernel_hid = sys.platform.startswith("linux") and importlib.util.find_spec("hidraw") is not None
     return importlib.import_module("hidraw" if kernel_hid else "hid")

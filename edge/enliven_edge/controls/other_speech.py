@@ -7,19 +7,18 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-from enliven_edge.extras import need
+from enliven.doctor import need
 
 _STEP_BYTES = 960
-"""Size of 30 ms of sound, in bytes, which are decoded at once. This takes about 15 ms, so that the tracker is
-not blocked."""
+"""Bytes decoded at once: 30 ms of sound. Decoding them takes about 15 ms, so the tracker is not blocked."""
 _MIN_SOUNDS = 3
 """Minimum number of phonemes in an utterance: claps, thumps, tones and breath give two at most."""
 _MAX_WAITING = 2
-"""Maximum number of queued utterances. Older ones are dropped, since the performer speaks on."""
+"""Maximum number of queued utterances. Older ones are dropped, since the performer keeps speaking."""
 
 
 class OtherSpeech:
-    """Decodes an utterance again that the grammar refused.
+    """Transcribes utterances that the grammar of phrases rejected.
 
     A phoneme loop first separates speech from noise. Then the model of common English gives words. Each call
     of :meth:`work` does a small part, because the library holds the interpreter lock.
@@ -43,11 +42,11 @@ class OtherSpeech:
         return bool(self._waiting) or self._work is not None
 
     def offer(self, sound: bytes) -> None:
-        """Queues an utterance, 16 bits at 16 kHz."""
+        """Queues an utterance (samples of 16 bits at 16 kHz)."""
         self._waiting.append(sound)
 
     def work(self) -> str | None:
-        """Does a part of the work.
+        """Decodes the next part of a queued utterance.
 
         Returns the words of an utterance that is complete, None otherwise or for noise.
         """
@@ -70,7 +69,7 @@ class OtherSpeech:
             self._work = None
 
     def _recognise(self, sound: bytes) -> Iterator[str | None]:
-        """Yields None while it works, and at last the words if it is speech."""
+        """Yields None while decoding, and finally the words if the sound is speech."""
         yield from self._decode("sounds", sound)
         sounds = [segment.word for segment in self._decoder.seg() or ()]
         if sum(phoneme.isalpha() and phoneme != "SIL" for phoneme in sounds) < _MIN_SOUNDS:

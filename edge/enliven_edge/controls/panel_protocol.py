@@ -17,8 +17,8 @@ class Lamps:
     """One pattern per lamp.
 
     Attributes:
-        attract: breathes while the stage waits for a performer.
-        possess: breathes while a performer may possess a character, is steady while one does.
+        attract: fades in and out while the stage waits for a performer.
+        possess: fades in and out while a performer may possess a character, is steady during a possession.
         locked: is steady while the cast is locked.
         ill: is steady while tracking is impaired, flashes while it fails.
     """
@@ -83,7 +83,7 @@ _PRINTABLE = re.compile(rb"[\x20-\x7e]*")
 
 
 def lamps_body(lamps: Lamps) -> str:
-    """Returns the body of a message that sets the lamps: L and a character for each."""
+    """Returns the body of a message that sets the lamps: L and one pattern character for each lamp."""
     return "L" + "".join(_CODES[pattern] for pattern in astuple(lamps))
 
 
@@ -129,9 +129,10 @@ class PanelKeys:
 
     Attributes:
         version: protocol version of the panel. Empty until its greeting was received.
-        cause: why the panel was started, a letter of docs/panel.md, if the last bytes held its greeting.
+        cause: why the panel was started (a letter of docs/panel.md), if the last bytes contained its
+            greeting.
         received: number of received messages.
-        counts: a digit for each button, its presses. Empty until they were received.
+        counts: the press count of each button, one digit per button. Empty until they were received.
     """
 
     def __init__(self) -> None:

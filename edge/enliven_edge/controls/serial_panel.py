@@ -20,15 +20,17 @@ from enliven_edge.controls.settings import ControlSettings
 log = logging.getLogger(__name__)
 
 _READ_TIMEOUT_S = 0.03
-"""Seconds to wait for the panel's first byte before checking whether the lamps change."""
+"""Seconds to wait for the panel's first byte before checking whether the lamps have changed."""
 _MESSAGE_INTERVAL_S = 0.25
 """Seconds between two messages to the panel. After 1 s without a message the panel shows "no edge"."""
 _STALE_AFTER_S = 1.0
-"""Age, in seconds, at which the state of the stage is too old to be shown. An edge that hangs sends
-nothing."""
+"""Age, in seconds, at which the state of the stage is too old to be shown. An edge that hangs sends no new
+state.
+"""
 _SILENCE_TIMEOUT_S = 2.0
-"""Longest time without a message of the panel before it is opened again, in seconds. Noise does not damage
-eight messages in a row."""
+"""Longest time without a message of the panel before it is opened again, in seconds. Noise is unlikely to
+damage eight messages in a row.
+"""
 _WRITE_TIMEOUT_S = 1.0
 """Seconds to wait for a port that accepts no byte."""
 _GREETING_TIMEOUT_S = 4.0
@@ -103,10 +105,10 @@ class SerialPanel(SerialPedal):
             else self._quiet + min(time.monotonic() - started_at, 2.0 * _READ_TIMEOUT_S)
         )
         if self._quiet > (_SILENCE_TIMEOUT_S if self._keys.received else _GREETING_TIMEOUT_S):
-            mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
-            raise ResourceError("the panel says nothing", where=self._where, mend=mend)
+            remedy = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
+            raise ResourceError("the panel says nothing", where=self._where, remedy=remedy)
         if self._keys.version not in ("", VERSION):
             problem = f"the panel speaks protocol {self._keys.version}, and this edge {VERSION}"
             raise ResourceError(
-                problem, where=self._where, mend="Flash firmware_configs/panel: docs/panel.md."
+                problem, where=self._where, remedy="Flash firmware_configs/panel: docs/panel.md."
             )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from enliven.doctor import need
 from enliven.errors import InputError
 from enliven_edge.controls.base import READ_TIMEOUT_S, Device
 from enliven_edge.controls.panel_protocol import PanelKeys
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.extras import need
 
 _MAX_LINE_BYTES = 64
 """Maximum bytes of a line: a longer one comes from a wrong baud rate or another device."""
@@ -25,8 +25,8 @@ class SerialPedal(Device):
 
     def __init__(self, settings: ControlSettings, where: str) -> None:
         if not settings.port:
-            mend = "Name one, such as port = '/dev/serial/by-id/...' (ls /dev/serial/by-id)."
-            raise InputError("a serial control needs a port", where=where, mend=mend)
+            remedy = "Name one, such as port = '/dev/serial/by-id/...' (ls /dev/serial/by-id)."
+            raise InputError("a serial control needs a port", where=where, remedy=remedy)
         need("serial", "controls", where)
         self._settings = settings
         self._port: Any = None
@@ -40,7 +40,7 @@ class SerialPedal(Device):
         )
 
     def read(self) -> list[str]:
-        """Waits for the first byte only: a press is reported immediately, however short it is."""
+        """Returns keys as soon as the first byte arrives, so that a short press is reported immediately."""
         data = self._port.read(1)
         if data and self._port.in_waiting:
             data += self._port.read(self._port.in_waiting)
@@ -53,10 +53,10 @@ class SerialPedal(Device):
 
 
 class ByteKeys:
-    """Reads each byte as a key: its character if it can be printed, else its number such as ``0x1b``."""
+    """Reads each byte as a key: its character if printable, else its number such as ``0x1b``."""
 
     def feed(self, data: bytes) -> list[str]:
-        """Returns the keys in some bytes."""
+        """Returns the keys of received bytes."""
         return [chr(byte) if 0x20 <= byte < 0x7F else f"0x{byte:02x}" for byte in data]
 
     def forget(self) -> None:

@@ -79,4 +79,4 @@ def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
             if is_set and kind != settings.kind:
                 valid_keys = ", ".join(("map", "debounce", "retry", *_KINDS[settings.kind]))
                 problem = f"{item.name} is of kind {kind!r}, and this is {settings.kind!r}"
-                raise InputError(problem, where=where, mend=f"It takes: {valid_keys}.")
+                raise InputError(problem, where=where, remedy=f"It takes: {valid_keys}.")

@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from enliven.doctor import need
 from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.base import Device
 from enliven_edge.controls.other_speech import OtherSpeech
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.extras import need
 
 RATE = 16000
 """Samples per second, 16 bits, one channel: the format that the speech model was trained on."""
@@ -47,7 +47,7 @@ class SoundRecording:
         if audio_format != (RATE, 1, 2):
             problem = f"it has {audio_format[0]} Hz, {audio_format[1]} channels, {8 * audio_format[2]} bits"
             raise InputError(
-                problem, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits."
+                problem, where=str(self._path), remedy="It must have 16000 Hz, 1 channel, 16 bits."
             )
         self._sound += bytes(RATE * 2)  # Append a second of silence, which ends the last phrase.
         self._offset, self._bytes, self._started_at = 0, frame_bytes, time.monotonic()
@@ -80,8 +80,8 @@ class Microphone:
         try:
             self._library: Any = importlib.import_module("sounddevice")
         except OSError as error:
-            mend = "Install it: sudo apt-get install libportaudio2."
-            raise ResourceError(f"PortAudio is missing ({error})", where=where, mend=mend) from None
+            remedy = "Install it: sudo apt-get install libportaudio2."
+            raise ResourceError(f"PortAudio is missing ({error})", where=where, remedy=remedy) from None
         self._name = name
         self._stream: Any = None
         self._samples, self._opened = 0, False
@@ -108,7 +108,7 @@ class Microphone:
             raise self._open_failure() from error
 
     def _open_failure(self) -> ResourceError:
-        """Returns the reason why the microphone cannot be opened, in words for the people on the stage."""
+        """Returns the reason why the microphone cannot be opened, in words for users."""
         inputs = [
             str(device["name"])
             for device in self._library.query_devices()
@@ -116,13 +116,17 @@ class Microphone:
         ]
         if not inputs:
             return ResourceError(
-                "no microphone is connected", where="voice", mend="Plug one in; it is detected automatically."
+                "no microphone is connected",
+                where="voice",
+                remedy="Plug one in; it is detected automatically.",
             )
         if self._name and not any(self._name.lower() in input_name.lower() for input_name in inputs):
-            mend = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]
-            return ResourceError(f"no microphone is called {self._name!r}"[:160], where="voice", mend=mend)
-        mend = "Close the programs that use it, or choose another in the system's sound settings."
-        return ResourceError("the microphone does not open", where="voice", mend=mend)
+            remedy = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]
+            return ResourceError(
+                f"no microphone is called {self._name!r}"[:160], where="voice", remedy=remedy
+            )
+        remedy = "Close the programs that use it, or choose another in the system's sound settings."
+        return ResourceError("the microphone does not open", where="voice", remedy=remedy)
 
     def read(self) -> bytes:
         """Returns the next frame when it is complete."""
@@ -145,7 +149,8 @@ _TALK_WORDS = (
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
 )
-"""Words that start ordinary talk: an utterance that does not start with a phrase's first word is talk."""
+"""First words of ordinary talk. An utterance that does not start with a phrase's first word counts as talk.
+"""
 _ACTION_WORDS = (
     "turn move dance run play sit lie down arm head hand body man day thing water house big small new good "
     "long little first great old work way people place back make take give tell find see want need know think"
@@ -182,11 +187,11 @@ class Recogniser:
         self._decoder = sphinx.Decoder(lm=None, loglevel="FATAL", bestpath=False)
         for word in sorted({word for phrase in phrases for word in phrase.split()}):
             if not word.isascii() or self._decoder.lookup_word(word) is None:
-                problem, mend = (
+                problem, remedy = (
                     f"the model does not know the word {word!r}",
                     "Say it with English words, lower case.",
                 )
-                raise InputError(problem, where=where, mend=mend)
+                raise InputError(problem, where=where, remedy=remedy)
         self._decoder.add_jsgf_string("commands", _grammar(phrases))
         self._decoder.activate_search("commands")
         self._ends = sphinx.Endpointer()
@@ -197,7 +202,7 @@ class Recogniser:
 
     @property
     def frame_bytes(self) -> int:
-        """Bytes of sound that :meth:`feed` takes per call."""
+        """Number of bytes of sound that :meth:`feed` expects per call."""
         return int(self._ends.frame_bytes)
 
     def feed(self, frame: bytes) -> str | None:
@@ -245,7 +250,7 @@ class Recogniser:
         self._ends = type(self._ends)()
 
     def _take_phrase(self) -> str | None:
-        """Returns the utterance since the last silence, if it is a phrase."""
+        """Returns the utterance since the last silence if it is a phrase, else None."""
         self._decoder.end_utt()
         hypothesis = self._decoder.hyp()
         if self._bytes >= _MAX_UTTERANCE_S * RATE * 2:

@@ -3,7 +3,3 @@
 A reader converts files of one layout to frames of enliven. Other packages add readers by the entry-point
 group ``enliven.readers``.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,11 +17,11 @@ from enliven.files import decode_text, open_file, read_file
 from enliven.frames import Frame
 
 _MAX_TEXT_BYTES = 1 << 28
-"""Maximum bytes of a table or a list: an hour of 25 joints in plain numbers has some 30 million."""
+"""Maximum bytes of a text file: an hour of 25 joints as decimal numbers has some 30 million."""
 
 
 def _ignore(sentence: str) -> None:
-    """Drops a note that is not wanted."""
+    """Ignores a note. Default of :attr:`ImportOptions.note`."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class ImportOptions:
     """The user's options for information that is missing in the files.
 
     Attributes:
-        fps: frames per second for files without times. None for the layout's usual rate.
-        device: the sensor to read if a file has several. None for the one that saw most.
+        fps: frames per second for files without times. None for the usual rate of the file layout.
+        device: the sensor to read if a file has several. None for the sensor that saw the most people.
         lens: fx, fy, cx and cy in pixels, for depth images without a camera file. None for a usual sensor's.
         units_per_metre: number of depth values per metre. None detects it, with millimetres as default.
         note: is called with a sentence for each assumption about the files, and for each skipped file.
@@ -55,7 +55,7 @@ DEFAULT_OPTIONS = ImportOptions()
 
 
 def parse_lens(text: str | None) -> tuple[float, float, float, float] | None:
-    """Returns the four numbers of ``FX,FY,CX,CY``. None for no text.
+    """Returns the four numbers of ``FX,FY,CX,CY``, or None if the text is empty.
 
     Raises:
         InputError: if these are not four numbers.
@@ -68,7 +68,7 @@ def parse_lens(text: str | None) -> tuple[float, float, float, float] | None:
         raise InputError(
             f"{text!r} is not four numbers with commas between them",
             where="--lens",
-            mend="Give focal lengths and centre in pixels, such as --lens 525,525,319.5,239.5",
+            remedy="Give focal lengths and centre in pixels, such as --lens 525,525,319.5,239.5",
         ) from None
     return fx, fy, cx, cy
 
@@ -147,7 +147,7 @@ def only_one(paths: Sequence[Path]) -> Path:
         raise InputError(
             f"these are {len(paths)} recordings ({names})",
             where=str(paths[0].parent),
-            mend="Import one file at a time: each becomes a recording of its own.",
+            remedy="Import one file at a time: each becomes a recording of its own.",
         )
     return paths[0]
 
@@ -162,11 +162,11 @@ def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
         rows = list(csv.reader(read_text(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
         problem = f"it is not a table with {delimiter!r} between its columns"
-        raise InputError(problem, where=str(path), mend="Copy it again from its source.") from None
+        raise InputError(problem, where=str(path), remedy="Copy it again from its source.") from None
     rows = [row[:-1] if row and row[-1].strip() == "" else row for row in rows]
     rows = [row for row in rows if row]
     if not rows:
-        raise InputError("the file is empty", where=str(path), mend="Copy it again from its source.")
+        raise InputError("the file is empty", where=str(path), remedy="Copy it again from its source.")
     return rows
 
 
@@ -183,18 +183,18 @@ def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, f
             raise InputError(
                 f"line {line} has {len(row)} values, expected {columns}",
                 where=str(path),
-                mend="Remove the line, or copy the file again.",
+                remedy="Remove the line, or copy the file again.",
             )
     try:
         return np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
     except ValueError:
-        line, wrong = next(
+        line, invalid_text = next(
             (line, cell)
             for line, row in enumerate(rows, first_line)
             for cell in row
             if cell.strip() and not are_numbers([cell])
         )
-        raise InputError(f"line {line}: {wrong[:40]!r} is not a number", where=str(path)) from None
+        raise InputError(f"line {line}: {invalid_text[:40]!r} is not a number", where=str(path)) from None
 
 
 def read_floats(path: Path) -> Float:
@@ -207,8 +207,8 @@ def read_floats(path: Path) -> Float:
     try:
         return np.array([float(word) for word in words])
     except ValueError:
-        wrong = next(word for word in words if not are_numbers([word]))
-        problem = f"it holds something else than numbers: {wrong[:40]!r}"
+        invalid_text = next(word for word in words if not are_numbers([word]))
+        problem = f"it contains text that is not a number: {invalid_text[:40]!r}"
         raise InputError(problem, where=str(path)) from None
 
 

@@ -76,13 +76,13 @@ def read_camera(path: Path, width: int, height: int) -> Intrinsics:
         text = ElementTree.fromstring(read_text(path)).findtext("intrinsic/data") or ""
         numbers = [float(word) for word in text.split()]
     except (ElementTree.ParseError, ValueError):
-        mend = "Copy it again, or export it as XML of OpenCV's FileStorage."
-        raise InputError("the camera file is damaged", where=str(path), mend=mend) from None
+        remedy = "Copy it again, or export it as XML of OpenCV's FileStorage."
+        raise InputError("the camera file is damaged", where=str(path), remedy=remedy) from None
     if len(numbers) != 9:
         raise InputError(
             f"the matrix `intrinsic` has {len(numbers)} numbers, expected 9",
             where=str(path),
-            mend="Write it as a 3x3 matrix of OpenCV's FileStorage.",
+            remedy="Write it as a 3x3 matrix of OpenCV's FileStorage.",
         )
     return Intrinsics(width, height, numbers[0], numbers[4], numbers[2], numbers[5])
 
@@ -116,14 +116,14 @@ class RawKinectReader(Reader):
 
 
 def _raw_images(paths: Sequence[Path]) -> list[Path]:
-    sized = (path for path in paths if path.is_file() and path.stat().st_size == _BYTES)
-    return sorted(sized, key=natural_order)
+    sized_paths = (path for path in paths if path.is_file() and path.stat().st_size == _BYTES)
+    return sorted(sized_paths, key=natural_order)
 
 
 def _are_distances(values: UInt16) -> bool:
-    """Returns True if numbers look like distances: some are near enough, and hardly any too far."""
-    measured = values[values > 0]
-    return measured.size > 100 and float(np.mean(measured > _MAX_DEPTH_MM)) < 0.001
+    """Returns True if the values look like distances: some are near enough, and hardly any are too far."""
+    measured_values = values[values > 0]
+    return measured_values.size > 100 and float(np.mean(measured_values > _MAX_DEPTH_MM)) < 0.001
 
 
 def _read_raw(path: Path) -> UInt16:
@@ -132,7 +132,7 @@ def _read_raw(path: Path) -> UInt16:
         raise InputError(
             f"it has {len(data)} bytes, a depth image of 640x480 has {_BYTES}",
             where=str(path),
-            mend="Copy it again; it may have been cut off.",
+            remedy="Copy it again; it may have been cut off.",
         )
     values = np.frombuffer(data, "<u2")
     return values.astype(np.uint16).reshape(KINECT1.height, KINECT1.width)
@@ -171,12 +171,12 @@ def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) 
     """
     if options.lens is not None:
         return options.device or "depth", Intrinsics(width, height, *options.lens)
-    usual = find_usual_camera(width, height)
-    if usual is None:
+    usual_camera = find_usual_camera(width, height)
+    if usual_camera is None:
         raise InputError(
-            f"the image is {width}x{height}, and no file states its camera",
+            f"the image is {width}x{height}, and no file describes its camera",
             where=str(path),
-            mend="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY, or put a camera file "
+            remedy="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY, or put a camera file "
             "next to the image: NAME_camera.xml for NAME_depth.png.",
         )
-    return options.device or usual[0], usual[1]
+    return options.device or usual_camera[0], usual_camera[1]

@@ -23,7 +23,7 @@ TUM_UNITS = 5000.0
 _D405_UNITS = 10_000.0
 """Number of values per metre of a RealSense D405. Its depth unit is 0.1 mm from the factory."""
 _NO_DISTANCE = 65_535
-"""Value that some cameras write for missing depth, also in 7-Scenes: 65 m in millimetres."""
+"""Value that some cameras write for missing depth, also in 7-Scenes: it would be 65 m in millimetres."""
 _FAR_MM = 8000.0
 """Maximum median distance of an image. Beyond it another unit is more likely, since depth cameras measure
 less far."""
@@ -51,23 +51,23 @@ class DepthUnit:
         values = np.where(values == _NO_DISTANCE, 0, values).astype(np.uint16)
         depth = values
         if self._units != MILLIMETRES:
-            scaled = np.rint(values * (MILLIMETRES / self._units))
-            depth = np.where(scaled < _NO_DISTANCE, scaled, 0).astype(np.uint16)
+            millimetres = np.rint(values * (MILLIMETRES / self._units))
+            depth = np.where(millimetres < _NO_DISTANCE, millimetres, 0).astype(np.uint16)
         if not self._is_reported:
             self._is_reported = True
             self._report(depth)
         return depth
 
     def _report(self, depth: UInt16) -> None:
-        """Reports the unit, and doubts about it from the first image."""
+        """Reports the unit, and doubts about it if the first image suggests another one."""
         if self._is_stated:
             return
         name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
         reason = f" ({self._reason})" if self._reason else ""
         self._note(f"depth values are taken as {name}{reason}; {_UNIT_HINT}")
-        measured = depth[depth > 0]
-        if measured.size and float(np.median(measured)) > _FAR_MM:
-            median_m = float(np.median(measured)) / 1000
+        measured_depths = depth[depth > 0]
+        if measured_depths.size and float(np.median(measured_depths)) > _FAR_MM:
+            median_m = float(np.median(measured_depths)) / 1000
             self._note(
                 f"half of the first image is beyond {median_m:.1f} m, farther than depth cameras measure: "
                 "check the unit (5000 to the metre in TUM's images, 10000 of a D405)"
@@ -90,7 +90,7 @@ def find_depth_series(paths: Iterable[Path]) -> list[Path]:
 
     Names within a series differ only in numbers.
 
-    Images without depth in such a series are included, so that each later image keeps its place.
+    Images without depth in such a series are included, so that later images keep their number in the series.
     """
     series: dict[tuple[Path, str], list[Path]] = {}
     for path in paths:
@@ -101,28 +101,30 @@ def find_depth_series(paths: Iterable[Path]) -> list[Path]:
 
 
 def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> Iterator[tuple[Path, int]]:
-    """Yields the images that contain depth with their times. The others are reported by name and leave a gap.
+    """Yields the images that contain depth with their times (ns). Other images are reported by name and leave
+    a gap in time.
 
     Raises:
         InputError: if none of them contains depth.
     """
-    used, left_out = 0, list[Path]()
+    used_count, skipped_paths = 0, list[Path]()
     for path, time_ns in timed:
         if is_depth_png(path) or not path.exists():
-            used += 1
+            used_count += 1
             yield path, time_ns
             continue
-        left_out.append(path)
-        if len(left_out) <= _MAX_NAMED:
+        skipped_paths.append(path)
+        if len(skipped_paths) <= _MAX_NAMED:
             options.note(f"{path.name} is left out: {_find_problem(path)}; later images keep their time")
-    if left_out and not used:
+    if skipped_paths and not used_count:
         raise InputError(
-            _find_problem(left_out[0]), where=str(left_out[0]), mend="Give the depth images, 16-bit PNG."
+            _find_problem(skipped_paths[0]),
+            where=str(skipped_paths[0]),
+            remedy="Give the depth images, 16-bit PNG.",
         )
-    if len(left_out) > _MAX_NAMED:
-        options.note(
-            f"{len(left_out) - _MAX_NAMED} more images are left out, the last one {left_out[-1].name}"
-        )
+    if len(skipped_paths) > _MAX_NAMED:
+        count = len(skipped_paths) - _MAX_NAMED
+        options.note(f"{count} more images are left out, the last one {skipped_paths[-1].name}")
 
 
 def _find_problem(path: Path) -> str:
@@ -147,5 +149,5 @@ def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
 def timed_images(
     images: Sequence[Path], options: ImportOptions, fps: float = 30.0
 ) -> Iterator[tuple[Path, int]]:
-    """Yields the usable images with evenly spaced times in nanoseconds, as :func:`usable_images` does."""
+    """Yields the usable images, as :func:`usable_images` does, with evenly spaced times in nanoseconds."""
     return usable_images(zip(images, options.times_ns(fps), strict=False), options)

@@ -82,10 +82,10 @@ class FlowRoomReader(SkeletonReader):
         moments = []
         for frame, points, time_ns in zip(frames, pixels, options.times_ns(30.0), strict=False):
             moment = SkeletonMoment(time_ns)
-            for skeleton, (uvz, good) in zip(frame, points, strict=True):
+            for skeleton, (uvz, is_measured) in zip(frame, points, strict=True):
                 number = ids.setdefault(skeleton.trackingId, len(ids))
                 joints = joints_from_pixels(uvz[:, :2], distance + uvz[:, 2] * _METRES_PER_Z, FOCAL, CENTRE)
-                moment.bodies.append(Body(number, joints, np.where(good, TRACKED, INFERRED)))
+                moment.bodies.append(Body(number, joints, np.where(is_measured, TRACKED, INFERRED)))
             moments.append(moment)
         return moments
 
@@ -95,9 +95,9 @@ def _read_frames(path: Path) -> list[list[_Skeleton]]:
         frames = _decoder.decode(read_file(path))
     except (msgspec.MsgspecError, RecursionError) as error:
         log.debug("%s", path, exc_info=error)
-        mend = "Choose a file that the Flow Room recorded."
+        remedy = "Choose a file that the Flow Room recorded."
         problem = "its JSON is cut short, damaged or of another kind"
-        raise InputError(problem, where=str(path), mend=mend) from None
+        raise InputError(problem, where=str(path), remedy=remedy) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:
             if len(skeleton.joints) != 21:
@@ -109,7 +109,9 @@ def _read_frames(path: Path) -> list[list[_Skeleton]]:
 
 
 def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
-    """Returns (20, 3) u, v, z and (20,) whether z was measured. Otherwise z is the parent's."""
+    """Returns (20, 3) u, v, z and (20,) whether z was measured. An unmeasured z is copied from the parent
+    joint.
+    """
     points = np.array([(p.x, p.y, p.z) for p in skeleton.joints], float)[list(KINECT2_ORDER)]
     is_measured = points[:, 2] > _INVALID
     median = float(np.median(points[is_measured, 2])) if is_measured.any() else 0.0
@@ -121,7 +123,9 @@ def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
 
 
 def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
-    """Returns the metres from the sensor to z = 0, from the people's upper-quartile height in pixels."""
+    """Returns the distance in metres from the sensor to z = 0, from the people's upper-quartile height in
+    pixels.
+    """
     heights = [
         float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies
     ]

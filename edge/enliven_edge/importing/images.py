@@ -24,7 +24,8 @@ AZURE = Intrinsics(640, 576, 504.0, 504.0, 320.0, 333.0)
 _KNOWN_SENSORS = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
 """Sensors by name, which are recognised by the shape of their images."""
 _COLOUR_FORMATS = ("PNG", "JPEG")
-"""Image formats of the layouts. Pillow's other decoders start programs or trust hostile bytes."""
+"""Image formats of the layouts. Other decoders of Pillow start programs, or are not safe with hostile files.
+"""
 _MAX_PIXELS = 1 << 26
 """Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
 
@@ -42,16 +43,20 @@ def png_size(path: Path) -> tuple[int, int]:
 
 
 def find_usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
-    """Returns the name and the camera of the sensor with depth images of this shape. None: unknown."""
+    """Returns the name and the camera of the sensor with depth images of this shape. None if no known sensor
+    has this shape.
+    """
     for name, camera in _KNOWN_SENSORS.items():
-        scaled = camera.scaled(width / camera.width)
-        if (scaled.width, scaled.height) == (width, height):
-            return name, scaled
+        scaled_camera = camera.scaled(width / camera.width)
+        if (scaled_camera.width, scaled_camera.height) == (width, height):
+            return name, scaled_camera
     return None
 
 
 def describe_colour_image(path: Path) -> str | None:
-    """Returns the kind of an image without depth, such as "a JPEG image in colour". None: another file."""
+    """Returns the kind of an image without depth, such as "a JPEG image in colour". None if the file is not
+    such an image.
+    """
     try:
         with _open_image(path, _COLOUR_FORMATS) as image:
             if image.mode.startswith("I") or image.format is None:
@@ -72,16 +77,16 @@ def read_depth_png(path: Path) -> UInt16:
         raise InputError(
             "it is not a PNG of one 16-bit channel",
             where=str(path),
-            mend="Give the depth images in millimetres.",
+            remedy="Give the depth images in millimetres.",
         )
     try:
         with _open_image(path, ("PNG",)) as image:
             return np.asarray(image).astype(np.uint16)
     except FileNotFoundError:
-        raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
+        raise InputError("there is no such file", where=str(path), remedy="Check the path.") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        mend = "Copy it again from its source."
-        raise InputError("the image is damaged", where=str(path), mend=mend) from None
+        remedy = "Copy it again from its source."
+        raise InputError("the image is damaged", where=str(path), remedy=remedy) from None
 
 
 def read_colour(path: Path) -> UInt8 | None:
@@ -96,8 +101,8 @@ def read_colour(path: Path) -> UInt8 | None:
         with _open_image(path, _COLOUR_FORMATS) as image:
             return np.asarray(image.convert("RGB"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
-        mend = "Copy it again, or remove it."
-        raise InputError("the image is damaged", where=str(path), mend=mend) from None
+        remedy = "Copy it again, or remove it."
+        raise InputError("the image is damaged", where=str(path), remedy=remedy) from None
 
 
 def _open_image(path: Path, formats: tuple[str, ...]) -> Image.Image:
@@ -109,6 +114,6 @@ def _open_image(path: Path, formats: tuple[str, ...]) -> Image.Image:
     image = Image.open(io.BytesIO(read_file(path)), formats=formats)
     if image.width * image.height > _MAX_PIXELS:
         image.close()
-        problem = f"it states {image.width} x {image.height} pixels"
-        raise InputError(problem, where=str(path), mend="Take a smaller image.")
+        problem = f"it declares {image.width} x {image.height} pixels"
+        raise InputError(problem, where=str(path), remedy="Use a smaller image.")
     return image

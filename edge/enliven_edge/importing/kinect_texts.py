@@ -1,4 +1,4 @@
-"""Reads skeletons of one person from text files of programs and data sets around the Kinect."""
+"""Reads skeletons of one person from text files of Kinect programs and data sets."""
 
 from __future__ import annotations
 
@@ -65,19 +65,27 @@ MSR_ORDER = (
     Joint.FOOT_RIGHT,
     Joint.HEAD,
 )
-"""(20,) the joint in each row of a frame. Right is the side that the subjects were asked to use."""
+"""(20,) the joint in each row of a frame. "Right" is the side that the subjects of the data set were asked to
+use.
+"""
 MSR_FOCAL = 285.0
-"""Focal length of the pixel form's depth camera (320x240), pixels. With it both forms agree."""
+"""Focal length in pixels of the depth camera (320x240) in files with pixel coordinates. With this value they
+agree with the files in metres.
+"""
 _MSR_CENTRE = (160.0, 120.0)
 """Column and row of the image's centre, pixels."""
 _MSR_METRES_PER_UNIT = 0.004
-"""Metres of one unit of depth in the pixel form. With it both forms agree."""
+"""Metres per unit of depth in files with pixel coordinates. With this value they agree with the files in
+metres.
+"""
 _MSR_FPS = 15.0
 """Frames per second of the data set, which its files do not state."""
 
 
 class BodyScannerReader(SkeletonReader):
-    """``Joints,X,Y,Z``. The row ``Degree`` is the sensor's tilt, then 25 joints, +Y up, +Z to the sensor."""
+    """Reads BodyScanner CSV: the header ``Joints,X,Y,Z``, a row ``Degree`` with the sensor's tilt, and 25
+    joints, +Y up, +Z towards the sensor.
+    """
 
     name = "body-scanner"
     description = "BodyScanner-Kinect CSV (the joints of one moment, with the sensor's tilt)"
@@ -91,25 +99,30 @@ class BodyScannerReader(SkeletonReader):
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
         rows = read_rows(path)[1:]
         values = numbers_from_rows([row[1:] for row in rows], path, 3, 2)
-        named = {row[0].strip(): xyz for row, xyz in zip(rows, values, strict=False)}
-        missing = [name for name in (_SCAN_TILT, *KINECT2_NAMES) if name not in named]
-        if missing:
-            raise InputError(f"the row {missing[0]} is missing", where=str(path))
-        level = level_from_tilted(math.radians(float(named[_SCAN_TILT][0])))
+        position_by_name = {row[0].strip(): xyz for row, xyz in zip(rows, values, strict=False)}
+        missing_names = [name for name in (_SCAN_TILT, *KINECT2_NAMES) if name not in position_by_name]
+        if missing_names:
+            raise InputError(f"the row {missing_names[0]} is missing", where=str(path))
+        level = level_from_tilted(math.radians(float(position_by_name[_SCAN_TILT][0])))
         # In the file, as in the world, +Z points to the sensor.
-        joints = np.array([named[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
+        joints = (
+            np.array([position_by_name[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
+        )
         return [SkeletonMoment(0, [tracked_body(joints)])]
 
 
 def level_from_tilted(tilt: float) -> Float:
-    """Returns a (3, 3) rotation from the space of a sensor tilted ``tilt`` radians downwards to a level
-    one."""
+    """Returns a (3, 3) rotation from the space of a sensor tilted ``tilt`` radians downwards to that of a
+    level sensor.
+    """
     c, s = math.cos(tilt), math.sin(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 class GaitReader(SkeletonReader):
-    """``Joint-Name;x;y;z`` lines in metres. A frame starts at ``Head`` and has 20 lines."""
+    """Reads KinectGait text: lines ``Joint-Name;x;y;z`` in metres. A frame starts at ``Head`` and has 20
+    lines.
+    """
 
     name = "kinect-gait"
     description = "KinectGait text (Joint-Name;x;y;z lines, 20 a frame)"
@@ -136,13 +149,15 @@ class GaitReader(SkeletonReader):
 def _gait_joint(name: str, path: Path, line: int) -> Joint:
     joint = _GAIT_NAMES.get(name.strip().title())
     if joint is None:
-        problem, mend = f"line {line} names the joint {name!r}", f"Known: {', '.join(_GAIT_NAMES)}."
-        raise InputError(problem, where=str(path), mend=mend)
+        problem, remedy = f"line {line} names the joint {name!r}", f"Known: {', '.join(_GAIT_NAMES)}."
+        raise InputError(problem, where=str(path), remedy=remedy)
     return joint
 
 
 class LabanotationReader(SkeletonReader):
-    """No header. 101 values per row: time in 100 ns ticks, then 25 joints of x, y, z, tracking state."""
+    """Reads LabanotationSuite CSV without header. A row has 101 values: the time in ticks of 100 ns, then x,
+    y, z and tracking state of 25 joints.
+    """
 
     name = "labanotation"
     description = "Kinect v2 skeleton CSV of the LabanotationSuite (time, 25 joints with tracking states)"
@@ -164,7 +179,9 @@ class LabanotationReader(SkeletonReader):
 
 
 class MsrAction3dReader(SkeletonReader):
-    """20 rows per frame of x, y, z, confidence. Either metres, or pixels and depth in units of 4 mm."""
+    """Reads MSR Action3D text: 20 rows per frame of x, y, z, confidence. Units are metres, or pixels and
+    depth in units of 4 mm.
+    """
 
     name = "msr-action3d"
     description = "MSR Action3D skeleton text (aXX_sXX_eXX_skeleton.txt or _skeleton3D.txt)"
@@ -178,7 +195,7 @@ class MsrAction3dReader(SkeletonReader):
         values = read_floats(path)
         if not values.size or values.size % 80:
             problem = f"it holds {values.size} numbers, not 80 for each frame"
-            raise InputError(problem, where=str(path), mend="Copy it again; it may have been cut off.")
+            raise InputError(problem, where=str(path), remedy="Copy it again; it may have been cut off.")
         rows = values.reshape(-1, 20, 4)[:, np.argsort(MSR_ORDER)]
         joints = rows[..., :3]
         if float(np.median(joints[..., 2])) >= 20.0:

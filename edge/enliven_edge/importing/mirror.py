@@ -12,7 +12,7 @@ from enliven.person import Joint
 from enliven.person import mirror_body as reflected
 
 _MIRROR_NORMAL = np.array([1.0, 0.0, 0.0])
-"""(3,) the normal of the mirror: x of the bodies' world."""
+"""(3,) the normal of the mirror plane: the x axis of the bodies' world."""
 OTHER_SIDE = [
     Joint[name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
     for name in Joint.__members__
@@ -21,7 +21,7 @@ OTHER_SIDE = [
 
 
 def mirror_frames(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Yields every frame mirrored. The sensor stays at its place."""
+    """Yields every frame mirrored. The position of the sensor does not change."""
     for frame in frames:
         yield _mirror_depth(frame) if isinstance(frame, DepthFrame) else _mirror_bodies(frame)
 

@@ -11,19 +11,15 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text
-from enliven.formats.motion import COLUMNS, UNITS, Capture, guess_unit, without_added_poses
+from enliven.formats.motion.added_pose import without_added_poses
+from enliven.formats.motion.capture import UNITS, Capture, guess_unit
+from enliven.formats.motion.expmap import COLUMNS
 from enliven.frames import BodyFrame
 from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
-from enliven.takes import (
-    Roles,
-    find_limb_rotations,
-    find_roles,
-    leg_length,
-    path_midpoint,
-    read_capture,
-    turn_upright,
-)
+from enliven.takes.capture_limbs import find_limb_rotations, path_midpoint
+from enliven.takes.capture_roles import Roles, find_roles
+from enliven.takes.capture_upright import leg_length, read_capture, turn_upright
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
     FileReader,
@@ -43,17 +39,18 @@ _BONE_LIMBS = (
 )  # fmt: skip
 """(20,) the limb that gives the orientation of the bone ending at each joint."""
 _HEAD_CENTRE = 0.075
-"""Metres along the skull from the joint that turns it to the middle of the head, which sensors report as
-head."""
+"""Distance in metres along the skull from the head's joint to the middle of the head, which sensors report as
+the head.
+"""
 
 
 class MotionCaptureReader(FileReader):
-    """A BVH file, or CMU's exponential maps.
+    """Reads a BVH file, or CMU's exponential maps.
 
     Joints are matched by name, and the unit is guessed from the leg length.
 
-    Left and right, heading and place are the file's. Joints and orientations of bones have confidence 1,
-    because a motion capture contains no confidence.
+    Left and right, heading and position are those of the file. Joints and orientations of bones have
+    confidence 1, because a motion capture contains no confidence.
     """
 
     name = "motion-capture"
@@ -71,13 +68,13 @@ class MotionCaptureReader(FileReader):
         try:
             roles = find_roles(capture)
         except InputError as error:
-            raise InputError(error.what, where=str(path), mend=error.mend) from None
-        joints, turns = bodies_from_capture(capture, roles)
+            raise InputError(error.what, where=str(path), remedy=error.remedy) from None
+        joints, orientations = bodies_from_capture(capture, roles)
         seconds = 1.0 / options.fps if options.fps else capture.seconds
         sure = np.full(J, TRACKED)
         moments = [
-            SkeletonMoment(round(n * seconds * 1e9), [Body(0, xyz, sure, turn)])
-            for n, (xyz, turn) in enumerate(zip(joints, turns, strict=True))
+            SkeletonMoment(round(n * seconds * 1e9), [Body(0, xyz, sure, orientation)])
+            for n, (xyz, orientation) in enumerate(zip(joints, orientations, strict=True))
         ]
         return frames_in_world(moments, options.device or "mocap", np.eye(3), str(path))
 

@@ -31,16 +31,19 @@ from enliven_edge.importing.skeletons import (
 )
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
-"""Nanoseconds per count: of the computer's clock, common to all Kinects, and of each Kinect's own."""
+"""Nanoseconds per unit of each time column: the computer's clock, common to all Kinects, and each Kinect's
+own clock.
+"""
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
 
 
 class MultiTrackReader(FileReader):
-    """CSV with a header: a row for each time, person and Kinect; 25 joints in alphabetical order.
+    """Reads KinectMultiTrack CSV: a header, and a row for each time, person and Kinect with 25 joints in
+    alphabetical order.
 
     The Kinects keep their own coordinate systems, so only one of them is read: ``options.device``, or the one
-    with most rows. Times count from the first row (the files' milliseconds since the year 1 do not fit
-    nanoseconds).
+    with most rows. Times are relative to the first row, because the files count milliseconds since the year
+    1, which would overflow 64-bit nanoseconds.
     """
 
     name = "multitrack"
@@ -60,9 +63,9 @@ class MultiTrackReader(FileReader):
         header, *rows = read_rows(path)
         column = {name.strip(): index for index, name in enumerate(header)}
         columns = [self.clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
-        missing = [name for name in columns if name not in column]
-        if missing:
-            raise InputError(f"the column {missing[0]} is missing", where=str(path))
+        missing_columns = [name for name in columns if name not in column]
+        if missing_columns:
+            raise InputError(f"the column {missing_columns[0]} is missing", where=str(path))
         rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
         device = _choose_device(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
         if self.clock != _KEYS[0]:
@@ -93,7 +96,9 @@ def _group_moments(values: Float, is_chosen: Bool, tick: float) -> list[Skeleton
 
 
 def _choose_device(devices: Counter[str], wanted: str | None, path: Path) -> str:
-    """Returns the Kinect to read. Among equals, the first in the file."""
+    """Returns the Kinect to read. If several Kinects have the same number of rows, the first in the file is
+    used.
+    """
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))
     if wanted is None:
@@ -102,6 +107,6 @@ def _choose_device(devices: Counter[str], wanted: str | None, path: Path) -> str
         raise InputError(
             f"the Kinect {wanted!r} does not exist",
             where=str(path),
-            mend=f"Known: {', '.join(sorted(devices))}.",
+            remedy=f"Known: {', '.join(sorted(devices))}.",
         )
     return wanted

@@ -28,7 +28,9 @@ _REPOSITORY = "device_repository.json"
 
 
 class RealSenseReader(Reader):
-    """16-bit PNG in millimetres named after a device (``0_M11_depth_0.png``) of device_repository.json."""
+    """Reads 16-bit PNG in millimetres, named after a device (``0_M11_depth_0.png``) in
+    device_repository.json.
+    """
 
     name = "realsense"
     description = "RealSense depth PNG (N_DEVICE_depth_N.png) with device_repository.json"
@@ -55,12 +57,12 @@ class RealSenseReader(Reader):
 
 
 def _find_images(paths: Sequence[Path]) -> list[Path]:
-    named = (path for path in paths if path.suffix == ".png" and len(path.stem.split("_")) == 4)
-    return sorted((path for path in named if path.stem.split("_")[2] == "depth"), key=natural_order)
+    image_paths = (path for path in paths if path.suffix == ".png" and len(path.stem.split("_")) == 4)
+    return sorted((path for path in image_paths if path.stem.split("_")[2] == "depth"), key=natural_order)
 
 
 def _model(entry: dict[str, Any]) -> str:
-    """Returns "realsense-d415" for "Intel RealSense D415", for example."""
+    """Returns the sensor name of a model, such as "realsense-d415" for "Intel RealSense D415"."""
     return "-".join(str(entry.get("Type", "RealSense")).lower().split()[-2:])
 
 
@@ -69,31 +71,33 @@ def _find_device(repository: Path, device: str) -> dict[str, Any]:
         entries = json.loads(read_text(repository))
         devices = {str(entry["Device"]): entry for entry in entries}
     except (ValueError, TypeError, KeyError, RecursionError):
-        mend = "Copy it again from the recording computer."
-        raise InputError("the list of devices is damaged", where=str(repository), mend=mend) from None
+        remedy = "Copy it again from the recording computer."
+        raise InputError("the list of devices is damaged", where=str(repository), remedy=remedy) from None
     if device not in devices:
         raise InputError(
             f"the device {device} is not in the list",
             where=str(repository),
-            mend=f"Known: {', '.join(sorted(devices))}.",
+            remedy=f"Known: {', '.join(sorted(devices))}.",
         )
     return devices[device]
 
 
 def _find_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:
-    """Returns the depth camera at this size: as listed, or scaled from a listed size of the same shape."""
+    """Returns the depth camera for this image size: as listed, or scaled from a listed size of the same
+    aspect ratio.
+    """
     listed_cameras: dict[str, list[float]] = {}
     for group in entry.get("Depth Intrinsics", []):
         listed_cameras.update(group)
     for size, matrix in listed_cameras.items():
         full_width, full_height = (int(number) for number in size.split("x"))
         if full_width * height == width * full_height and len(matrix) == 9:
-            full = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
-            return full if full_width == width else full.scaled(width / full_width)
+            full_camera = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
+            return full_camera if full_width == width else full_camera.scaled(width / full_width)
     raise InputError(
         f"the files have no depth calibration for {width}x{height}",
         where=where,
-        mend=f"Known sizes: {', '.join(listed_cameras) or 'none'}.",
+        remedy=f"Known sizes: {', '.join(listed_cameras) or 'none'}.",
     )
 
 
@@ -104,13 +108,13 @@ _SEVEN_SCENES_SIZE = (640, 480)
 _SEVEN_SCENES_LENS = (585.0, 585.0, 320.0, 240.0)
 """Focal lengths and centre in pixels that the 7-Scenes data set states for all its sequences."""
 _LENS = ((0, 0), (1, 1), (0, 2), (1, 2))
-"""Rows and columns of fx, fy, cx, cy in the camera matrix."""
+"""Rows and columns of fx, fy, cx and cy in the camera matrix."""
 
 
 class PosedDepthReader(Reader):
-    """16-bit PNG in millimetres with camera-to-world matrices, the layout of 3D scanning data sets.
+    """Reads 16-bit PNG in millimetres with camera-to-world matrices, the layout of 3D scanning data sets.
 
-    The files' world is that of a camera (+Y down). It is turned so that +Y is up. The files do not contain
+    The files' world is that of a camera (+Y down). It is rotated so that +Y is up. The files do not contain
     the floor: y = 0 is at the height of that camera.
     """
 
@@ -172,6 +176,6 @@ def _check_rigid(matrix: Float, path: Path) -> Float:
         raise InputError(
             "the pose is not a rotation and a translation",
             where=str(path),
-            mend="Remove the frame: its tracking was lost.",
+            remedy="Remove the frame: its tracking was lost.",
         )
     return matrix

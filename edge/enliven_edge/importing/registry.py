@@ -54,15 +54,18 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
     """Returns the reader called ``name``, or the first that recognises the files.
 
     Raises:
-        InputError: for an unknown name, with the nearest known one, or if no reader recognises the files.
+        InputError: for an unknown name (the message suggests the nearest known one), or if no reader
+            recognises the files.
     """
     readers_by_name = readers()
     if name is not None:
         if name in readers_by_name:
             return readers_by_name[name]
-        near = difflib.get_close_matches(name, readers_by_name, n=1)
-        mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(readers_by_name)}."
-        raise InputError(f"the reader {name!r} does not exist", where="--reader", mend=mend)
+        similar_names = difflib.get_close_matches(name, readers_by_name, n=1)
+        remedy = (
+            f"Did you mean {similar_names[0]}?" if similar_names else f"Known: {', '.join(readers_by_name)}."
+        )
+        raise InputError(f"the reader {name!r} does not exist", where="--reader", remedy=remedy)
     for reader in readers_by_name.values():
         if reader.can_read(paths):
             return reader
@@ -71,12 +74,12 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
         raise InputError(
             f"it is {kind}, and no depth image",
             where=str(paths[0]),
-            mend="Give the depth image of that moment: a PNG of one 16-bit channel, in millimetres.",
+            remedy="Give the depth image of that moment: a PNG of one 16-bit channel, in millimetres.",
         )
     raise InputError(
         "no reader recognises " + ("this file" if len(paths) == 1 else f"any of these {len(paths)} files"),
         where=str(paths[0]),
-        mend="`enliven import --list-readers` shows the layouts that are known.",
+        remedy="`enliven import --list-readers` shows the layouts that are known.",
     )
 
 
@@ -100,7 +103,7 @@ def find_files(names: Sequence[str]) -> list[Path]:
             matches = [match for match in map(Path, sorted(glob.glob(name))) if match.is_file()]
         if not matches:
             problem = "the folder holds no files" if path.is_dir() else "there is no such file"
-            raise InputError(problem, where=name, mend="Check the path.")
+            raise InputError(problem, where=name, remedy="Check the path.")
         paths.update(dict.fromkeys(matches))
     return list(paths)
 
@@ -108,7 +111,7 @@ def find_files(names: Sequence[str]) -> list[Path]:
 def _list_folder(folder: Path) -> list[Path]:
     """Returns the files directly in a folder.
 
-    Includes its subfolder "depth" unless the folder has own images.
+    Includes the files of its subfolder "depth" unless the folder itself contains images.
 
     Raises:
         InputError: if it is a scene of several sequences, the layout of 7-Scenes.
@@ -122,7 +125,7 @@ def _list_folder(folder: Path) -> list[Path]:
             f"it holds {len(sequences)} sequences, each a recording of its own: {', '.join(sequences[:8])}"
         )
         raise InputError(
-            problem, where=str(folder), mend=f"Import one of them, such as {folder / sequences[0]}"
+            problem, where=str(folder), remedy=f"Import one of them, such as {folder / sequences[0]}"
         )
     depth = folder / "depth"
     return files + (sorted(entry for entry in depth.iterdir() if entry.is_file()) if depth.is_dir() else [])

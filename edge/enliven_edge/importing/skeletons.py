@@ -25,8 +25,8 @@ WORLD_FROM_KINECT_SPACE = np.diag([-1.0, 1.0, -1.0])
 KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19)
 """(20,) the joint of the Kinect SDK 2 (JointType) for each of :class:`enliven.person.body.Joint`.
 
-SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre. The neck,
-the hand tips and the thumbs have no counterpart.
+SpineBase, SpineMid and SpineShoulder correspond to the hip centre, the spine and the shoulder centre. The
+neck, the hand tips and the thumbs have no counterpart.
 """
 _SPINE_NAMES = ["SpineBase", "SpineMid", "SpineShoulder"]
 KINECT2_NAMES = [*_SPINE_NAMES, *(joint.name.title().replace("_", "") for joint in list(Joint)[3:])]
@@ -94,9 +94,9 @@ def frames_in_world(
 ) -> Iterator[BodyFrame]:
     """Yields the body frames of a take in the world, on the floor, with an estimated stature per person.
 
-    The floor is the lower quartile, over the take, of the lower sole's height. One foot nearly always stands,
-    and neither a jump nor some wrong feet move a quartile. The stature is the median over the take of the
-    height computed from bone lengths.
+    The floor is the lower quartile, over the take, of the lower sole's height. At least one foot is nearly
+    always on the floor, and neither a jump nor some wrong feet change a quartile. The stature is the median
+    over the take of the height computed from bone lengths.
 
     Args:
         moments: ordered by time.
@@ -131,7 +131,9 @@ def _rotate_moment(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
 
 
 def _estimate_statures(bodies: Sequence[Body]) -> dict[int, float]:
-    """Returns metres by person: the median over the frames with all the joints that it needs."""
+    """Returns the stature in metres by person: the median over the frames that contain all the required
+    joints.
+    """
     heights: dict[int, list[float]] = {}
     for body in bodies:
         if np.isfinite(body.joints).all():
@@ -142,15 +144,19 @@ def _estimate_statures(bodies: Sequence[Body]) -> dict[int, float]:
 def _estimate_floor(bodies: Sequence[Body], where: str) -> float:
     lowest = [height for height in map(_sole_height, bodies) if np.isfinite(height)]
     if not lowest:
-        raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")
+        raise InputError("no joint of any person was seen", where=where, remedy="Choose another recording.")
     return float(np.percentile(lowest, 25.0))
 
 
 def _sole_height(body: Body) -> float:
     """Returns the height of a body's lower sole, from the visible joints, or else from all."""
     for min_confidence in (0.5, -1.0):
-        above = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
-        heights = [float(body.joints[j, 1]) - up for j, up in above if body.confidence[j] > min_confidence]
+        candidates = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
+        heights = [
+            float(body.joints[j, 1]) - sole_offset
+            for j, sole_offset in candidates
+            if body.confidence[j] > min_confidence
+        ]
         heights = [height for height in heights if np.isfinite(height)]
         if heights:
             return min(heights)

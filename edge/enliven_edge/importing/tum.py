@@ -39,7 +39,7 @@ _Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0,
 
 
 class TumReader(Reader):
-    """A folder with depth.txt, or images named after seconds since 1970. 5000 units per metre."""
+    """Reads a folder with depth.txt, or images named after seconds since 1970, with 5000 units per metre."""
 
     name = "tum-depth"
     description = "TUM RGB-D benchmark (depth.txt with rgb.txt and groundtruth.txt; or SECONDS.png)"
@@ -67,8 +67,10 @@ class TumReader(Reader):
             depth = read_millimetres(path, unit)
             camera = _choose_camera(path, depth.shape[1], depth.shape[0], options)
             colour = _find_nearest(colours, time_ns)
-            shown = read_colour(colour) if colour is not None else None
-            yield DepthFrame(depth, camera, time_ns, options.device or "rgbd", shown, poses.get(time_ns))
+            colour_image = read_colour(colour) if colour is not None else None
+            yield DepthFrame(
+                depth, camera, time_ns, options.device or "rgbd", colour_image, poses.get(time_ns)
+            )
 
 
 def _is_timed(path: Path) -> bool:
@@ -85,7 +87,7 @@ def _is_list(path: Path) -> bool:
 
 
 def _parse_time(seconds: str) -> int:
-    """Returns the nanoseconds of a time in decimal seconds, exactly."""
+    """Returns the exact nanoseconds of a time in decimal seconds."""
     return int(Decimal(seconds) * 10**9)
 
 
@@ -104,7 +106,7 @@ def _read_rows(path: Path, columns: int) -> list[list[str]]:
             continue
         if len(row) != columns or not are_numbers(row[:1]) or not np.isfinite(float(row[0])):
             problem = f"line {number} is not a time and {columns - 1} more columns"
-            raise InputError(problem, where=str(path), mend="Remove the line, or copy the file again.")
+            raise InputError(problem, where=str(path), remedy="Remove the line, or copy the file again.")
         rows.append(row)
     return rows
 
@@ -129,7 +131,7 @@ def _find_nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
 
 
 def _read_poses(path: Path, times: list[int]) -> dict[int, Float]:
-    """Returns (4, 4) world_from_camera, +Y up, at each of the times. Empty if one has no pose."""
+    """Returns (4, 4) world_from_camera, +Y up, at each of the times. Empty if any time has no pose."""
     rows = _read_rows(path, 8)
     if not rows:
         return {}
@@ -158,11 +160,11 @@ def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) 
     """Returns the camera: the user's, or a usual one of this image shape."""
     if options.lens is not None:
         return Intrinsics(width, height, *options.lens)
-    usual = find_usual_camera(width, height)
-    if usual is None:
+    usual_camera = find_usual_camera(width, height)
+    if usual_camera is None:
         raise InputError(
-            f"the image is {width}x{height}, and no file states its camera",
+            f"the image is {width}x{height}, and no file describes its camera",
             where=str(path),
-            mend="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY.",
+            remedy="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY.",
         )
-    return usual[1]
+    return usual_camera[1]

@@ -10,8 +10,8 @@ from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven_edge.inspection.picture import add_caption, depth_picture, depth_span, draw_bodies, tint_people
 from enliven_edge.sensors import Condition
-from enliven_edge.tracking import Tracker
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.tracking.health.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
 
 _SPAN_SMOOTHING = 0.97
 """Smoothing factor per frame of the grey value range, so that images do not flicker."""
@@ -36,11 +36,11 @@ class Inspector:
         self.bodies: list[Body] = []
 
     def failed(self, error: Exception) -> None:
-        """Processes an error that the sensor raised in place of a frame when it was recorded."""
+        """Records an error that the sensor raised instead of a frame during recording."""
         self._health.failed(error)
 
     def picture(self, frame: DepthFrame, condition: Condition | None = None) -> UInt8:
-        """Tracks one frame and draws it, with the condition of its device."""
+        """Tracks one frame and draws it, together with the condition of its sensor."""
         if self._health.admit(frame):
             self.bodies = self._tracker.track(frame)
             stand, state = self._tracker.world_from_camera, self._tracker.state
@@ -66,7 +66,9 @@ class Inspector:
         return self._span
 
     def _caption(self, frame: DepthFrame) -> list[str]:
-        """Returns the current problems, the gravest first, then time and people."""
+        """Returns the text lines of an image: the current problems, the most severe first, then time and
+        people.
+        """
         first = self._first_ns = frame.time_ns if self._first_ns is None else self._first_ns
         people = ", ".join(f"{b.id} ({b.confidence.mean():.2f})" for b in self.bodies) or "nobody"
         states = [str(state)[:110] for state in self._health.states[:3]]

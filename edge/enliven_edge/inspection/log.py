@@ -1,4 +1,6 @@
-"""Reports on a sensor during its recording, in sentences: missing images, its device, its losses."""
+"""Reports on a sensor during its recording, in sentences: missing images, the state of the device, lost
+connections.
+"""
 
 from __future__ import annotations
 
@@ -53,19 +55,19 @@ class SensorLog:
                 self._add_condition(moment)
 
     def facts(self) -> list[tuple[str, str]]:
-        """Returns all facts, each with its name."""
+        """Returns all facts for the report, each with its name."""
         seconds = self._seconds(self._last_ns)
         facts = [("frames", f"{sum(self._frames.values())} in {seconds:.1f} s of {', '.join(self._frames)}")]
         facts.append(("missing", self._describe_missing()))
         if any(self._links):
             facts.append(("link", ", ".join(filter(None, self._links))))
         if self._celsius:
-            limit = "" if self._max_celsius is None else f"; it stops at {self._max_celsius:.0f}"
+            limit = "" if self._max_celsius is None else f"; it switches off at {self._max_celsius:.0f}"
             facts.append(
                 ("temperature", f"{min(self._celsius):.0f} to {max(self._celsius):.0f} degrees{limit}")
             )
         if self._uncalibrated:
-            facts.append(("lens", "that of its kind, as the camera did not know its own"))
+            facts.append(("lens", "the default of its model, as the camera did not report its own"))
         if self._losses:
             facts.append(("lost", f"{len(self._losses)} times, for {self._lost_seconds:.1f} s in all"))
             facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MAX_DESCRIBED_LOSSES]]

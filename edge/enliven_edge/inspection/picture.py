@@ -19,7 +19,7 @@ _MIN_JOINT_DEPTH_M = 0.12
 """Minimum distance from the camera of joints that are drawn, in metres. The projection of nearer joints
 leaves the image."""
 _HOLE_GREY = 12
-"""Grey value of a pixel without depth, of 255: darker than every distance, lighter than black."""
+"""Grey value (0..255) of a pixel without depth: darker than every distance, lighter than black."""
 _MIN_CONFIDENCE = 0.05
 """Bones with both ends below this confidence are not drawn."""
 
@@ -36,14 +36,14 @@ def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
 
 
 def depth_span(depth: UInt16) -> tuple[float, float]:
-    """Returns near and far in metres, between which most of an image lies.
+    """Returns the near and far distances in metres between which most depths of an image lie.
 
-    Arguments of :func:`depth_picture`.
+    They are arguments of :func:`depth_picture`.
     """
-    measured = depth[(depth > 0) & (depth < 65535)]
-    if measured.size == 0:
+    measured_depths = depth[(depth > 0) & (depth < 65535)]
+    if measured_depths.size == 0:
         return 0.5, 4.0
-    near, far = np.percentile(measured[:: max(1, measured.size // 20000)], [1.0, 97.0]) * 1e-3
+    near, far = np.percentile(measured_depths[:: max(1, measured_depths.size // 20000)], [1.0, 97.0]) * 1e-3
     return float(near), float(max(far, near + 0.3))
 
 
@@ -58,10 +58,10 @@ def tint_people(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
     rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
     columns = np.minimum(np.arange(width) * owner.shape[1] // width, owner.shape[1] - 1)
     people = np.where(depth > 0, owner[rows[:, None], columns[None]], -1)
-    out = picture.astype(np.float64)
+    tinted = picture.astype(np.float64)
     mask = people >= 0
-    out[mask] = out[mask] * (0.25 + 0.6 * _TINTS[people[mask] % len(_TINTS)] / 255.0)
-    return np.asarray(out.astype(np.uint8))
+    tinted[mask] = tinted[mask] * (0.25 + 0.6 * _TINTS[people[mask] % len(_TINTS)] / 255.0)
+    return np.asarray(tinted.astype(np.uint8))
 
 
 def confidence_colour(confidence: float) -> tuple[int, int, int]:
@@ -104,7 +104,7 @@ def draw_bodies(
 
 
 def _dot(draw: ImageDraw.ImageDraw, centre: AnyArray, radius: float, confidence: float) -> None:
-    """Draws a joint: filled if it is observed, a ring if it is a guess."""
+    """Draws a joint: filled if it is observed, a ring if it is estimated."""
     box = [centre[0] - radius, centre[1] - radius, centre[0] + radius, centre[1] + radius]
     if confidence >= _MIN_CONFIDENCE:
         draw.ellipse(box, fill=confidence_colour(confidence), outline=(0, 0, 0))

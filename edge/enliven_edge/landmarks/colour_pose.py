@@ -51,14 +51,14 @@ def fuse_people(depth: list[Body], colour: list[Body]) -> list[Body]:
         for k, b in enumerate(colour)
         if (distance := _trunk_distance(a, b)) < _SAME_PERSON_M
     )
-    fused, used_colour = list(depth), set[int]()
+    fused_bodies, used_colour = list(depth), set[int]()
     matched_colour = set[int]()
     for _, i, k in pairs:
         if i not in matched_colour and k not in used_colour:
-            fused[i] = fuse_bodies(depth[i], colour[k])
+            fused_bodies[i] = fuse_bodies(depth[i], colour[k])
             matched_colour.add(i)
             used_colour.add(k)
-    return fused
+    return fused_bodies
 
 
 def fuse_bodies(depth: Body, colour: Body) -> Body:
@@ -66,16 +66,18 @@ def fuse_bodies(depth: Body, colour: Body) -> Body:
 
     If both agree on a joint, the result lies between them, weighted by confidence, with a higher confidence
     than either. If they contradict each other, the more confident one is used, with less confidence. A joint
-    that only one has is copied. Identity, orientations and all else come from the depth body.
+    that only one has is copied. Identity, orientations and all other fields come from the depth body.
     """
     depth_confidence, colour_confidence = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
     distance = np.linalg.norm(depth.joints - colour.joints, axis=1)
     agrees = np.exp(-0.5 * (distance / _AGREEMENT_M) ** 2)
     more_confident = colour_confidence > depth_confidence
     weighted_mean = colour_confidence / np.maximum(depth_confidence + colour_confidence, 1e-9)
-    chosen = np.where(more_confident, 1.0, 0.0)
-    share = np.where(colour_confidence > 0, agrees * weighted_mean + (1 - agrees) * chosen, 0.0)
-    joints = depth.joints + share[:, None] * (colour.joints - depth.joints)
+    chosen_weight = np.where(more_confident, 1.0, 0.0)
+    colour_weight = np.where(
+        colour_confidence > 0, agrees * weighted_mean + (1 - agrees) * chosen_weight, 0.0
+    )
+    joints = depth.joints + colour_weight[:, None] * (colour.joints - depth.joints)
     has_both = 1.0 - (1.0 - depth_confidence) * (1.0 - colour_confidence)
     contradicts = np.maximum(depth_confidence, colour_confidence) - 0.5 * np.minimum(
         depth_confidence, colour_confidence
@@ -85,7 +87,7 @@ def fuse_bodies(depth: Body, colour: Body) -> Body:
 
 
 def _trunk_distance(a: Body, b: Body) -> float:
-    """Returns the metres between two trunks, averaged over their shared joints."""
+    """Returns the distance in metres between two trunks, averaged over their shared joints."""
     is_shared = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
     if not is_shared.any():
         return float("inf")
@@ -116,13 +118,15 @@ class ColourPoseEstimator:
         if frame.colour is None or not bodies:
             return bodies
         detections = self._source.find(frame.colour, frame.time_ns)
-        lifted = [self._lifter.lift(each, frame, world_from_camera, -1) for each in detections]
-        return fuse_people(bodies, lifted)
+        lifted_bodies = [
+            self._lifter.lift(landmarks, frame, world_from_camera, -1) for landmarks in detections
+        ]
+        return fuse_people(bodies, lifted_bodies)
 
     def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
         """Returns the 2.5-D bodies of a camera without depth, each with a lasting identity."""
         detections = self._source.find(colour, time_ns)
-        guesses = [self._lifter.guess(each, camera, world_from_camera, -1) for each in detections]
+        guesses = [self._lifter.guess(landmarks, camera, world_from_camera, -1) for landmarks in detections]
         return self._assign_ids(guesses, time_ns)
 
     def _assign_ids(self, bodies: list[Body], time_ns: int) -> list[Body]:
@@ -197,7 +201,7 @@ def check_view(view: float) -> None:
         InputError: if it is impossible for a lens.
     """
     if not 10.0 <= view <= 170.0:
-        raise InputError(f"the view is {view} degrees", where="camera", mend="Give 10 to 170.")
+        raise InputError(f"the field of view is {view} degrees", where="camera", remedy="Give 10 to 170.")
 
 
 def pinhole(width: int, height: int, view: float) -> Intrinsics:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,6 +14,14 @@ from enliven.frames import DepthFrame
 from enliven.person import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body, Joint
 from enliven.settings import setting
 from enliven_edge.landmarks.source import INDEX, NAMES, Landmarks
+
+_MIN_VISIBILITY = 0.5
+"""Minimum visibility of a landmark. Landmarks below it are ignored."""
+_MAX_DEPTH_DIFFERENCE_M = 0.22
+"""Maximum difference between measured depth and a joint's expected depth. Larger differences belong to
+another object."""
+_CONFIDENCE_WITHOUT_DEPTH = 0.35
+"""Confidence of a joint that is visible only in the colour image."""
 
 _TRUNK = (0.11, 0.11, 0.10, 0.09)
 """Metres from skin to joint of hip centre, spine, shoulder centre and head."""
@@ -56,7 +65,7 @@ _NEEDED_LANDMARKS = np.abs(WEIGHTS) > 0.15
 
 
 def joints_from_landmarks(landmarks: Float) -> Float:
-    """Returns (20, D) joints of (33, D) landmarks, in pixels or metres."""
+    """Returns the (20, D) joints of (33, D) landmarks, in pixels or metres."""
     return np.asarray(WEIGHTS @ landmarks)
 
 
@@ -77,18 +86,10 @@ _HEIGHT_BEYOND_BONES_M = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
 class LiftSettings:
     """Settings for lifting landmarks to bodies."""
 
-    visible: float = setting(
-        0.5, "Minimum visibility of a landmark. Landmarks below it are ignored.", low=0.0, high=1.0
-    )
-    depth_margin: float = setting(
-        0.22,
-        "Maximum difference between measured depth and a joint's expected depth. Larger differences "
-        "belong to another object.",
-        unit="m",
-        low=0.01,
-    )
-    without_depth: float = setting(
-        0.35, "Confidence of a joint that is visible only in the colour image.", low=0.0, high=1.0
+    REMOVED_SETTINGS: ClassVar = (
+        "visible",
+        "depth_margin",
+        "without_depth",
     )
     body_height: float = setting(
         1.72, "Assumed height of a person without depth data.", unit="m", low=0.5, high=2.5
@@ -110,8 +111,9 @@ class Lifter:
     def lift(self, landmarks: Landmarks, frame: DepthFrame, world_from_camera: Float, person: int) -> Body:
         """Returns the body of landmarks that were found in ``frame.colour``.
 
-        A joint is at its measured position if depth confirms it. If it is occluded, or depth is missing, it
-        follows the posture with less confidence. A joint outside the image has confidence 0.
+        A joint is at its measured position if depth confirms it. If the joint is occluded, or depth is
+        missing, its position comes from the detector's 3D posture, with less confidence. A joint outside the
+        image has confidence 0.
 
         Raises:
             InputError: for a frame without a colour image.
@@ -124,23 +126,23 @@ class Lifter:
         posture = self._place_joints(
             landmarks, _to_depth(landmarks.points, frame.colour.shape, camera), camera
         )
-        ray, inside = self._ray(pixels, camera)
-        first = self._measure_depth(frame, pixels, posture[:, 2], inside, np.inf)
-        usable = np.isfinite(first) & (visibility >= self.settings.visible)
+        ray, is_inside = self._ray(pixels, camera)
+        first = self._measure_depth(frame, pixels, posture[:, 2], is_inside, np.inf)
+        usable = np.isfinite(first) & (visibility >= _MIN_VISIBILITY)
         if usable.sum() >= _MIN_MEDIAN_SAMPLES:
             posture = posture * float(np.median((first + SKIN_TO_JOINT_M)[usable] / posture[usable, 2]))
         depth = (
-            self._measure_depth(frame, pixels, posture[:, 2], inside, self.settings.depth_margin)
+            self._measure_depth(frame, pixels, posture[:, 2], is_inside, _MAX_DEPTH_DIFFERENCE_M)
             + SKIN_TO_JOINT_M
         )
-        measured = np.isfinite(depth) & inside
+        is_measured = np.isfinite(depth) & is_inside
         local = np.where(
-            measured[:, None], np.concatenate([ray, np.ones((20, 1))], 1) * depth[:, None], posture
+            is_measured[:, None], np.concatenate([ray, np.ones((20, 1))], 1) * depth[:, None], posture
         )
-        off = np.abs(np.where(measured, depth, posture[:, 2]) - posture[:, 2]) / self.settings.depth_margin
-        is_confirmed = 1.0 - 0.5 * np.minimum(off, 1.0)
-        confidence = np.where(measured, is_confirmed, self.settings.without_depth) * visibility
-        confidence[~inside | (visibility < self.settings.visible)] = 0.0
+        off = np.abs(np.where(is_measured, depth, posture[:, 2]) - posture[:, 2]) / _MAX_DEPTH_DIFFERENCE_M
+        agreement = 1.0 - 0.5 * np.minimum(off, 1.0)
+        confidence = np.where(is_measured, agreement, _CONFIDENCE_WITHOUT_DEPTH) * visibility
+        confidence[~is_inside | (visibility < _MIN_VISIBILITY)] = 0.0
         return Body(person, _to_world(local, world_from_camera), confidence)
 
     def guess(self, landmarks: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
@@ -151,18 +153,18 @@ class Lifter:
         posture = self._place_joints(landmarks, landmarks.points, camera)
         bones = Body(person, posture, np.ones(20)).height - _HEIGHT_BEYOND_BONES_M
         posture = posture * ((self.settings.body_height - _HEIGHT_BEYOND_BONES_M) / max(bones, 0.1))
-        _, inside = self._ray(joints_from_landmarks(landmarks.points), camera)
+        _, is_inside = self._ray(joints_from_landmarks(landmarks.points), camera)
         visibility = joint_visibility(landmarks.visibility)
         confidence = np.where(
-            inside & (visibility >= self.settings.visible), visibility * self.settings.without_depth, 0.0
+            is_inside & (visibility >= _MIN_VISIBILITY), visibility * _CONFIDENCE_WITHOUT_DEPTH, 0.0
         )
         return Body(person, _to_world(posture, world_from_camera), confidence)
 
     def _place_joints(self, landmarks: Landmarks, points: Float, camera: Intrinsics) -> Float:
         """Returns (20, 3) joints in the camera frame that project onto the landmarks, at the landmarks'
         scale."""
-        ray, inside = self._ray(points, camera)
-        weight = landmarks.visibility * np.where(inside, 1.0, 0.2)
+        ray, is_inside = self._ray(points, camera)
+        weight = landmarks.visibility * np.where(is_inside, 1.0, 0.2)
         x, y, z = landmarks.offsets.T
         # The perspective equations (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz) are linear in t.
         rows = np.zeros((2 * len(points), 3))
@@ -175,23 +177,23 @@ class Lifter:
         return joints_from_landmarks(landmarks.offsets) + place
 
     def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
-        """Returns (N, 2) x/z and y/z of pixels, and whether each is inside the image."""
+        """Returns (N, 2) the coordinates x/z and y/z of pixels, and (N,) whether each is inside the image."""
         if camera != self._camera:
             self._camera, self._rays = camera, rays(camera)
         size = np.array([camera.width, camera.height])
-        inside = np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(1))
+        is_inside = np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(1))
         pinhole = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
         if not any(camera.distortion):
-            return pinhole, inside
+            return pinhole, is_inside
         u, v = np.rint(np.clip(pixels, 0, size - 1)).astype(int).T
-        return np.where(inside[:, None], self._rays[v, u], pinhole), inside
+        return np.where(is_inside[:, None], self._rays[v, u], pinhole), is_inside
 
     def _measure_depth(
         self, frame: DepthFrame, pixels: Float, expected: Float, inside: Bool, margin: float
     ) -> Float:
-        """Returns (20,) metres, the surface depth around each joint's pixel.
+        """Returns (20,) the surface depth in metres around each joint's pixel.
 
-        NaN: no depth is within ``margin``.
+        NaN means that no depth is within ``margin`` of the expected one.
         """
         depth, camera = frame.depth, frame.intrinsics
         joint_depths = np.full(len(pixels), np.nan)
@@ -207,7 +209,7 @@ class Lifter:
 
 
 def _to_depth(points: Float, shape: tuple[int, ...], camera: Intrinsics) -> Float:
-    """Returns (N, 2) the pixels of the depth image for those of the colour image of the same view."""
+    """Returns (N, 2) pixels of the depth image from pixels of the colour image of the same view."""
     scale = np.array([camera.width / shape[1], camera.height / shape[0]])
     return np.asarray((points + 0.5) * scale - 0.5)
 

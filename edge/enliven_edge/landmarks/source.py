@@ -17,7 +17,7 @@ from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
 from enliven.files import user_data_folder
 from enliven.settings import setting
-from enliven_edge.closeable import Closeable
+from enliven.supervision.closeable import Closeable
 
 NAMES: tuple[str, ...] = (
     "nose", "left eye inner", "left eye", "left eye outer", "right eye inner", "right eye", "right eye outer",
@@ -100,23 +100,27 @@ class MediaPipeSettings:
         """
         model = self.model_file
         if model is not None and not model.is_file():
-            mend = "Give the path of a .task file."
-            raise InputError("the model file does not exist", where=str(model), mend=mend)
+            remedy = "Give the path of a .task file."
+            raise InputError("the model file does not exist", where=str(model), remedy=remedy)
         if self.python:
             return
         spec = importlib.util.find_spec("mediapipe")
         if spec is None:
             problem = "the library 'mediapipe' is not installed here"
-            raise ResourceError(problem, where="landmarks", mend=_INSTALL_HINT)
+            raise ResourceError(problem, where="landmarks", remedy=_INSTALL_HINT)
         folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if model is None and not any((folder / "python" / "solutions").is_dir() for folder in folders):
             default_model = user_data_folder() / _MODEL
-            mend = f"Download a pose landmarker's .task file, save it as {default_model}, or set model to it."
-            raise ResourceError("this MediaPipe brings no model of a pose", where="landmarks", mend=mend)
+            remedy = (
+                f"Download a pose landmarker's .task file, save it as {default_model}, or set model to it."
+            )
+            raise ResourceError(
+                "this version of MediaPipe contains no pose model", where="landmarks", remedy=remedy
+            )
 
 
 class MediaPipeSource(LandmarkSource):
-    """A :class:`~enliven_edge.landmarks.source.LandmarkSource`. See :mod:`enliven_edge.landmarks.worker`.
+    """Detects landmarks by MediaPipe in a separate process, see :mod:`enliven_edge.landmarks.worker`.
 
     Raises:
         InputError: for a model file that does not exist.
@@ -140,7 +144,7 @@ class MediaPipeSource(LandmarkSource):
         except OSError as error:
             self._said.close()
             raise ResourceError(
-                f"it cannot be run ({error.strerror})", where=command[0], mend=_INSTALL_HINT
+                f"it cannot be run ({error.strerror})", where=command[0], remedy=_INSTALL_HINT
             ) from None
         assert self._worker.stdin is not None and self._worker.stdout is not None
         self._in, self._out = self._worker.stdin, self._worker.stdout
@@ -160,7 +164,7 @@ class MediaPipeSource(LandmarkSource):
             people = [self._read_exactly(_PERSON_BYTES) for _ in range(count)]
         except (BrokenPipeError, ValueError):
             raise self._failure() from None
-        return [_parse_person(each) for each in people]
+        return [_parse_person(person) for person in people]
 
     def close(self) -> None:
         if self._worker.poll() is None:
@@ -176,14 +180,14 @@ class MediaPipeSource(LandmarkSource):
         return data
 
     def _failure(self) -> ResourceError:
-        """Returns the error that explains why the process ended, by its last line of output."""
+        """Returns an error with the last line of output of the process, which explains why it ended."""
         self._worker.kill()
         self._worker.wait()
         self._said.seek(0)
         lines = self._said.read().decode(errors="replace").strip().splitlines()
         self.close()
         reason = lines[-1][:200] if lines else "it ended without a message"
-        return ResourceError(f"MediaPipe does not run: {reason}", where="landmarks", mend=_INSTALL_HINT)
+        return ResourceError(f"MediaPipe does not run: {reason}", where="landmarks", remedy=_INSTALL_HINT)
 
 
 def _parse_person(data: bytes) -> Landmarks:

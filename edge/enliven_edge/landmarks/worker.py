@@ -54,8 +54,8 @@ def _create_tasks_finder(model: str) -> Finder:
     landmarker = vision.PoseLandmarker.create_from_options(options)
 
     def find(image: np.ndarray, milliseconds: int) -> list[Any]:
-        wrapped = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=image)
-        result = landmarker.detect_for_video(wrapped, milliseconds)
+        mediapipe_image = mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=image)
+        result = landmarker.detect_for_video(mediapipe_image, milliseconds)
         return list(zip(result.pose_landmarks, result.pose_world_landmarks, strict=True))
 
     return find
@@ -64,8 +64,15 @@ def _create_tasks_finder(model: str) -> Finder:
 def _pack_people(people: list[Any], width: int, height: int) -> bytes:
     rows = [
         [
-            (point.x * width, point.y * height, point.visibility or 0.0, there.x, there.y, there.z)
-            for point, there in zip(points, places, strict=True)
+            (
+                point.x * width,
+                point.y * height,
+                point.visibility or 0.0,
+                position.x,
+                position.y,
+                position.z,
+            )
+            for point, position in zip(points, places, strict=True)
         ]
         for points, places in people
     ]
@@ -73,7 +80,7 @@ def _pack_people(people: list[Any], width: int, height: int) -> bytes:
 
 
 def _read_exactly(stream: BinaryIO, count: int) -> bytes:
-    """Reads ``count`` bytes, or returns none at the end of the stream."""
+    """Reads ``count`` bytes. Returns b"" at the end of the stream."""
     data = stream.read(count)
     return data if data is not None and len(data) == count else b""
 
@@ -81,19 +88,19 @@ def _read_exactly(stream: BinaryIO, count: int) -> bytes:
 def main() -> None:
     """Reads images from the standard input, and writes the landmarks of each to the standard output."""
     # Redirect the output of MediaPipe's libraries, because it must not mix with the landmarks.
-    out = os.fdopen(os.dup(1), "wb")
+    output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     find = _create_tasks_finder(sys.argv[1]) if len(sys.argv) > 1 else _create_legacy_finder()
-    out.write(b"ready\n")
-    out.flush()
+    output.write(b"ready\n")
+    output.flush()
     while head := _read_exactly(sys.stdin.buffer, HEADER.size):
         height, width, milliseconds = HEADER.unpack(head)
         data = _read_exactly(sys.stdin.buffer, height * width * 3)
         if not data:
             return
         image = np.frombuffer(data, np.uint8).reshape(height, width, 3)
-        out.write(_pack_people(find(image, milliseconds), width, height))
-        out.flush()
+        output.write(_pack_people(find(image, milliseconds), width, height))
+        output.flush()
 
 
 if __name__ == "__main__":

@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterable
 
 from enliven.errors import EnlivenError
-from enliven.keys import (
-    Introduction,
-    KeyPair,
-    KeyStore,
-    PairedViewer,
-    PairingDesk,
-    PairingError,
-    Role,
-    fingerprint,
-    limit_role,
-)
+from enliven.keys.key_files import KeyPair, KeyStore, PairedViewer, fingerprint
+from enliven.keys.pairing import Introduction, PairingDesk, PairingError, limit_role
+from enliven.keys.roles import Role
 from enliven.wire import FinishPairing, Paired, PairingStarted, Refused, ShowCode, ShownCode, StartPairing
 from enliven_edge.network.connection import Connection
+from enliven_edge.network.server import ZmtpServer
 from enliven_edge.network.tcp_listener import check_open, is_local
 from enliven_edge.settings import WireSettings
 
 log = logging.getLogger(__name__)
 
 _REFRESH_INTERVAL_S = 2.0
-"""Seconds between two looks at the folder of paired viewers, which other programs change."""
+"""Seconds between two checks of the folder of paired viewers, which other programs may change."""
 _MAX_VIEWERS = 500
-"""Maximum number of paired viewers. Beyond it no further viewer can pair."""
+"""Maximum number of paired viewers. When it is reached, no further viewer can pair."""
 
 _SHOWN_S = 300.0
-"""Seconds in which viewers can pair after an operator has asked for the code."""
+"""Seconds for which viewers can pair after an operator has requested the pairing code."""
 PairingRequest = StartPairing | FinishPairing | ShowCode
 PairingAnswer = PairingStarted | Paired | ShownCode | Refused
 
@@ -43,7 +37,7 @@ class Access:
         keys: the edge's key pair. Viewers that have the same pair belong to the edge's user, and may do
             everything.
         store: the files of paired viewers.
-        highest: the highest role that a pairing grants.
+        highest: the highest role that a new pairing grants.
         open_s: seconds from now in which viewers can pair.
 
     Attributes:
@@ -59,7 +53,7 @@ class Access:
         self._stamp, self._refreshed_at = -1, 0.0
         self._logged_problems: set[str] = set()
         # Imported here, because an edge without keys does not need libsodium.
-        from enliven.keys import CurveServer
+        from enliven.keys.curve import CurveServer
 
         self.curve = CurveServer(keys, lambda public: self.role_of(public) is not None)
         self.desk = PairingDesk(_log_code)
@@ -67,7 +61,7 @@ class Access:
         self.refresh(now=True)
 
     def begin(self) -> None:
-        """Accepts pairings for the first minutes of the edge."""
+        """Accepts pairings for the first minutes after the start of the edge."""
         log.info("only paired viewers can connect; %d are paired", len(self._viewers))
         if self.open_s:
             self.desk.open_for(self.open_s)
@@ -100,6 +94,17 @@ class Access:
                 self._logged_problems.add(problem)
         return True
 
+    def keep(self, servers: Iterable[ZmtpServer]) -> None:
+        """Renews the pairing code when it is due, and disconnects viewers that are not paired any more."""
+        self.desk.poll()
+        if not self.refresh():
+            return
+        for server in servers:
+            for peer in list(server.connections):
+                channel = peer.session.channel
+                if channel is not None and channel.ready and self.role_of(channel.client) is None:
+                    server.drop(peer)
+
     def answer(self, request: PairingRequest, peer: Connection) -> PairingAnswer:
         """Answers a request about pairing."""
         try:
@@ -118,7 +123,7 @@ class Access:
             return Refused(str(error)[:400])
 
     def _finish(self, box: bytes, peer: Connection) -> Paired | Refused:
-        """Stores the viewer that knew the code, and answers with the edge's key."""
+        """Stores the viewer that sent the right code, and answers with the edge's key."""
         exchange, peer.pairing = peer.pairing, None
         if exchange is None:
             raise PairingError("the pairing was not started on this connection")
@@ -134,6 +139,19 @@ class Access:
         self.refresh(now=True)
         log.info("%s is paired, with the role %s: %s", viewer.name, role, fingerprint(viewer.public))
         return Paired(exchange.introduce(Introduction(self._keys.public, self._name, role)))
+
+
+def role_of_peer(access: Access | None, peer: Connection, without_keys: Role) -> Role | None:
+    """Returns the role of a connected peer. None: it is not paired.
+
+    Args:
+        access: the access to the edge. None: it uses no keys.
+        without_keys: the role of every peer if no keys are used.
+    """
+    if access is None:
+        return without_keys
+    channel = peer.session.channel
+    return None if channel is None else access.role_of(channel.client)
 
 
 def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | None:
@@ -161,5 +179,5 @@ def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | N
 
 
 def _log_code(code: str) -> None:
-    """Shows a code in the log, which is the terminal unless it is redirected."""
+    """Logs the pairing code. The log is the terminal unless it is redirected."""
     log.info("to pair a viewer, run there: enliven pair HOST %s %s", code[:3], code[3:])

@@ -16,19 +16,23 @@ _RESERVED_FRACTION = 0.4
 """Fraction of the time budget for viewers with few requests, so that a flood of others does not delay
 them."""
 _LOW_COST_S = 0.06
-"""Seconds of recent cost. A viewer below it may use the reserve: half is ten small orders per second."""
+"""Seconds of recent cost below which a viewer may use the reserve. Half of it is ten small orders per second.
+"""
 _MIN_CONNECTED_S = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _MAX_RESERVED_ORDERS = 4
-"""Maximum number of waiting orders of a viewer that uses the reserve: people send one at a time, floods
-many."""
+"""Maximum number of waiting orders of a viewer that uses the reserve: people send one at a time, a flood
+sends many.
+"""
 _MAX_DEBT_FRAMES = 15
-"""Maximum debt after a slow order, in frames: half a second. With more, the next order would seem ignored."""
+"""Maximum debt after a slow order, in frames (half a second). A larger debt would make the edge seem to
+ignore the next order.
+"""
 _FRAME_S = 1 / 30
 """Frame duration in seconds that the budget applies to. A longer frame adds more, so that a slow edge
 answers."""
 _MAX_SAVED_FRAMES = 50
-"""Unused time that is saved up, in frames, so that a few orders in one frame need not wait."""
+"""Maximum unused time that is saved up, in frames, so that a few orders in one frame need not wait."""
 
 
 class CommandQueue:
@@ -52,10 +56,10 @@ class CommandQueue:
         """Adds a command. An older command of its viewer on the same subject is refused."""
         queued = self._waiting.setdefault(command.peer, deque())
         same_subject = (c for c in queued if c.subject is not None and c.subject == command.subject)
-        older = next(same_subject, None)
-        if older is not None:
-            queued.remove(older)
-            older.reply(Refused(SUPERSEDED))
+        older_command = next(same_subject, None)
+        if older_command is not None:
+            queued.remove(older_command)
+            older_command.reply(Refused(SUPERSEDED))
         queued.append(command)
         if sum(map(len, self._waiting.values())) > _MAX_QUEUED_COMMANDS:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 from enliven.wire import ZmtpSession, frame_header, make_frame
+from enliven_edge.network.tcp_listener import receive_stamped
 
 _COST_HALF_LIFE_S = 10.0
 """Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
@@ -29,21 +30,23 @@ class Connection:
 
     Attributes:
         address: the peer's address, without the port.
-        session: the ZMTP session.
+        session: the peer's ZMTP session.
         introduced: True after a valid message. A connection without one in time is closed.
         last_message_at: monotonic time of its last message, seconds.
         last_read_at: monotonic time when its last bytes were read, seconds.
+        arrived_ns: wall clock when its last bytes arrived at this machine, nanoseconds. 0: not known.
         last_progress_at: monotonic time when bytes were last sent, or when the queue was last empty, seconds.
         streaming: True if it sends a long message, so that more bytes are likely available.
         pending: number of orders that wait to be carried out.
         state: data that the user of the server keeps about it.
-        pairing: the pairing that it has begun, or None.
+        pairing: the pairing that the peer has begun, or None.
     """
 
     def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
         self.opened = self.last_message_at = self.last_read_at = self.last_progress_at = time.monotonic()
         self.introduced = self.buffered = self.streaming = False
+        self.arrived_ns = 0
         self.pending = 0
         self.state: Any = None
         self.pairing: Any = None
@@ -59,18 +62,21 @@ class Connection:
 
     @property
     def service_s(self) -> float:
-        """Seconds from its start to its last message, or to the last bytes that it accepted."""
+        """Seconds from the connection's start to its last message, or to the last bytes that the peer
+        accepted.
+        """
         return max(self.last_message_at, self.last_progress_at) - self.opened
 
     @property
     def busy(self) -> bool:
-        """True if nothing is read from it now: it does not take its replies, or many of its orders are
-        pending."""
+        """True if nothing is read from the peer now, because it does not accept replies, or many of its
+        orders are pending.
+        """
         return self.unsent_bytes > 0 or self.pending >= MAX_PENDING_ORDERS
 
     @property
     def cost(self) -> float:
-        """Seconds of the edge's time that it recently used."""
+        """Seconds of the edge's time that the connection recently used."""
         return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _COST_HALF_LIFE_S)
 
     def charge(self, seconds: float) -> None:
@@ -90,12 +96,13 @@ class Connection:
         if self._socket is None:
             return b""
         try:
-            return self._socket.recv(most)
+            data, self.arrived_ns = receive_stamped(self._socket, most)
         except BlockingIOError:
             return None
+        return data
 
     def queue(self, *pieces: bytes) -> None:
-        """Adds bytes to the send queue."""
+        """Adds pieces of bytes to the send queue."""
         if not self.unsent_bytes:
             self.last_progress_at = time.monotonic()
         for piece in pieces:
@@ -105,7 +112,7 @@ class Connection:
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
         """Queues a message of one part with its data in two pieces, encrypted if the peer has keys.
 
-        Without keys, a long piece is shared, not copied.
+        Without encryption, a long piece is shared, not copied.
         """
         channel = self.session.channel
         if channel is None:
@@ -135,18 +142,18 @@ class Connection:
                     return
                 piece = self._outbox[0] = memoryview(piece.result())
             try:
-                sent = self._socket.send(piece[:_SEND_BYTES]) if piece else 0
+                sent_bytes = self._socket.send(piece[:_SEND_BYTES]) if piece else 0
             except BlockingIOError:
                 return
-            self.unsent_bytes -= sent
+            self.unsent_bytes -= sent_bytes
             self.last_progress_at = time.monotonic()
-            if sent == _SEND_BYTES < len(piece) and self.last_progress_at > until:
-                self._outbox[0] = piece[sent:]
+            if sent_bytes == _SEND_BYTES < len(piece) and self.last_progress_at > until:
+                self._outbox[0] = piece[sent_bytes:]
                 return
-            if sent == len(piece):
+            if sent_bytes == len(piece):
                 self._outbox.popleft()
             else:
-                self._outbox[0] = piece[sent:]
+                self._outbox[0] = piece[sent_bytes:]
         self.last_progress_at = time.monotonic()
 
     def close(self) -> None:

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 
-from enliven.keys import Role
 from enliven.wire import (
     REQUEST,
     Answer,
@@ -25,7 +24,6 @@ from enliven.wire import (
     unpack_control,
 )
 from enliven_edge.network.connection import Connection
-from enliven_edge.network.permissions import refusal_of
 from enliven_edge.network.server import ZmtpServer
 
 log = logging.getLogger(__name__)
@@ -36,12 +34,12 @@ _VIEWER_TIMEOUT_S = 5.0
 
 @dataclass
 class Command:
-    """A request that only the stage can carry out. It must be answered once.
+    """A request that only the stage can carry out. It must be answered exactly once.
 
     Attributes:
         request: an order such as :class:`~enliven.wire.requests.Possess`.
         viewer: the name of the viewer that sent it.
-        peer: its connection.
+        peer: the viewer's connection.
         subject: a newer command of the viewer with an equal subject replaces this one. None: never replaced.
     """
 
@@ -77,7 +75,7 @@ class ControlSocket:
 
     Args:
         answer: returns the reply to a peer's request that is not a command: a message, or a packed one.
-        role_of: returns the role of a peer. None: it is not paired.
+        refusal: returns why a peer may not send a kind of request. Empty: it may.
         rate: rate limit, answered requests per second of one viewer, and the size of a burst. More are
             refused.
         budget: seconds per poll for reading and answering. Further requests wait with their senders.
@@ -87,26 +85,26 @@ class ControlSocket:
         self,
         server: ZmtpServer,
         answer: Callable[[Ask, Connection], Answer | bytes],
-        role_of: Callable[[Connection], Role | None],
+        refusal: Callable[[type[Ask], Connection], str],
         rate: float,
         budget: float,
     ) -> None:
-        self._server, self._answer, self._role_of = server, answer, role_of
+        self._server, self._answer, self._refusal = server, answer, refusal
         self._rate, self._budget = rate, budget
         self.rejects = RejectCounter("edge, requests")
         self.refused = 0
 
     @property
     def viewers(self) -> int:
-        """The number of viewers that receive the streams and sent a message in the last seconds."""
+        """The number of viewers that receive the streams and have sent a message recently."""
         since = time.monotonic() - _VIEWER_TIMEOUT_S
         states = (c.state for c in self._server.connections if c.state is not None)
         return sum(viewer.listening and viewer.last_message_at > since for viewer in states)
 
     def poll(self) -> list[Command]:
-        """Answers requests as far as time allows. Returns the commands among them."""
-        until = time.monotonic() + self._budget
-        commands = (self._handle_message(peer, parts) for peer, parts in self._server.messages(until))
+        """Answers requests as far as time allows. Returns those requests that are commands for the stage."""
+        deadline = time.monotonic() + self._budget
+        commands = (self._handle_message(peer, parts) for peer, parts in self._server.messages(deadline))
         return [command for command in commands if command is not None]
 
     def _handle_message(self, peer: Connection, parts: list[bytes]) -> Command | None:
@@ -129,11 +127,11 @@ class ControlSocket:
             self._refuse(peer, request.id)
             return None
         body = request.body
-        reason = refusal_of(type(body), self._role_of(peer), peer.address)
+        reason = self._refusal(type(body), peer)
         if reason:
             self._send(peer, request.id, Refused(reason))
             return None
-        if isinstance(body, Hello | Ping):
+        if isinstance(body, Hello | Ping) and not (isinstance(body, Ping) and body.probe):
             viewer.name, viewer.listening, viewer.last_message_at = body.viewer, body.listening, now
         if not isinstance(body, Order):
             self._send(peer, request.id, self._answer(body, peer))
@@ -151,7 +149,9 @@ class ControlSocket:
         return True
 
     def _refuse(self, peer: Connection, number: int) -> None:
-        """Refuses a viewer that exceeds the rate limit. The viewer is told each time, the log only once."""
+        """Refuses a viewer that exceeds the rate limit. Every refusal is sent to the viewer, but only the
+        first is logged.
+        """
         self.refused += 1
         if self.refused == 1:
             log.warning(
@@ -169,5 +169,5 @@ class ControlSocket:
 
     def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
         """Sends to a viewer. Nothing is sent to a closed connection."""
-        packed = answer if isinstance(answer, bytes) else pack_payload(answer)
-        self._server.send(peer, reply_prefix(number), packed)
+        payload = answer if isinstance(answer, bytes) else pack_payload(answer)
+        self._server.send(peer, reply_prefix(number), payload)

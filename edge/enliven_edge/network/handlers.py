@@ -8,7 +8,7 @@ from typing import Any
 
 from enliven.errors import EnlivenError
 from enliven.wire import Answer, Done, Order, Refused
-from enliven_edge.stage import Peer
+from enliven_edge.stage.stage_capacity import Peer
 
 
 def _no_subject(order: Any) -> Hashable:
@@ -21,10 +21,11 @@ class Handler:
     """The handling of one kind of order.
 
     Attributes:
-        do: carries it out and returns the answer, None for "done". Raises an EnlivenError to refuse it.
+        do: carries out the order and returns the answer, None for "done". Raises an EnlivenError to refuse
+            it.
         takes_peer: True if ``do`` also gets the viewer.
-        newest: returns the order's subject. Of a viewer's waiting orders on one subject only the newest is
-            carried out. None: every order counts.
+        newest: returns the order's subject. Of a viewer's waiting orders with the same subject, only the
+            newest is carried out. The subject None means that every order counts.
 
     Which viewers may send an order is in the table of requests, see
     :func:`~enliven_edge.network.permissions.refusal_of`.
@@ -62,7 +63,9 @@ def execute(handlers: Handlers, order: Order, peer: Peer | None = None) -> Answe
 
 
 def find_subject(handlers: Handlers, order: Order) -> Hashable:
-    """Returns the key of an order. A newer order with the same key replaces it. None: never replaced."""
+    """Returns the key of an order. A newer order with the same key replaces it. None means that it is never
+    replaced.
+    """
     handler = handlers.get(type(order))
     subject = None if handler is None else handler.newest(order)
     return None if subject is None else (type(order), subject)

@@ -25,8 +25,9 @@ else:
     import fcntl
 
 _LOCKED_BYTE = 1 << 30
-"""Byte that is locked, far behind the text. Windows refuses to read a locked range, but other processes
-must be able to read the holder's text."""
+"""Byte that is locked, far after the end of the text. Windows refuses to read a locked range, but other
+processes must be able to read the holder's text.
+"""
 
 
 _LOCK_ATTEMPTS = 5
@@ -57,7 +58,7 @@ class NameLock:
             raise ResourceError(
                 f"an edge named {name!r} runs on this machine already ({holder or 'unknown process'})",
                 where="edge",
-                mend="Stop it, or give this one another name with --name.",
+                remedy="Stop it, or give this one another name with --name.",
             ) from None
         # If the disk is full, the text is lost, but the name is still locked.
         with contextlib.suppress(OSError):
@@ -106,7 +107,7 @@ def _open_locked(path: Path) -> int:
 
 
 def _is_file_at(handle: int, path: Path) -> bool:
-    """Returns True if an opened file still is the one at a path."""
+    """Returns True if an open file is still the one at a path."""
     try:
         return os.path.samestat(os.fstat(handle), path.lstat())
     except OSError:
@@ -114,7 +115,7 @@ def _is_file_at(handle: int, path: Path) -> bool:
 
 
 def _remove_unlocked(folder: Path) -> None:
-    """Removes the lock files of edges that were killed. Those of running ones are locked and stay."""
+    """Removes the lock files of edges that were killed. The files of running edges are locked and stay."""
     if sys.platform == "win32":
         return
     with contextlib.suppress(OSError):
@@ -148,7 +149,7 @@ def _find_private_folder() -> Path:
     raise ResourceError(
         "the folder for the names of edges is not this user's own, or others may write to it",
         where=str(folder),
-        mend="Remove it, or set XDG_RUNTIME_DIR to a folder that only you can enter.",
+        remedy="Remove it, or set XDG_RUNTIME_DIR to a folder that only you can enter.",
     )
 
 
@@ -170,7 +171,7 @@ def _open_file(path: Path) -> int:
         raise ResourceError(
             f"the file that keeps the edge's name cannot be opened ({error.strerror})",
             where=str(path),
-            mend="Remove that file, or give the edge another name with --name.",
+            remedy="Remove that file, or give the edge another name with --name.",
         ) from None
 
 

@@ -11,6 +11,8 @@ import msgspec
 
 from enliven.document import Character
 from enliven.health import HealthState, sort_by_severity
+from enliven.peers.announcer import Announcer
+from enliven.supervision.closeable import Closeable
 from enliven.wire import (
     BY_TYPE,
     Revision,
@@ -22,15 +24,15 @@ from enliven.wire import (
     health_to_messages,
     props_to_message,
 )
-from enliven_edge.closeable import Closeable
 from enliven_edge.network.access import Access
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.handlers import Handlers, execute, find_subject
 from enliven_edge.network.publisher import Publisher
-from enliven_edge.recording import Take
+from enliven_edge.recording.settings import RecordingSettings
+from enliven_edge.recording.take import Take
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Tick
+from enliven_edge.stage.tick import Tick
 
 _FINAL_HEARTBEATS = 5
 """Number of heartbeats that report the end of the stream: one may be lost in transit."""
@@ -56,9 +58,12 @@ class Outlet(Closeable):
         record: the file of the take, or None.
         overwrite: True allows replacing an existing take.
         access: the keys and the paired viewers. None: everyone that reaches the ports may do everything.
+        recording: duration and size of the take's parts, and the space to keep free.
+        waits_for_space: True starts the take later if the disk is full now.
 
     Attributes:
-        tells_picture: True if viewers get the camera's pose and preview image.
+        tells_picture: whether viewers get the camera's pose and preview image.
+        announcer: announces the edge on the network; None: it is not announced.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
@@ -74,11 +79,17 @@ class Outlet(Closeable):
         record: Path | None = None,
         overwrite: bool = False,
         access: Access | None = None,
+        recording: RecordingSettings | None = None,
+        waits_for_space: bool = False,
     ) -> None:
         self._publisher = _publisher(wire, access)
         self._commands = CommandQueue(0.5e-3 * wire.budget)
         try:
-            self._take = Take(record, overwrite=overwrite) if record else None
+            self._take = None
+            if record:
+                self._take = Take(
+                    record, overwrite=overwrite, settings=recording, waits_for_space=waits_for_space
+                )
         except BaseException:
             self._publisher.close()
             raise
@@ -87,6 +98,7 @@ class Outlet(Closeable):
         self.tells_picture = wire.picture
         self._shown: dict[str, Character] = {}
         self._stage_told = False
+        self.announcer: Announcer | None = None
 
     @property
     def publisher(self) -> Publisher:
@@ -99,10 +111,10 @@ class Outlet(Closeable):
         return self._publisher.viewers
 
     def show(self, characters: Mapping[str, Character], revisions: Mapping[str, int] | None = None) -> None:
-        """Announces the characters that are new or changed, by identity, and removes those that are gone.
+        """Announces new and changed characters (compared by object identity), and removes missing ones.
 
         Args:
-            revisions: the minimum revision of each character by id, as far as known.
+            revisions: the minimum revision of each character by id, if known.
         """
         for name, character in characters.items():
             if self._shown.get(name) is not character:
@@ -115,7 +127,7 @@ class Outlet(Closeable):
                 self._take.remove(name)
 
     def introduce(self, character: Character, least: int = 1) -> None:
-        """Announces a new character, or a new revision of one. Viewers fetch it by themselves."""
+        """Announces a new character, or a new revision of one. Viewers then fetch it."""
         revision = self._publisher.set_character(character, least)
         self._stage_told = False
         self._shown[character.id] = character
@@ -125,15 +137,18 @@ class Outlet(Closeable):
     def publish(self, tick: Tick) -> None:
         """Sends the result of one frame, poses first.
 
-        If the set of characters changed, that is sent before.
+        If the set of characters changed, the new set is sent first.
         """
         if not self._stage_told:
             self._stage_told = True
+            if self.announcer is not None:
+                self.announcer.set_characters(len(self._shown))
             standing = [Revision(name, self._publisher.revision(name)) for name in self._shown]
             self.send(StageMessage(tick.time_ns, standing), tick.time_ns)
+        captured_ns = _to_wall_clock(tick.read_ns)
         for pose in tick.poses:
-            self._write(self._publisher.publish_pose(pose, tick.read_ns), tick.time_ns)
-        for message in _messages(tick, self._publisher.revision):
+            self._write(self._publisher.publish_pose(pose, captured_ns), tick.time_ns)
+        for message in _messages(tick, captured_ns, self._publisher.revision):
             self.send(message, tick.time_ns)
 
     def send(self, message: Any, time_ns: int) -> None:
@@ -150,10 +165,10 @@ class Outlet(Closeable):
         """Sets the state of the edge for the heartbeat. A new phase is sent immediately.
 
         Args:
-            sensor: its identity, if it was not known from the start. Empty: unchanged.
+            sensor: the sensor's identity, if it was not known from the start. Empty: unchanged.
         """
-        changed = phase != self._publisher.status.phase
-        if changed or time.monotonic() - self._told > 0.25:
+        is_changed = phase != self._publisher.status.phase
+        if is_changed or time.monotonic() - self._told > 0.25:
             self._told = time.monotonic()
             self._publisher.set_status(
                 phase=phase,
@@ -198,6 +213,8 @@ class Outlet(Closeable):
         """Completes the take and releases the ports and the name."""
         if self._take is not None:
             self._take.close()
+        if self.announcer is not None:
+            self.announcer.close()
         self._publisher.close()
 
     def _write(self, message: Any, time_ns: int) -> None:
@@ -206,10 +223,19 @@ class Outlet(Closeable):
             self._take.write(message, time_ns)
 
 
-def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
+def _to_wall_clock(monotonic_ns: int) -> int:
+    """Converts a recent monotonic time to wall-clock time in nanoseconds, as the clock is set now. 0 if the
+    time is not known.
+
+    The wall clock may be set at any time, so durations are measured with the monotonic clock only.
+    """
+    return time.time_ns() - (time.monotonic_ns() - monotonic_ns) if monotonic_ns else 0
+
+
+def _messages(tick: Tick, captured_ns: int, revision_of: Callable[[str], int]) -> Iterator[Any]:
     """Yields the messages of a frame's result, except poses, which the publisher encodes and numbers."""
     at = tick.time_ns
-    yield bodies_to_message(tick.bodies, at, tick.read_ns)
+    yield bodies_to_message(tick.bodies, at, captured_ns)
     for name, cue in tick.cues.items():
         cue_values = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
         yield cues_to_message(name, cue.state, *cue_values)

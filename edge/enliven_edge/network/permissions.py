@@ -1,10 +1,10 @@
-"""Decides whether a viewer may send a request, by its role and its address: the only place that does."""
+"""Decides whether a viewer may send a request, by its role and its address. No other module decides this."""
 
 from __future__ import annotations
 
 import ipaddress
 
-from enliven.keys import ROLES, Role, includes
+from enliven.keys.roles import ROLES, Role, includes
 from enliven.wire import NEEDED_ROLES, THIS_MACHINE_ONLY, Ask
 
 HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge shows."
@@ -12,7 +12,7 @@ HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge
 
 
 def refusal_of(kind: type[Ask], role: Role | None, address: str) -> str:
-    """Returns why a viewer may not send a request. Empty: it may.
+    """Returns why a viewer may not send a request. Empty if it may.
 
     Args:
         kind: the class of the request.

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 
 from enliven.document import Character, Pose
-from enliven.keys import Role
 from enliven.logs import escape_records
+from enliven.supervision.closeable import Closeable
 from enliven.wire import (
     BY_TYPE,
     CONTROL_PORT,
@@ -46,11 +46,11 @@ from enliven.wire import (
     pack_checked,
     pack_payload,
 )
-from enliven_edge.closeable import Closeable
-from enliven_edge.network.access import Access
+from enliven_edge.network.access import Access, role_of_peer
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command, ControlSocket
 from enliven_edge.network.name_lock import NameLock
+from enliven_edge.network.permissions import refusal_of
 from enliven_edge.network.server import ZmtpServer
 from enliven_edge.network.subscribers import Subscribers
 from enliven_edge.network.tcp_listener import check_open
@@ -65,9 +65,9 @@ class Publisher(Closeable):
     """One port for streams and one for requests. Used from one thread, without blocking.
 
     Viewers connect with libzmq's SUB and DEALER sockets. A slow or dead viewer loses messages, but no other
-    viewer does. A viewer that joins late gets the state, the characters and the newest pose and cues of each.
-    Call :meth:`poll` at least a few times per second: it answers viewers and sends the heartbeat. Use it as a
-    context manager, or :meth:`close` it.
+    viewer does. A viewer that joins late gets the state, the characters, and each character's newest pose and
+    cues. Call :meth:`poll` at least a few times per second: it answers viewers and sends the heartbeat. Use
+    it as a context manager, or :meth:`close` it.
 
     Args:
         name: name of the edge, unique on a machine.
@@ -83,7 +83,7 @@ class Publisher(Closeable):
         name: as given.
         instance: random number of this start of the edge.
         endpoint: the address for viewers, with the actual ports.
-        clamped: total number of transforms that were not finite or too large, and had to be changed.
+        clamped: total number of transforms that were not finite or too large, and were clamped.
 
     Raises:
         ResourceError: for a port in use, an address that does not belong to this machine, or a name in use.
@@ -113,12 +113,12 @@ class Publisher(Closeable):
             stack.callback(self._lock.close)
             self._streams = Subscribers(host, pose_port, "--port", curve)
             stack.callback(self._streams.close)
-            most = REQUEST.max_bytes + 64
-            self._server = ZmtpServer(host, control_port, "--control-port", "ROUTER", most, curve=curve)
+            max_bytes = REQUEST.max_bytes + 64
+            self._server = ZmtpServer(host, control_port, "--control-port", "ROUTER", max_bytes, curve=curve)
             stack.pop_all()
-        shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
-        self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
-        self._control = ControlSocket(self._server, self._answer, self._role_of, rate, budget_ms * 1e-3)
+        shown_host = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
+        self.endpoint = Endpoint(shown_host, self._streams.port, self._server.port)
+        self._control = ControlSocket(self._server, self._answer, self._refusal, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
         self._last_removed_revision = 0
         self._packed: dict[str, bytes] = {}
@@ -141,18 +141,18 @@ class Publisher(Closeable):
 
     @property
     def status(self) -> StatusMessage:
-        """The content of the next heartbeat."""
+        """Returns the content of the next heartbeat."""
         return self._status
 
     def set_character(self, character: Character, least: int = 1) -> int:
-        """Sets a new character, or a new version of the one with its id. Viewers fetch it by themselves.
+        """Sets a new character, or a new version of the one with its id. Viewers then fetch it.
 
         Args:
             least: the minimum revision.
 
         Returns:
             its revision: 1, 2, ... A new character gets a higher revision than all removed ones, since it may
-            be one of them that returns.
+                be a removed one that returns.
 
         Raises:
             InputError: for a character that is too large for the wire. The previous one stays.
@@ -171,11 +171,11 @@ class Publisher(Closeable):
 
     def remove_character(self, character: str) -> None:
         """Removes a character and all data about it. Viewers drop it."""
-        held = self._characters.pop(character, None)
-        if held is None:
+        removed = self._characters.pop(character, None)
+        if removed is None:
             return
         self._packed.pop(character, None)
-        self._last_removed_revision = max(self._last_removed_revision, held[0])
+        self._last_removed_revision = max(self._last_removed_revision, removed[0])
         self._last_sequence = max(self._last_sequence, self._sequences.pop(character, -1))
         for name, topic in STREAMS.items():
             if topic.is_per_character:
@@ -253,15 +253,15 @@ class Publisher(Closeable):
 
         The fields are sensor, phase, note, fps, latency_p50_ms, latency_p99_ms, performers, dropped and
         health."""
-        cleaned = {k: _clean(v) for k, v in fields.items()}
-        old_values, self._status = self._status, msgspec.structs.replace(self._status, **cleaned)
+        clean_fields = {k: _clean(v) for k, v in fields.items()}
+        old_values, self._status = self._status, msgspec.structs.replace(self._status, **clean_fields)
         if old_values.phase != self._status.phase:
             self.send_heartbeat()
 
     def poll(self) -> list[Command]:
         """Answers viewers and sends a heartbeat that is due. Returns the commands for the caller."""
         if self._access is not None:
-            self._keep_access(self._access)
+            self._access.keep((self._server, self._streams.server))
         if time.monotonic() - self._last_heartbeat_at >= 1 / STATUS.rate_hz:
             self.send_heartbeat()
         self._streams.poll()
@@ -293,23 +293,9 @@ class Publisher(Closeable):
         if not listening and time.monotonic() - self._last_heartbeat_at >= _MIN_HEARTBEAT_INTERVAL_S:
             self.send_heartbeat()
 
-    def _role_of(self, peer: Connection) -> Role | None:
-        """Returns the role of a peer. None: it is not paired."""
-        if self._access is None:
-            return "operate"
-        channel = peer.session.channel
-        return None if channel is None else self._access.role_of(channel.client)
-
-    def _keep_access(self, access: Access) -> None:
-        """Renews the pairing code, and disconnects viewers that are not paired any more."""
-        access.desk.poll()
-        if not access.refresh():
-            return
-        for server in (self._server, self._streams.server):
-            for peer in list(server.connections):
-                channel = peer.session.channel
-                if channel is not None and channel.ready and access.role_of(channel.client) is None:
-                    server.drop(peer)
+    def _refusal(self, kind: type[Ask], peer: Connection) -> str:
+        """Returns why a peer may not send a request. Empty: it may."""
+        return refusal_of(kind, role_of_peer(self._access, peer, "operate"), peer.address)
 
     def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:
         """Returns the reply to a request that is not a command."""
@@ -321,14 +307,14 @@ class Publisher(Closeable):
                     self._status,
                     revisions[-MAX_CHARACTERS:],
                     list(self._latest.values())[-MAX_LATCHED_MESSAGES:],
-                    self._role_of(peer) or "",
+                    role_of_peer(self._access, peer, "operate") or "",
                 )
             case GetState():
-                missing = Refused(f"there is no character {request.character!r}")
-                return self._packed.get(request.character, missing)
+                refusal = Refused(f"there is no character {request.character!r}")
+                return self._packed.get(request.character, refusal)
             case Ping():
                 self._send_first_heartbeat(request.listening)
-                return Pong(request.sent_ns, time.time_ns())
+                return Pong(request.sent_ns, time.time_ns(), peer.arrived_ns)
             case StartPairing() | FinishPairing() | ShowCode() if self._access is not None:
                 return self._access.answer(request, peer)
             case StartPairing() | FinishPairing() | ShowCode():

@@ -21,7 +21,7 @@ from enliven_edge.network.connection import Connection
 from enliven_edge.network.tcp_listener import configure_socket, limit_connections, listen
 
 if TYPE_CHECKING:
-    from enliven.keys import CurveServer
+    from enliven.keys.curve import CurveServer
 
 log = logging.getLogger(__name__)
 
@@ -33,19 +33,22 @@ _HANDSHAKE_TIMEOUT_S = 3.0
 _STALL_TIMEOUT_S = 10.0
 """Seconds after which a connection that accepts none of its waiting bytes is closed."""
 _QUIET_TIMEOUT_S = 10.0
-"""Time without a message after which a new peer may replace this one, in seconds: ten of a viewer's pings."""
+"""Time without a message after which a new peer may replace a connection, in seconds: ten pings of a viewer.
+"""
 _IDLE_TIMEOUT_S = 0.25
-"""Seconds without a byte after which a connection that has started its handshake loses its place."""
+"""Seconds without a byte after which a connection that is in its handshake may be replaced."""
 _KNOWN_AFTER_S = 1.0
-"""Time of service after which a connection counts as known, in seconds. Endless newcomers do not delay known
-connections."""
+"""Time of service after which a connection counts as known, in seconds. A flood of new connections does not
+delay known ones.
+"""
 _MAX_SERVICE_S = 60.0
 """Maximum seconds of service that count: a viewer of an hour is not read before a viewer of a minute."""
 _RESERVED_FRACTION = 0.5
-"""Fraction of an address's places that is reserved for the connections that were served for longest."""
+"""Fraction of an address's connections that is reserved for those that were served longest."""
 _HEARD_ONCE_S = 0.05
-"""Maximum time from the first to the last message, in seconds, of a connection that counts as heard only
-once."""
+"""Longest time from the first to the last message, in seconds, for which a connection counts as heard only
+once.
+"""
 _MAX_ACCEPTS_PER_POLL = 32
 """Maximum number of connections accepted in one poll. The system queues the others until the next."""
 _MIN_ACCEPTS_PER_POLL = 8
@@ -57,7 +60,7 @@ _READ_BYTES = 4096
 """Number of bytes that are read from a connection before the next connection is served, or the rest of a
 longer message."""
 _FRAMES_PER_TURN = 16
-"""Number of frames handled of a connection before the next one's turn."""
+"""Maximum number of frames handled for one connection before the next connection's turn."""
 
 
 class ZmtpServer:
@@ -129,15 +132,15 @@ class ZmtpServer:
         """Yields the messages of the connected peers, a little of each in turn."""
         ready = [c for c in self._open if not c.busy and (c.buffered or c in readable)]
         while ready:
-            again = []
+            unfinished = []
             for connection in _order_by_turn(ready):
                 if time.monotonic() >= until:
                     return
                 yield from self._read_turn(connection, until)
-                more = connection.buffered or connection.streaming
-                if connection.is_open and not connection.busy and more:
-                    again.append(connection)
-            ready = again
+                has_more = connection.buffered or connection.streaming
+                if connection.is_open and not connection.busy and has_more:
+                    unfinished.append(connection)
+            ready = unfinished
 
     def send(self, connection: Connection, first: bytes, rest: bytes = b"") -> None:
         """Sends a message of one part, in two pieces. It is dropped for a closed connection."""
@@ -145,17 +148,24 @@ class ZmtpServer:
             connection.queue_message(first, rest)
             self._push(connection, time.monotonic())
 
+    def send_messages(self, connection: Connection, messages: Iterable[bytes]) -> None:
+        """Sends several messages of one part. They are dropped for a closed connection."""
+        if connection.is_open:
+            for data in messages:
+                connection.queue_message(data)
+            self._push(connection, time.monotonic())
+
     def send_raw(self, connection: Connection, frame: bytes) -> None:
-        """Sends bytes that are framed already."""
+        """Sends bytes that are already framed."""
         if connection.is_open:
             connection.queue(frame)
             self._push(connection, time.monotonic())
 
     def drain(self, seconds: float) -> None:
         """Sends waiting bytes, for at most ``seconds``."""
-        until = time.monotonic() + seconds
-        while self._unsent and time.monotonic() < until:
-            self._flush(until)
+        deadline = time.monotonic() + seconds
+        while self._unsent and time.monotonic() < deadline:
+            self._flush(deadline)
             time.sleep(0.001)
 
     def close(self) -> None:
@@ -173,13 +183,13 @@ class ZmtpServer:
         connection.close()
 
     def _read_turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
-        """Reads at most one turn's bytes and frames of one connection."""
-        start, session, requested = time.monotonic(), connection.session, 0
+        """Reads and handles the bytes and frames of one connection for one turn at most."""
+        start, session, requested_count = time.monotonic(), connection.session, 0
         try:
             if not connection.buffered:
-                requested = max(_READ_BYTES, session.missing)
-                data = connection.read(requested)
-                connection.streaming = data is not None and len(data) == requested
+                requested_count = max(_READ_BYTES, session.missing)
+                data = connection.read(requested_count)
+                connection.streaming = data is not None and len(data) == requested_count
                 if data is None:
                     return
                 if not data:
@@ -191,7 +201,7 @@ class ZmtpServer:
                 parts = session.take()
                 if parts is None:
                     connection.buffered = False
-                    connection.streaming &= max(requested, session.missing) > _READ_BYTES
+                    connection.streaming &= max(requested_count, session.missing) > _READ_BYTES
                     break
                 if parts:
                     yield connection, parts
@@ -203,7 +213,7 @@ class ZmtpServer:
             self._queue_answers(connection)
             self._push(connection, until)
         except ZmtpError:
-            # The session may have queued the reason.
+            # The session may have queued the reason of the failure. Send it before closing.
             self._queue_answers(connection)
             self._push(connection, until)
             self.drop(connection)
@@ -213,7 +223,7 @@ class ZmtpServer:
             connection.charge(time.monotonic() - start)
 
     def _queue_answers(self, connection: Connection) -> None:
-        """Queues the session's own answers, such as the greeting."""
+        """Queues the session's own messages, such as the greeting."""
         if connection.is_open and connection.session.answers:
             connection.queue(bytes(connection.session.answers))
             connection.session.answers.clear()
@@ -268,7 +278,9 @@ class ZmtpServer:
             self._keep_connection(accepted, str(address[0]))
 
     def _keep_connection(self, accepted: socket.socket, address: str) -> None:
-        """Keeps an accepted connection if a place is free or can be made."""
+        """Keeps an accepted connection if there is a free place, or if another connection can be dropped for
+        it.
+        """
         if len(self._open) >= self._most:
             if not self._has_logged_full:
                 log.warning(
@@ -292,7 +304,9 @@ class ZmtpServer:
         self._push(connection, time.monotonic())
 
     def _choose_dropped(self, address: str) -> Connection | None:
-        """Returns the connection that makes room for a newcomer from an address. None: none does."""
+        """Returns the connection that is dropped for a newcomer from an address. None if none may be
+        dropped.
+        """
         idle = self._find_idle()
         if idle:
             crowd = Counter(c.address for c in idle)
@@ -306,10 +320,10 @@ class ZmtpServer:
             if time.monotonic() - quietest.last_message_at > _QUIET_TIMEOUT_S:
                 return quietest
         crowd = Counter(c.address for c in self._open)
-        most = max(crowd.values())
-        if most == 1:
+        max_count = max(crowd.values())
+        if max_count == 1:
             return None
-        crowded = {crowd_address for crowd_address, count in crowd.items() if count == most}
+        crowded = {crowd_address for crowd_address, count in crowd.items() if count == max_count}
         crowded = {address} if address in crowded else crowded
         return self._least_served([c for c in self._open if c.address in crowded])
 
@@ -325,12 +339,12 @@ class ZmtpServer:
     def _least_served(self, crowd: list[Connection]) -> Connection:
         """Returns the connection of a crowded address that is dropped for a newcomer.
 
-        The connections that were served for longest stay. Of the others, one that was heard only once is
-        dropped first, then the oldest. So a newcomer stays long enough to be served.
+        The connections that were served longest stay. Of the others, one that was heard only once is dropped
+        first, then the oldest. So a newcomer stays long enough to be served.
         """
-        kept = int(_RESERVED_FRACTION * len(crowd))
-        others = sorted(crowd, key=lambda c: (-c.service_s, c.opened))[kept:]
-        return min(others, key=lambda c: (c.service_s > _HEARD_ONCE_S, c.opened))
+        kept_count = int(_RESERVED_FRACTION * len(crowd))
+        droppable = sorted(crowd, key=lambda c: (-c.service_s, c.opened))[kept_count:]
+        return min(droppable, key=lambda c: (c.service_s > _HEARD_ONCE_S, c.opened))
 
 
 def _order_by_turn(ready: list[Connection]) -> list[Connection]:
@@ -342,8 +356,8 @@ def _order_by_turn(ready: list[Connection]) -> list[Connection]:
     known_peers = [c for c in ready if c.service_s > _KNOWN_AFTER_S]
     known_peers.sort(key=lambda c: c.cost / min(c.service_s, _MAX_SERVICE_S))
     recent = [c for c in ready if c.introduced and c.service_s <= _KNOWN_AFTER_S]
-    new = [c for c in ready if not c.introduced and c.service_s <= _KNOWN_AFTER_S]
+    newcomers = [c for c in ready if not c.introduced and c.service_s <= _KNOWN_AFTER_S]
     recent.sort(key=lambda c: c.cost)
-    new.sort(key=lambda c: (c.last_read_at == c.opened, c.opened))
-    turns = itertools.zip_longest(known_peers, recent, new)
-    return [peer for turn in turns for peer in turn if peer is not None]
+    newcomers.sort(key=lambda c: (c.last_read_at == c.opened, c.opened))
+    rounds = itertools.zip_longest(known_peers, recent, newcomers)
+    return [peer for round_peers in rounds for peer in round_peers if peer is not None]

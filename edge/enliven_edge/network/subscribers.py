@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from enliven.wire import MAX_STREAM_BYTES, STREAMS, make_frame
-from enliven_edge.network.server import ZmtpServer
+from enliven_edge.network.server import MAX_CONNECTIONS, ZmtpServer
 
 if TYPE_CHECKING:
-    from enliven.keys import CurveServer
+    from enliven.keys.curve import CurveServer
 
 _MAX_SUBSCRIPTION_BYTES = 64
-"""Maximum bytes of a subscriber's frame: "SUBSCRIBE" and the name of a topic have 23."""
+"""Maximum bytes of a subscriber's frame. "SUBSCRIBE" and the name of a topic have 23 bytes."""
 _MAX_PENDING_BYTES = 2 * MAX_STREAM_BYTES
-"""Maximum bytes that wait for a subscriber, in addition to the system's buffer. More are dropped for that
-one only."""
+"""Maximum bytes that wait for a subscriber, in addition to the system's buffer. Further messages are dropped
+for that subscriber only.
+"""
 _READ_TIME_S = 0.00025
 """Time per poll for reading subscriptions, in seconds. Subscriptions are short and rare."""
 
@@ -23,11 +25,18 @@ _READ_TIME_S = 0.00025
 class Subscribers:
     """Sends every message to the peers that subscribed to a prefix of its topic.
 
-    Args and errors as for :class:`~enliven_edge.network.ZmtpServer`.
+    Args and errors as for :class:`~enliven_edge.network.server.ZmtpServer`.
     """
 
-    def __init__(self, host: str, port: int, option: str, curve: CurveServer | None = None) -> None:
-        self._server = server = ZmtpServer(host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES, curve=curve)
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        option: str,
+        curve: CurveServer | None = None,
+        most: int = MAX_CONNECTIONS,
+    ) -> None:
+        self._server = server = ZmtpServer(host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES, most, curve)
         self.port, self.drain, self.close = server.port, server.drain, server.close
 
     @property
@@ -39,25 +48,47 @@ class Subscribers:
         """Accepts connections, reads subscriptions and sends queued bytes."""
         for peer, parts in self._server.messages(time.monotonic() + _READ_TIME_S):
             request = parts[0]
-            # Ignore a prefix that matches no topic, so that it is not stored.
+            # Ignore a prefix that matches no topic, so that unknown prefixes use no memory.
             if len(parts) == 1 and any((name.encode() + b"\0").startswith(request[1:]) for name in STREAMS):
-                wanted: frozenset[bytes] = peer.state or frozenset()
+                prefixes: frozenset[bytes] = peer.state or frozenset()
                 if request[:1] == b"\x01":
-                    peer.state, peer.introduced = wanted | {request[1:]}, True
+                    peer.state, peer.introduced = prefixes | {request[1:]}, True
                 elif request[:1] == b"\x00":
-                    peer.state = wanted - {request[1:]}
+                    peer.state = prefixes - {request[1:]}
 
     def send(self, data: bytes) -> None:
-        """Sends a message, its topic first."""
-        frame = make_frame(data)
+        """Sends a message that starts with its topic."""
+        self.send_all((data,))
+
+    def send_all(self, messages: Sequence[bytes]) -> None:
+        """Sends several messages, each peer its own in one call of the system.
+
+        With hundreds of peers these calls take most of the time, and not the number of bytes.
+        """
+        batch, size = list[bytes](), 0
+        for data in messages:
+            if batch and size + len(data) > MAX_STREAM_BYTES:
+                self._send_batch(batch)
+                batch, size = [], 0
+            batch.append(data)
+            size += len(data)
+        self._send_batch(batch)
+
+    def _send_batch(self, messages: Sequence[bytes]) -> None:
+        """Sends messages that fit into a peer's queue together."""
+        batches: dict[frozenset[bytes], tuple[bytes, list[bytes]]] = {}
         for peer in list(self._server.connections):
-            wanted = peer.state
-            if (
-                wanted
-                and data.startswith(tuple(wanted))
-                and peer.unsent_bytes + len(frame) <= _MAX_PENDING_BYTES
-            ):
-                if peer.session.channel is None:
-                    self._server.send_raw(peer, frame)
-                else:
-                    self._server.send(peer, data)
+            subscribed: frozenset[bytes] | None = peer.state
+            if not subscribed:
+                continue
+            if subscribed not in batches:
+                prefixes = tuple(subscribed)
+                matching = [data for data in messages if data.startswith(prefixes)]
+                batches[subscribed] = (b"".join(map(make_frame, matching)), matching)
+            frames, matching = batches[subscribed]
+            if not matching or peer.unsent_bytes + len(frames) > _MAX_PENDING_BYTES:
+                continue
+            if peer.session.channel is None:
+                self._server.send_raw(peer, frames)
+            else:
+                self._server.send_messages(peer, matching)

@@ -6,15 +6,17 @@ import contextlib
 import errno
 import ipaddress
 import socket
+import struct
 import sys
 
 from enliven.errors import InputError, ResourceError
 
 _MAX_DESCRIPTORS = 65_536
-"""Maximum number of descriptors. Some systems allow a billion, and programs that close "all of them" then
-hang."""
+"""Maximum number of descriptors. Some systems allow a billion, and programs that close all possible
+descriptors would then hang.
+"""
 _RESERVED_DESCRIPTORS = 128
-"""Descriptors reserved for everything but connections: libraries, recordings, devices, logs."""
+"""Number of descriptors reserved for everything except connections: libraries, recordings, devices, logs."""
 _MIN_CONNECTIONS = 4
 """Minimum number of connections of a server, even if hardly any descriptors are allowed."""
 _DEFAULT_DESCRIPTORS = 512
@@ -29,14 +31,14 @@ def raise_descriptor_limit() -> int:
     import resource
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = _MAX_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, _MAX_DESCRIPTORS)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
+    target = _MAX_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, _MAX_DESCRIPTORS)
+    if soft != resource.RLIM_INFINITY and soft < target:
         try:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (target, hard))
         except (OSError, ValueError):
             return soft
-        return wanted
-    return soft if soft != resource.RLIM_INFINITY else wanted
+        return target
+    return soft if soft != resource.RLIM_INFINITY else target
 
 
 def limit_connections(most: int) -> int:
@@ -67,6 +69,13 @@ _PROBES: dict[str, int] = {
 """TCP keep-alive: a peer that is silent for 4 s is probed every 2 s. It is dropped after 3 unanswered
 probes, or if data stays unacknowledged for 10,000 ms."""
 
+_SO_TIMESTAMPNS = 35
+"""Option of Linux that reports when received bytes arrived. Python does not name it."""
+_TIMESPEC = struct.Struct("=qq")
+"""Seconds and nanoseconds of an arrival, as 64-bit Linux writes them."""
+_CAN_STAMP = sys.platform == "linux" and struct.calcsize("P") == 8
+"""True if the system reports the time of arrival of bytes of a TCP connection."""
+
 
 def is_local(host: str) -> bool:
     """Returns True if only programs of this machine reach an address. A name is resolved."""
@@ -80,7 +89,7 @@ def is_local(host: str) -> bool:
         addresses = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         return False
-    return all(ipaddress.ip_address(str(each[4][0]).split("%")[0]).is_loopback for each in addresses)
+    return all(ipaddress.ip_address(str(info[4][0]).split("%")[0]).is_loopback for info in addresses)
 
 
 def check_open(host: str, open_to_all: bool) -> None:
@@ -91,7 +100,7 @@ def check_open(host: str, open_to_all: bool) -> None:
         "everyone that reaches this address could possess characters and watch the performers, because the "
         "edge has no keys",
         where=f"host {host or '*'}",
-        mend="Make keys with enliven keys make, start again, and pair each viewer with the code that is "
+        remedy="Make keys with enliven keys make, start again, and pair each viewer with the code that is "
         "shown. Without keys, give --insecure (insecure = true under [wire]), or --host 127.0.0.1.",
     )
 
@@ -128,14 +137,39 @@ def listen(host: str, port: int, option: str) -> socket.socket:
 
 
 def configure_socket(connection: socket.socket) -> None:
-    """Makes a socket non-blocking, without send delay, and closing by itself when its peer has vanished."""
+    """Makes a socket non-blocking, disables its send delay (TCP_NODELAY), and lets it close itself when its
+    peer has vanished.
+    """
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    if _CAN_STAMP:
+        with contextlib.suppress(OSError):
+            connection.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
     for name, value in _PROBES.items():
         if hasattr(socket, name):
             with contextlib.suppress(OSError):
                 connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def receive_stamped(connection: socket.socket, most: int) -> tuple[bytes, int]:
+    """Returns received bytes, and the wall clock when the last of them arrived, in nanoseconds. 0 if not
+    known.
+
+    An edge reads its connections once per frame, so the time of reading can be 30 ms later.
+
+    Raises:
+        BlockingIOError: if nothing has arrived.
+        OSError: if the connection is broken.
+    """
+    if not _CAN_STAMP:
+        return connection.recv(most), 0
+    data, notes, _, _ = connection.recvmsg(most, socket.CMSG_SPACE(_TIMESPEC.size))
+    for level, kind, value in notes:
+        if (level, kind, len(value)) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS, _TIMESPEC.size):
+            seconds, nanoseconds = _TIMESPEC.unpack(value)
+            return data, seconds * 1_000_000_000 + nanoseconds
+    return data, 0
 
 
 def _listen_error(error: Exception, host: str, port: int, option: str) -> ResourceError:
@@ -145,10 +179,10 @@ def _listen_error(error: Exception, host: str, port: int, option: str) -> Resour
         return ResourceError(
             f"port {port} is in use",
             where=where,
-            mend=f"Stop the program that uses it, or choose another with {option} (0 picks a free one).",
+            remedy=f"Stop the program that uses it, or choose another with {option} (0 picks a free one).",
         )
     return ResourceError(
         f"cannot listen there ({getattr(error, 'strerror', None) or error})",
         where=where,
-        mend="Give an address of this machine with --host, 0.0.0.0 for all of them.",
+        remedy="Give an address of this machine with --host, 0.0.0.0 for all of them.",
     )

@@ -15,14 +15,14 @@ import numpy as np
 from enliven.kernels import njit
 
 FLOOR = -2
-"""Stands for the floor in place of a sphere's index."""
+"""Value that represents the floor in place of a sphere's index."""
 NOTHING = -1
-"""Stands for no contact in place of a sphere's index."""
+"""Value that represents "no contact" in place of a sphere's index."""
 _MAX_REST_SPEED = 0.5
 """Maximum speed of contacts that do not bounce, in metres per second. Without it, balls would not come to
 rest."""
 _DAMPED_SPEED = 0.02
-"""Metres per second below which a prop is damped."""
+"""Linear speed below which a prop is damped, in metres per second."""
 _DAMPED_TURN_RATE = 0.1
 """Angular speed below which a prop is damped, in radians per second."""
 _DAMPING = 0.5
@@ -48,8 +48,8 @@ def correct_contacts(
 ):
     """Adds the spheres' velocities to the contacts' reference, and limits the depenetration speed.
 
-    Balls bounce here too. In the one step in which a ball meets something, the reference turns the speed -v
-    into e v. (The engine's own springy contact would fling a ball that was entered deeply.)
+    The reference also makes balls bounce: in the step in which a ball hits something, it changes the speed -v
+    to e v. (The engine's own springy contact would fling a ball that was penetrated deeply.)
 
     Args:
         geoms: (C, 2) geoms of each contact. Its normal points from the first to the second.
@@ -106,8 +106,8 @@ def correct_contacts(
 def limit_speeds(velocities, fastest, fastest_turn):
     """Limits the rows of (P, 6) linear and angular velocities. Returns False if one is not finite.
 
-    Slow rows are damped as well. Gravity is far faster, so nothing hovers. But contacts that come and go
-    would make a tower tremble by a tenth of a millimetre for ever; with damping it stands still.
+    Slow rows are damped as well. Gravity is far stronger than the damping, so nothing hovers. Without
+    damping, contacts that come and go would make a tower tremble by a tenth of a millimetre for ever.
     """
     for p in range(velocities.shape[0]):
         moving = velocities[p, 0] ** 2 + velocities[p, 1] ** 2 + velocities[p, 2] ** 2

@@ -15,9 +15,9 @@ from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
 _BOX_GAP_M = 0.003
-"""Metres between neighbouring boxes, which would otherwise rub against each other."""
+"""Gap in metres between neighbouring boxes. Without it they would rub against each other."""
 _STILL_SPEED = 0.05
-"""Metres per second below which a box counts as still: the engine's own jitter is slower."""
+"""Speed in metres per second below which a box counts as still. The engine's own jitter is slower."""
 _FALLEN_DISTANCE = 0.5
 """Distance, in box edge lengths, above which a moved box counts as fallen."""
 _MIN_TOWER_GAP_M = 0.15
@@ -52,7 +52,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
         raise InputError(
             f"the towers have {count} boxes, at most {_MAX_BOXES} keep pace with a camera",
             where="physics.boxes",
-            mend="Ask for fewer, lower or narrower towers.",
+            remedy="Ask for fewer, lower or narrower towers.",
         )
     # Give neighbours and layers different colours, so that the rotation of a box is visible.
     nth = np.tile(layer + np.arange(len(layer)) % settings.wide, len(settings.at))
@@ -66,7 +66,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
 
 
 def tower_places(settings: BoxesSettings) -> Float:
-    """Returns (P, 3) metres, the positions of the boxes of :func:`tower_props`: sideways, up and ahead."""
+    """Returns (P, 3) the positions in metres of the boxes of :func:`tower_props`: sideways, up and ahead."""
     pitch, half = settings.side + _BOX_GAP_M, (settings.wide - 1) / 2
     places = [
         (x + (i - half) * pitch, (k + 0.5) * settings.side, z + (j - half) * pitch)
@@ -88,22 +88,23 @@ def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> 
         radii: (S,) metres.
     """
     towers = tower_places(settings).reshape(len(settings.at), settings.high * settings.wide**2, 3)
-    half, top = (
+    half_size, top = (
         (settings.wide * (settings.side + _BOX_GAP_M)) / 2 + _MIN_TOWER_GAP_M,
         settings.high * settings.side + _MIN_TOWER_GAP_M,
     )
     low = spheres[:, 1] - radii < top
-    centres, clearances = spheres[low][:, [0, 2]], radii[low] + half
-    placed = list[Float]()
+    centres, clearances = spheres[low][:, [0, 2]], radii[low] + half_size
+    placed_centres = list[Float]()
     for tower in towers:
         at = tower[:, [0, 2]].mean(0) + _TOWER_PLACES
         distances = np.abs(at[:, None] - centres).max(2) > clearances
-        free = distances.all(1)
-        for other in placed:
-            free &= np.abs(at - other).max(1) > 2 * half - _MIN_TOWER_GAP_M
-        chosen = at[int(free.argmax())]  # If no place is free, this is the first of all places.
-        placed.append(chosen)
-        tower[:, [0, 2]] += chosen - tower[:, [0, 2]].mean(0)
+        is_free = distances.all(1)
+        for other in placed_centres:
+            is_free &= np.abs(at - other).max(1) > 2 * half_size - _MIN_TOWER_GAP_M
+        # If no place is free, argmax returns the first of all places.
+        chosen_place = at[int(is_free.argmax())]
+        placed_centres.append(chosen_place)
+        tower[:, [0, 2]] += chosen_place - tower[:, [0, 2]].mean(0)
     return towers.reshape(-1, 3)
 
 
@@ -148,8 +149,8 @@ class Towers:
         if not len(centres):
             return True
         low, high = self._stand.min(0) - 2 * self.settings.side, self._stand.max(0) + 2 * self.settings.side
-        near = centres[((centres > low) & (centres < high)).all(1)]
-        distances = np.linalg.norm(near[:, None] - self._stand[None], axis=2)
+        near_centres = centres[((centres > low) & (centres < high)).all(1)]
+        distances = np.linalg.norm(near_centres[:, None] - self._stand[None], axis=2)
         return bool((distances > 1.5 * self.settings.side).all())
 
 
@@ -159,13 +160,13 @@ _THROWER_DISTANCE_M = 0.7
 """Distance of the ball from the target at the thrower's side, in metres. Otherwise the ball would start
 inside the target."""
 _MIN_THROW_DISTANCE_M = 0.8
-"""Shortest throw, in metres. A ball that is thrown from nearer could not be seen coming."""
+"""Shortest throw, in metres. The performer could not see a ball coming that is thrown from nearer."""
 
 
 class Dodgeball:
     """The dodgeball game: waiting balls are thrown one after the other.
 
-    Each counts until it touches the floor.
+    A ball can score until it touches the floor.
 
     With two targets or more, a ball comes from the direction of another target; with one, from ahead.
 
@@ -193,7 +194,7 @@ class Dodgeball:
         self._next, self._turn, self._wait = 0, 0, 0.0
 
     def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
-        """Puts the balls in a row on the floor at the thrower's place. The score is kept."""
+        """Puts the balls in a row on the floor at the thrower's place. The score does not change."""
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius
@@ -210,15 +211,15 @@ class Dodgeball:
             if touched >= 0 or touched == FLOOR:
                 self._target[ball] = ""
         self._wait += seconds
-        present = [
+        present_targets = [
             name
             for name in dict.fromkeys(names)
             if self._target_centre(name, spheres, names, owners) is not None
         ]
         # Do not throw a ball again while it is flying.
-        if present and self._wait >= self.settings.every and not self._target[self._next]:
+        if present_targets and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
-            self._throw(world, present, spheres, names, owners)
+            self._throw(world, present_targets, spheres, names, owners)
         adverbs = {1: "once", 2: "twice"}
         return ", ".join(f"{n} hit {adverbs.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
@@ -243,17 +244,17 @@ class Dodgeball:
             self._ground.to_world(np.array([0.0, 0.0, 1.0])) - self._ground.at,
             self.settings.distance,
         )
-        other = self._target_centre(here[(self._turn + 1) % len(here)], spheres, names, owners)
-        if len(here) > 1 and other is not None:
-            sideways = (other - aim) * [1.0, 0.0, 1.0]
-            room = float(np.linalg.norm(sideways)) - _THROWER_DISTANCE_M
-            if room > _MIN_THROW_DISTANCE_M:
-                direction, distance = sideways / np.linalg.norm(sideways), min(distance, room)
-        begin = aim + distance * direction
-        begin[1] = self.settings.hand
+        next_centre = self._target_centre(here[(self._turn + 1) % len(here)], spheres, names, owners)
+        if len(here) > 1 and next_centre is not None:
+            sideways = (next_centre - aim) * [1.0, 0.0, 1.0]
+            throw_distance = float(np.linalg.norm(sideways)) - _THROWER_DISTANCE_M
+            if throw_distance > _MIN_THROW_DISTANCE_M:
+                direction, distance = sideways / np.linalg.norm(sideways), min(distance, throw_distance)
+        start = aim + distance * direction
+        start[1] = self.settings.hand
         flight = self.settings.flight
-        speed = (aim - begin) / flight - 0.5 * self._gravity * flight
-        world.put(slice(self._next, self._next + 1), begin[None], None, speed[None])
+        speed = (aim - start) / flight - 0.5 * self._gravity * flight
+        world.put(slice(self._next, self._next + 1), start[None], None, speed[None])
         self._target[self._next] = target
         self._next = (self._next + 1) % self.settings.balls
         self._turn += 1

@@ -16,7 +16,7 @@ _MAX_SWAY_M = 0.12
 
 @dataclass(frozen=True)
 class WorldGround:
-    """The place and heading of a performer: +X to the performer's left, +Z ahead.
+    """The place and heading of a performer as a local frame: +X to the performer's left, +Z ahead.
 
     Attributes:
         at: (3,) metres, on the floor.
@@ -34,8 +34,8 @@ class WorldGround:
     def to_world(self, points: Float) -> Float:
         """Converts (..., 3) points from local coordinates (sideways, up, ahead) to the world."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
-        turned = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-        return np.asarray(turned + self.at)
+        rotated = points @ np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+        return np.asarray(rotated + self.at)
 
     def from_world(self, points: Float) -> Float:
         """Converts (..., 3) points from the world to local coordinates (sideways, up, ahead)."""
@@ -44,14 +44,15 @@ class WorldGround:
 
 
 FIXED = WorldGround(np.zeros(3), 0.0)
-"""The world's own x and z."""
+"""The world's own origin and axes."""
 
 
 class StandingDetector:
-    """Finds the place of a person that stands still, so that the world is not placed at the door.
+    """Finds the place of a person that stands still, so that the physics world is not placed where a person
+    only walks by.
 
     Args:
-        seconds: how long the person must stand.
+        seconds: seconds for which the person must stand still.
         patience: seconds after which the mean position of a moving person is used instead. 0: never.
     """
 
@@ -62,27 +63,27 @@ class StandingDetector:
 
     def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """Returns the place of the first person that has stood still, or moved about, for long enough."""
-        seen: dict[int, tuple[WorldGround, int]] = {}
+        grounds: dict[int, tuple[WorldGround, int]] = {}
         ways: dict[int, list[tuple[WorldGround, int]]] = {}
         for body in bodies:
             ground = ground_under(body)
             if ground is None:
                 continue
-            begin = self._since.get(body.id, (ground, time_ns))
-            if np.linalg.norm(ground.at - begin[0].at) > _MAX_SWAY_M:
-                begin = ground, time_ns
-            seen[body.id] = begin
-            if (time_ns - begin[1]) * 1e-9 >= self.seconds:
+            start = self._since.get(body.id, (ground, time_ns))
+            if np.linalg.norm(ground.at - start[0].at) > _MAX_SWAY_M:
+                start = ground, time_ns
+            grounds[body.id] = start
+            if (time_ns - start[1]) * 1e-9 >= self.seconds:
                 return ground
-            way = ways[body.id] = [*self._way.get(body.id, ()), (ground, time_ns)]
-            if self.patience and (time_ns - way[0][1]) * 1e-9 >= self.patience:
-                return _middle([place for place, _ in way])
-        self._since, self._way = seen, ways
+            path = ways[body.id] = [*self._way.get(body.id, ()), (ground, time_ns)]
+            if self.patience and (time_ns - path[0][1]) * 1e-9 >= self.patience:
+                return _middle([place for place, _ in path])
+        self._since, self._way = grounds, ways
         return None
 
 
 def _middle(places: list[WorldGround]) -> WorldGround:
-    """Returns the mean of places and of headings."""
+    """Returns the mean position and the mean heading of several places."""
     ahead = np.mean([(np.sin(place.yaw), np.cos(place.yaw)) for place in places], axis=0)
     return WorldGround(np.mean([place.at for place in places], axis=0), float(np.arctan2(*ahead)))
 
@@ -96,7 +97,7 @@ def ground_under(body: Body) -> WorldGround | None:
 
 
 def _radii() -> Float:
-    """Returns (20,) metres, the radius around each joint of a person 1.75 m tall."""
+    """Returns (20,) the radius in metres around each joint of a person 1.75 m tall."""
     radii = np.full(len(Joint), 0.07)
     radii[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13
     radii[[Joint.HIP_LEFT, Joint.HIP_RIGHT]] = 0.11
@@ -112,7 +113,7 @@ _SPHERE_FRACTIONS = np.array([1 / 3, 2 / 3])
 
 
 def body_spheres(body: Body) -> tuple[Float, Float]:
-    """Returns (S, 3) centres and (S,) radii, metres: one sphere at each joint, two along each bone.
+    """Returns (S, 3) centres and (S,) radii in metres: one sphere at each joint, two along each bone.
 
     The spheres of a joint that is not finite are not finite either.
     """

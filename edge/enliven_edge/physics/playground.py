@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float
-from enliven.deformation import SphereProxies, pack_spheres
+from enliven.deformation.spheres import SphereProxies, pack_spheres
 from enliven.document import Character, Props, SkinWeights
 from enliven.errors import InputError
 from enliven.person import Body
@@ -18,10 +18,10 @@ from enliven_edge.physics.games import Dodgeball, Towers
 from enliven_edge.physics.ground import FIXED, StandingDetector, WorldGround, body_spheres
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.world import World
-from enliven_edge.stage import Tick
+from enliven_edge.stage.tick import Tick
 
 _NEIGHBOURS = 4
-"""Number of control points that move a vertex: the limit of skin weights."""
+"""Maximum number of control points that move a vertex: the limit of skin weights."""
 _WEIGHT_EXPONENT = 3.0
 """Exponent of the inverse distance weights: the nearest control points dominate."""
 
@@ -33,13 +33,15 @@ def skin_to_control_points(character: Character) -> Character:
     """
     if character.kind != "points" or len(character.pivots) < 2:
         return character
-    near = min(_NEIGHBOURS, len(character.pivots) - 1)
-    distances, vertices = cKDTree(character.pivots[1:]).query(character.vertices, k=np.arange(1, near + 1))
+    neighbour_count = min(_NEIGHBOURS, len(character.pivots) - 1)
+    distances, vertices = cKDTree(character.pivots[1:]).query(
+        character.vertices, k=np.arange(1, neighbour_count + 1)
+    )
     counts = 1.0 / np.maximum(distances, 1e-6) ** _WEIGHT_EXPONENT
     indices = np.zeros((len(character.vertices), 4), np.uint16)
     weights = np.zeros((len(character.vertices), 4), np.float32)
-    indices[:, :near] = vertices + 1
-    weights[:, :near] = counts / counts.sum(1, keepdims=True)
+    indices[:, :neighbour_count] = vertices + 1
+    weights[:, :neighbour_count] = counts / counts.sum(1, keepdims=True)
     skin = SkinWeights(indices, weights)
     return replace(character, kind="bones", skin=skin, held=None, pulls=None, surface=None)
 
@@ -50,15 +52,15 @@ log = logging.getLogger(__name__)
 class Playground:
     """Props, the collision spheres of characters and performers, and a game.
 
-    The world is empty until its place is known. That is where a performer first stands still (or has moved
-    about for long), or immediately if the settings say "fixed". The same frames give the same props, as long
-    as the time budget skips nothing.
+    The world is empty until its place is known. That is where a performer first stands still, or has moved
+    about for long. With the setting "fixed" the place is known immediately. The same frames give the same
+    props, unless the time budget skips steps.
     """
 
     def __init__(self, settings: PhysicsSettings, characters: list[Character] | None = None) -> None:
         if settings.world == "none":
             raise InputError(
-                f"the world is {settings.world!r}", where="physics", mend="Use boxes or dodgeball."
+                f"the world is {settings.world!r}", where="physics", remedy="Use boxes or dodgeball."
             )
         self.settings = settings
         self.game: Towers | Dodgeball = (
@@ -78,7 +80,9 @@ class Playground:
             self.introduce(character)
 
     def introduce(self, character: Character) -> None:
-        """Adds a character, or a new version of one. Its spheres are packed now, not when it first moves."""
+        """Adds a character, or a new version of one. Computes its collision spheres now, so that its first
+        motion is not delayed.
+        """
         proxies = pack_spheres(skin_to_control_points(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
@@ -108,7 +112,7 @@ class Playground:
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
-            # Time runs backwards, because a replay starts again. So start the game again too.
+            # Time runs backwards when a replay starts again. Start the game again, too.
             seconds, self._ground, self._standing = 0.0, None, self._create_detector()
         skipped_before = self._slots
         spheres, radii, names, owners = self._spheres(tick)
@@ -142,7 +146,7 @@ class Playground:
     def _spheres(self, tick: Tick) -> tuple[Float, Float, list[str], list[int]]:
         """Returns the spheres of all characters and bodies: centres, radii, names, and owners' indices.
 
-        A character or body keeps its slots while it is present. Afterwards the slots are free for others.
+        A character or body keeps its slots while it is present. Afterwards others may use the slots.
         """
         spheres_by_name: dict[str, tuple[Float, Float]] = {}
         for pose in tick.poses:
@@ -165,17 +169,17 @@ class Playground:
         return centres, radii, names, owners
 
     def _assign(self, counts: dict[str, int]) -> None:
-        kept = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
-        self._slots = kept
+        kept_slots = {n: s for n, s in self._slots.items() if counts.get(n) == s.stop - s.start}
+        self._slots = kept_slots
         for name, count in counts.items():
-            if name in kept:
+            if name in kept_slots:
                 continue
-            begin = 0
-            for slot in sorted(kept.values(), key=lambda s: s.start):
-                if slot.start - begin >= count:
+            start = 0
+            for slot in sorted(kept_slots.values(), key=lambda s: s.start):
+                if slot.start - start >= count:
                     break
-                begin = max(begin, slot.stop)
-            kept[name] = slice(begin, begin + count)
+                start = max(start, slot.stop)
+            kept_slots[name] = slice(start, start + count)
 
     def _restart_world(self, problem: str, spheres: Float, radii: Float) -> None:
         """Restarts the world after an error of the engine."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
-from enliven.deformation import SphereSettings
+from enliven.deformation.spheres import SphereSettings
 from enliven.settings import setting
 
 WorldName = Literal["none", "boxes", "dodgeball"]
@@ -15,15 +15,13 @@ WorldName = Literal["none", "boxes", "dodgeball"]
 class EngineSettings:
     """Settings of the engine's time steps."""
 
-    substep: float = setting(
-        0.0056,
-        "Maximum time step of the simulation. Smaller steps are more stable but slower.",
-        unit="s",
-        low=0.0005,
-        high=0.02,
-    )
-    catch_up: float = setting(
-        0.1, "Maximum time that is simulated after a pause; the rest is skipped.", unit="s", low=0.0, high=2.0
+    REMOVED_SETTINGS: ClassVar = (
+        "substep",
+        "catch_up",
+        "stiffness",
+        "push_out",
+        "fastest",
+        "fastest_prop",
     )
     budget: float = setting(
         0.02,
@@ -34,25 +32,7 @@ class EngineSettings:
     gravity: float = setting(
         9.81, "Gravitational acceleration, downwards.", unit="m/s²", low=-50.0, high=50.0
     )
-    stiffness: float = setting(
-        0.02,
-        "Time constant in which contacts settle. Lower values make contacts harder.",
-        unit="s",
-        low=0.001,
-        high=0.2,
-    )
     friction: float = setting(0.6, "Friction coefficient of all contacts.", low=0.0, high=5.0)
-    push_out: float = setting(
-        0.8, "Maximum speed at which overlapping objects are pushed apart.", unit="m/s", low=0.01, high=20.0
-    )
-    fastest: float = setting(
-        15.0,
-        "Maximum speed of a character's sphere. A faster one counts as a jump and hits nothing.",
-        unit="m/s",
-        low=0.1,
-        high=200.0,
-    )
-    fastest_prop: float = setting(12.0, "Maximum speed of boxes and balls.", unit="m/s", low=0.1, high=100.0)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from enliven.doctor import need
 from enliven.document import Character, Props
 from enliven.errors import EnlivenError, ResourceError
 from enliven.wire import PhysicsMessage
-from enliven_edge.extras import need
 from enliven_edge.physics.settings import PhysicsSettings, WorldName
-from enliven_edge.stage import Tick
+from enliven_edge.stage.tick import Tick
 
 if TYPE_CHECKING:
     from enliven_edge.physics.playground import Playground
@@ -29,7 +29,7 @@ _MAX_MESSAGE_LENGTH = 160
 
 
 class _Preparation(threading.Thread):
-    """Loads the engine and packs characters into spheres in the background."""
+    """Loads the engine and fits spheres to the characters in the background."""
 
     def __init__(self, settings: PhysicsSettings, characters: list[Character]) -> None:
         super().__init__(name="preparation of the physics", daemon=True)
@@ -48,7 +48,7 @@ class _Preparation(threading.Thread):
         except Exception:
             log.exception("the physics could not be prepared")
             self.result = ResourceError(
-                "the physics could not be prepared", where=_WHERE, mend="The edge's log has the details."
+                "the physics could not be prepared", where=_WHERE, remedy="The edge's log has the details."
             )
 
 
@@ -56,7 +56,7 @@ class PhysicsSwitch:
     """The physics objects of an edge, if any.
 
     Args:
-        settings: of the engine and its objects. Viewers choose ``world`` later.
+        settings: settings of the engine and its objects. Viewers choose ``world`` later.
         live: True if frames come in real time. A recording must give the same objects each time, so no time
             budget applies.
         playground: the world at the start. None: no objects.
@@ -77,10 +77,15 @@ class PhysicsSwitch:
         self._preparation: _Preparation | None = None
         self._characters: Mapping[str, Character] = {}
         self._clears = False
-        on = playground is not None
+        is_on = playground is not None
         world = playground.settings.world if playground is not None else "none"
-        self._state = PhysicsMessage(world, "on" if on else "off")
+        self._state = PhysicsMessage(world, "on" if is_on else "off")
         self._told: PhysicsMessage | None = None
+
+    @property
+    def world(self) -> WorldName:
+        """The objects that are on the stage, or are being prepared."""
+        return self._state.world if self._state.state in ("on", "preparing") else "none"
 
     def ask(self, world: Literal["none", "boxes", "dodgeball"]) -> None:
         """Switches to other objects; "none" removes them.
@@ -92,7 +97,7 @@ class PhysicsSwitch:
             try:
                 need("mujoco", "physics", _WHERE)
             except ResourceError as error:
-                self._state = PhysicsMessage(world, "missing", error.what, error.mend or "")
+                self._state = PhysicsMessage(world, "missing", error.what, error.remedy or "")
                 raise
         self._clears = self._playground is not None
         self._playground = self._preparation = None
@@ -113,7 +118,7 @@ class PhysicsSwitch:
             self._playground.show(characters)
 
     def step(self, tick: Tick) -> Props | None:
-        """Returns the objects after a frame. Empty once after they were removed, then None."""
+        """Returns the objects after a frame. After their removal, returns an empty set once, then None."""
         if self._playground is not None:
             self._clears = False
             return self._playground.step(tick)
@@ -135,8 +140,8 @@ class PhysicsSwitch:
     def _show_result(self, result: Playground | EnlivenError) -> None:
         """Puts the prepared objects on the stage, or stores the reason of the failure."""
         if isinstance(result, EnlivenError):
-            problem, mend = result.what[:_MAX_MESSAGE_LENGTH], (result.mend or "")[:_MAX_MESSAGE_LENGTH]
-            self._state = PhysicsMessage(self._state.world, "failed", problem, mend)
+            problem, remedy = result.what[:_MAX_MESSAGE_LENGTH], (result.remedy or "")[:_MAX_MESSAGE_LENGTH]
+            self._state = PhysicsMessage(self._state.world, "failed", problem, remedy)
             return
         self._playground = result
         self._state = PhysicsMessage(self._state.world, "on")

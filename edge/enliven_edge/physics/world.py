@@ -17,6 +17,19 @@ from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limi
 from enliven_edge.physics.settings import EngineSettings
 
 log = logging.getLogger(__name__)
+
+_MAX_CATCH_UP_S = 0.1
+"""Maximum time that is simulated after a pause; the rest is skipped."""
+MAX_SUBSTEP_S = 0.0056
+"""Maximum time step of the simulation. Smaller steps are more stable but slower."""
+_MAX_SPHERE_SPEED_M_S = 15.0
+"""Maximum speed of a character's sphere. A faster one counts as a jump and hits nothing."""
+_MAX_PUSH_OUT_M_S = 0.8
+"""Maximum speed at which overlapping objects are pushed apart."""
+MAX_PROP_SPEED_M_S = 12.0
+"""Maximum speed of boxes and balls."""
+CONTACT_TIME_S = 0.02
+"""Time constant in which contacts settle. Lower values make contacts harder."""
 # Handle the engine's warnings here. Otherwise the engine writes a file MUJOCO_LOG.TXT into the working
 # directory.
 mujoco.set_mju_user_warning(lambda message: log.debug("the engine warns: %s", message))
@@ -28,11 +41,11 @@ _SPHERE = 2
 _FLOOR = 4
 """Collision bit of the floor, which collides with props only."""
 _PARKING_PLACE = np.array([0.0, -60.0, 0.0])
-"""(3,) metres: the place of unused spheres, far below the floor."""
+"""(3,) the parking position of unused spheres in metres, far below the floor."""
 _SPHERE_BATCH = 64
-"""Number of spheres that the model grows by. Rebuilding takes time, so a few newcomers must not cause it."""
+"""Number of spheres that are added to the model at once, because rebuilding it takes time."""
 _MAX_TURN_RATE = 40.0
-"""Maximum radians per second of a prop: a faster rotation is a contact error."""
+"""Maximum angular speed of a prop in radians per second. A faster rotation is a contact error."""
 _MAX_PROP_DISTANCE_M = 500.0
 """Maximum distance of a prop from the origin, in metres. A prop farther away was flung away by an error."""
 
@@ -74,7 +87,7 @@ class World:
 
     @property
     def positions(self) -> Float:
-        """(P, 3) metres."""
+        """(P, 3) positions of the props in metres."""
         return self._data.qpos.reshape(-1, 7)[:, :3]
 
     @property
@@ -84,7 +97,9 @@ class World:
 
     @property
     def velocities(self) -> Float:
-        """(P, 6) metres per second, and radians per second in the prop's own frame."""
+        """(P, 6) linear velocity in metres per second, and angular velocity in radians per second in the
+        prop's own frame.
+        """
         return self._data.qvel.reshape(-1, 6)
 
     def put(
@@ -104,7 +119,7 @@ class World:
         self._data.qacc_warmstart[:] = 0.0
 
     def move(self, centres: Float, radii: Float) -> None:
-        """Sets the spheres' places at the end of the next :meth:`advance`.
+        """Sets the spheres' positions at the end of the next :meth:`advance`.
 
         Args:
             centres: (S, 3) metres. A row that is not finite removes its sphere.
@@ -119,46 +134,46 @@ class World:
         self._radii = np.zeros(len(self._to))
         self._radii[:count][is_present] = radii[is_present]
         self._from, self._to = self._to.copy(), target
-        # A sphere that has just appeared has no previous place, so it gets no speed.
+        # A sphere that has just appeared has no previous position, so it gets no velocity.
         is_new = (was_present == 0) != (self._radii == 0)
         self._from[is_new] = self._to[is_new]
         self._resize(np.flatnonzero(np.abs(self._radii - was_present) > 1e-3 * was_present))
 
     def restart(self) -> None:
-        """Stops every motion, after an error."""
+        """Stops every motion after an error."""
         mujoco.mj_resetData(self._model, self._data)
         self._from = self._to
         self._data.mocap_pos[:] = self._to
 
     def mark_as_new(self, numbers: slice) -> None:
-        """Marks spheres as new at their places, without a velocity."""
+        """Marks spheres as new, so that they get no velocity from a previous position."""
         self._from[numbers] = self._to[numbers]
 
     def advance(self, seconds: float) -> str:
-        """Advances time. Returns an error text if the props are no longer valid, else ""."""
+        """Simulates the given time. Returns an error text if the props are no longer valid, else ""."""
         self.touched[:] = NOTHING
-        whole, settings = min(max(seconds, 0.0), self.settings.catch_up), self.settings
-        count = math.ceil(whole / settings.substep - 1e-6)
+        total_s, settings = min(max(seconds, 0.0), _MAX_CATCH_UP_S), self.settings
+        count = math.ceil(total_s / MAX_SUBSTEP_S - 1e-6)
         if count <= 0:
             self._data.mocap_pos[:] = self._to
             return ""
-        step = self._model.opt.timestep = whole / count
+        step = self._model.opt.timestep = total_s / count
         path = self._to - self._from
-        path[np.square(path).sum(1) > (settings.fastest * max(seconds, whole)) ** 2] = 0.0
-        speeds = path / max(seconds, whole)
-        skipped = time.perf_counter()
+        path[np.square(path).sum(1) > (_MAX_SPHERE_SPEED_M_S * max(seconds, total_s)) ** 2] = 0.0
+        speeds = path / max(seconds, total_s)
+        started_at = time.perf_counter()
         for k in range(count):
             # After a long pause, simulate only the end of the pause.
-            self._data.mocap_pos[:] = self._to - speeds * (whole - k * step)
+            self._data.mocap_pos[:] = self._to - speeds * (total_s - k * step)
             problem = self._substep(speeds)
             if problem:
                 return problem
-            if settings.budget and time.perf_counter() - skipped > settings.budget and k + 1 < count:
-                self.left_out += whole - (k + 1) * step
+            if settings.budget and time.perf_counter() - started_at > settings.budget and k + 1 < count:
+                self.left_out += total_s - (k + 1) * step
                 break
         self._data.mocap_pos[:] = self._to
-        far = np.abs(self.positions).max(initial=0.0)
-        return "" if far < _MAX_PROP_DISTANCE_M else "a prop was flung out of the world"
+        max_distance = np.abs(self.positions).max(initial=0.0)
+        return "" if max_distance < _MAX_PROP_DISTANCE_M else "a prop was flung out of the world"
 
     def _substep(self, speeds: Float) -> str:
         """Runs one step of the engine. Returns an error text, or ""."""
@@ -177,28 +192,28 @@ class World:
                 self._owner,
                 speeds,
                 self.props.bounce,
-                self.settings.push_out,
+                _MAX_PUSH_OUT_M_S,
                 model.opt.timestep,
                 self.touched,
             )
             mujoco.mj_step2(model, data)
         except mujoco.FatalError as error:
-            return f"the engine gave up ({error})"
-        if not limit_speeds(self.velocities, self.settings.fastest_prop, _MAX_TURN_RATE):
-            return "a speed was no longer a number"
-        return "" if np.isfinite(data.qpos).all() else "a place was no longer a number"
+            return f"the engine failed ({error})"
+        if not limit_speeds(self.velocities, MAX_PROP_SPEED_M_S, _MAX_TURN_RATE):
+            return "a velocity is not a finite number"
+        return "" if np.isfinite(data.qpos).all() else "a position is not a finite number"
 
     def _build(self, spheres: int) -> None:
-        """Builds the model for at least ``spheres`` spheres. Moving props keep their motion."""
+        """Builds the engine's model for at least ``spheres`` spheres. Moving props keep their motion."""
         count = -(-spheres // _SPHERE_BATCH) * _SPHERE_BATCH
         before = getattr(self, "_data", None)
         self._model = _model(self.props, count, self.settings)
         self._data = mujoco.MjData(self._model)
         if before is not None:
             self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
-        kept = len(self._to)
+        kept_count = len(self._to)
         self._from, self._to = (_pad_rows(a, count, _PARKING_PLACE) for a in (self._from, self._to))
-        self._radii = np.concatenate([self._radii, np.zeros(count - kept)])
+        self._radii = np.concatenate([self._radii, np.zeros(count - kept_count)])
         self._geoms = np.array([self._model.geom(f"sphere{k}").id for k in range(count)], np.int64)
         self._owner = np.full(self._model.ngeom, FLOOR, np.int64)
         self._owner[self._geoms] = np.arange(count)
@@ -227,11 +242,11 @@ def _pad_rows(rows: Float, count: int, fill: Float) -> Float:
 
 
 def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
-    """Returns the engine's model: a floor, the props, the spheres."""
+    """Returns the engine's model: a floor, the props and the spheres."""
     spec = mujoco.MjSpec()
     option = spec.option
     option.gravity = [0.0, -settings.gravity, 0.0]
-    option.timestep = settings.substep
+    option.timestep = MAX_SUBSTEP_S
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -239,13 +254,13 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
     # slow a crash down without visible gain.
     option.iterations = 5
     common: dict[str, Any] = {
-        "solref": [settings.stiffness, 1.0],
+        "solref": [CONTACT_TIME_S, 1.0],
         "friction": [settings.friction, 0.005, 0.0005],
     }
     floor = {"contype": _FLOOR, "conaffinity": _PROP, **common}
     # Rotate the plane, because the engine's planes face +Z.
-    turned = [math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0]
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], quat=turned, **floor)
+    floor_rotation = [math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0]
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], quat=floor_rotation, **floor)
     everything = _PROP | _SPHERE | _FLOOR
     for p in range(len(props.shapes)):
         body = spec.worldbody.add_body()

@@ -1,5 +1,3 @@
-"""The take of a performance. After a full disk it continues in a new part."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""The recording of a performance (a take), split into parts. The oldest parts are deleted before the disk is
+full.
+"""

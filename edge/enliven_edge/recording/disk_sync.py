@@ -9,9 +9,10 @@ import threading
 
 from enliven.errors import ResourceError
 
-SYNC_INTERVAL_S = 5.0
-"""Interval between two calls of fsync, in seconds. A power cut may cost this part of a recording. The disk of
-a small computer takes up to a second for one call, which must not block the frame loop."""
+SYNC_INTERVAL_S = 0.5
+"""Interval between two calls of fsync, in seconds. A power cut may lose the data written in this time. On the
+disk of a small computer one call takes up to a second, which must not block the frame loop.
+"""
 _CLOSE_TIMEOUT_S = 1.0
 """Longest time that closing waits for the last call, in seconds."""
 _UNSUPPORTED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
@@ -22,7 +23,7 @@ class DiskSync:
     """Calls :func:`os.fsync` for a file periodically on its own thread.
 
     Args:
-        descriptor: of the open file. It may be closed at any time.
+        descriptor: the descriptor of the open file. It may be closed at any time.
         every: seconds between two calls.
 
     Attributes:
@@ -38,11 +39,11 @@ class DiskSync:
         self._thread.start()
 
     def check(self) -> None:
-        """Raises ResourceError if the disk refused written data."""
+        """Raises ResourceError if the disk failed to store written data."""
         if self._failure is not None:
             raise ResourceError(
                 f"the written data does not reach the disk ({self._failure.strerror})",
-                mend="Check the disk and its space.",
+                remedy="Check the disk and its space.",
             )
 
     def close(self) -> None:

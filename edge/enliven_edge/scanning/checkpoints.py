@@ -9,9 +9,9 @@ from typing import Generic, TypeVar
 _INTERVAL_S = 2.0
 """Seconds of the sensor's clock between two checkpoints."""
 _MAX_CHECKPOINTS = 3
-"""Number of checkpoints: six seconds, in which users notice a mistake."""
+"""Number of checkpoints: they cover six seconds, enough to notice a mistake."""
 _MAX_MEGABYTES = 1200.0
-"""Memory limit of all checkpoints. Fewer are kept of a larger scan, and none of a very large one."""
+"""Memory limit of all checkpoints. A larger scan has fewer checkpoints, and a very large one none."""
 
 State = TypeVar("State")
 
@@ -24,13 +24,13 @@ class Checkpoints(Generic[State]):
 
     def offer(self, state: State, time_ns: int, megabytes: float) -> None:
         """Keeps a copy of a state if the newest copy is old enough and memory is left."""
-        most = min(_MAX_CHECKPOINTS, int(_MAX_MEGABYTES / max(megabytes, 1e-9)))
+        max_count = min(_MAX_CHECKPOINTS, int(_MAX_MEGABYTES / max(megabytes, 1e-9)))
         newest = self._checkpoints[-1][0] if self._checkpoints else None
         if newest is not None and 0 <= time_ns - newest < _INTERVAL_S * 1e9:
             return
-        while len(self._checkpoints) >= max(most, 1):
+        while len(self._checkpoints) >= max(max_count, 1):
             self._checkpoints.popleft()
-        if most:
+        if max_count:
             self._checkpoints.append((time_ns, copy.deepcopy(state)))
 
     def seconds(self, now_ns: int) -> float:
@@ -53,5 +53,5 @@ class Checkpoints(Generic[State]):
 
     def _find_restorable(self, now_ns: int) -> int | None:
         """Returns the index of the newest checkpoint that is at least half an interval old."""
-        old = [k for k, (at, _) in enumerate(self._checkpoints) if now_ns - at >= 0.5e9 * _INTERVAL_S]
-        return old[-1] if old else None
+        restorable = [k for k, (at, _) in enumerate(self._checkpoints) if now_ns - at >= 0.5e9 * _INTERVAL_S]
+        return restorable[-1] if restorable else None

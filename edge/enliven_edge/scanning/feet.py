@@ -12,14 +12,15 @@ from enliven.person import Body, Joint
 _MIN_CONFIDENCE = 0.5
 """Minimum confidence of a joint that is used."""
 _FOOT_RADIUS_M = 0.16
-"""Horizontal distance from ankles and toes within which low pixels belong to a foot, in metres: half of a
-foot's length."""
+"""Horizontal distance from ankles and toes within which low pixels belong to a foot, in metres: half a foot's
+length.
+"""
 MAX_FOOT_HEIGHT_M = 0.12
-"""Maximum height of foot pixels above the floor, in metres. The tracker leaves out pixels this near the
-floor."""
+"""Maximum height of foot pixels above the floor, in metres. The tracker ignores pixels below this height."""
 _FLOOR_NOISE_M = 0.02
-"""Height up to which points count as the floor, in metres. It is the noise of the floor at two to three
-metres."""
+"""Height up to which points count as the floor, in metres: the depth noise of the floor at a distance of two
+to three metres.
+"""
 
 
 def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool:
@@ -29,11 +30,11 @@ def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool
     turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]
     points = np.concatenate([ray[rows] * z[rows], z[rows]], -1) @ turn.T + place
     low = (points[..., 1] > _FLOOR_NOISE_M) & (points[..., 1] < MAX_FOOT_HEIGHT_M)
-    near = np.zeros(low.shape, bool)
+    is_near = np.zeros(low.shape, bool)
     for joint in (Joint.ANKLE_LEFT, Joint.FOOT_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT):
         if body.confidence[joint] >= _MIN_CONFIDENCE:
-            away = points[..., [0, 2]] - body.joints[joint, [0, 2]]
-            near |= np.square(away).sum(-1) < _FOOT_RADIUS_M**2
+            offsets = points[..., [0, 2]] - body.joints[joint, [0, 2]]
+            is_near |= np.square(offsets).sum(-1) < _FOOT_RADIUS_M**2
     feet: Bool = np.zeros(frame.depth.shape, bool)
-    feet[rows] = low & near
+    feet[rows] = low & is_near
     return feet

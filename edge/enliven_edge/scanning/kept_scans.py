@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.files import replace_file
 from enliven.recording import Recorder, Recording
 from enliven.scanning import Scanner, ScanState
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.scanning.sources import recorded_images
 
 STORED_SCAN_SUFFIX = ".scan.mcap"
@@ -61,21 +61,21 @@ def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     if path.exists() and not source.exists():
         problem = f"its scan was not kept: {source.name} is missing"
         raise InputError(
-            problem, where=str(path), mend="Give the recording that it was made from, or scan again."
+            problem, where=str(path), remedy="Give the recording that it was made from, or scan again."
         )
-    placed = _METADATA_NAME in Recording(source).info.metadata
+    has_poses = _METADATA_NAME in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
     for frame in recorded_images(source, stop):
-        if placed and frame.world_from_camera is not None:
+        if has_poses and frame.world_from_camera is not None:
             scanner.place(frame, frame.world_from_camera)
         else:
             states[scanner.add(frame).state] += 1
     if 2 * states[ScanState.UNSURE] > states.total():
         problem = "it shows little more than one blank surface, so the camera cannot be located"
-        raise InputError(problem, where=str(source), mend="Keep other objects in view, too.")
+        raise InputError(problem, where=str(source), remedy="Keep other objects in view, too.")
     if not scanner.poses:
         problem = "no frame of it shows enough depth"
-        raise InputError(problem, where=str(source), mend="Give a recording of the same place or object.")
+        raise InputError(problem, where=str(source), remedy="Give a recording of the same place or object.")
     scanner.look_again()
     return len(scanner.poses)
 
@@ -91,7 +91,7 @@ def check_registered(registered_count: int, path: Path) -> None:
     """
     if not registered_count:
         problem = "no part of the earlier scan was seen again, so the new images cannot be aligned"
-        mend = (
+        remedy = (
             "Begin with a part that both scans show, from an earlier viewpoint, and hold still for a moment."
         )
-        raise InputError(problem, where=str(path), mend=mend)
+        raise InputError(problem, where=str(path), remedy=remedy)

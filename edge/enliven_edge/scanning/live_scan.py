@@ -18,8 +18,9 @@ from enliven.errors import EnlivenError, InputError, error_location
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings, settings_within
-from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, object_tracking_settings
-from enliven.wire import Scan, ScanMessage, ScanPieceMessage
+from enliven.scanning.objects.moved_scanner import MovedScanner, object_tracking_settings
+from enliven.scanning.objects.moved_step import MovedStep, ObjectState
+from enliven.wire import Scan, ScanMessage, ScanMode, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.object_messages import describe_places
 from enliven_edge.scanning.person import MAX_PERSON_DISTANCE_M, PersonScanner, ScannedPerson
@@ -44,9 +45,9 @@ _MAX_TRIANGLES = 50_000
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
 _PHASE_AFTER: dict[str, Phase] = {"pause": "paused", "go on": "scanning", "done": "finishing"}
-"""The phase that starts as soon as an order arrives."""
+"""The phase of the scan that starts as soon as an order arrives."""
 Cast = Callable[[Mesh, str, ScannedPerson | None], Any]
-"""Makes a character's actor from a mesh, its id and the person that it shows."""
+"""Creates a character's actor from a mesh, the actor's id, and the scanned person (None for an object)."""
 
 
 @dataclass
@@ -61,7 +62,7 @@ class ScanRun:
 def scan_settings(order: Scan) -> ScanSettings:
     """Returns the settings of a scan that a viewer requested."""
     volume = VolumeSettings(voxel=order.voxel)
-    if order.person:
+    if order.mode is ScanMode.PERSON:
         return settings_within(replace(volume, reach=MAX_PERSON_DISTANCE_M), MAX_PERSON_DISTANCE_M)
     return ScanSettings(volume=volume) if order.within is None else settings_within(volume, order.within)
 
@@ -69,32 +70,31 @@ def scan_settings(order: Scan) -> ScanSettings:
 def _create_scanner(order: Scan) -> Scanner | MovedScanner:
     """Returns the scanner that fuses the images of a scan."""
     settings = scan_settings(order)
-    if order.person:
+    if order.mode is ScanMode.PERSON:
         return PersonScanner(settings)
-    if order.turned:
+    if order.mode is ScanMode.TURNED:
         return MovedScanner(object_tracking_settings(settings))
-    return MovedScanner(settings) if order.moved else Scanner(settings)
+    return MovedScanner(settings) if order.mode is ScanMode.MOVED else Scanner(settings)
 
 
 class LiveScan(threading.Thread):
-    """One scan. The edge's loop offers images and takes messages.
+    """One scan. The edge's loop offers images and collects messages.
 
     Args:
         number: the scan's number.
         order: the viewer's request, with the name of the resulting character.
-        cast: makes the actor, on this scan's own thread.
+        cast: creates the actor, on this scan's own thread.
 
     Attributes:
-        actor: the scanned character for the stage, once it is done. The loop takes it.
+        actor: the scanned character for the stage, once it is done. The edge's loop collects it.
     """
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
         super().__init__(name="scan", daemon=True)
         self.number, self.order, self.actor = number, order, None
         self._cast = cast
-        self._run = ScanRun(
-            _create_scanner(order), ScanLog(), MovedObjectState("person" if order.person else "")
-        )
+        thing = MovedObjectState("person" if order.mode is ScanMode.PERSON else "")
+        self._run = ScanRun(_create_scanner(order), ScanLog(), thing)
         self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
         self._preview, self._placement = SurfacePreview(number), ScanPlacement()
         self._frame: DepthFrame | None = None
@@ -129,12 +129,12 @@ class LiveScan(threading.Thread):
             InputError: if it cannot be done now.
         """
         if self.phase == "finishing":
-            raise InputError("the mesh is being made", where="scan", mend="Wait until it is on the stage.")
+            raise InputError("the mesh is being made", where="scan", remedy="Wait until it is on the stage.")
         if order.do == "undo" and not self._checkpoints.seconds(self._now_ns):
-            raise InputError("nothing can be undone", where="scan", mend="Cancel it, or scan on.")
+            raise InputError("nothing can be undone", where="scan", remedy="Cancel it, or continue.")
         next_phase = _PHASE_AFTER.get(order.do)
         if next_phase is not None and (order.do != "pause" or self.phase == "scanning"):
-            # Change the phase immediately, because the thread may be busy with a large surface for seconds.
+            # Change the phase immediately, because the thread may need seconds for a large surface.
             self.phase, self._note = next_phase, ("", "")
             self._messages.append(self._message())
         with self._wake:
@@ -172,14 +172,14 @@ class LiveScan(threading.Thread):
                     self._fuse(frame)
             except EnlivenError as error:
                 self._fail(error)
-            except Exception as error:  # The edge must go on running, and the scan reports the error.
+            except Exception as error:  # The edge must continue to run, so the scan only reports the error.
                 log.exception("the scan failed")
-                mend = "Cancel it and scan again; the log of the edge says more."
-                self._fail(InputError(f"the scan failed{error_location(error)}", where="scan", mend=mend))
+                remedy = "Cancel it and scan again; the log of the edge has the details."
+                self._fail(InputError(f"the scan failed{error_location(error)}", where="scan", remedy=remedy))
             self._queue_messages()
 
     def _fuse(self, frame: DepthFrame) -> None:
-        """Adds an image."""
+        """Fuses an image with the surface."""
         run = self._run
         result = run.scanner.add(frame)
         if isinstance(result, MovedStep):
@@ -215,7 +215,7 @@ class LiveScan(threading.Thread):
             self._finish(order)
 
     def _finish(self, order: Scan) -> None:
-        """Makes the character."""
+        """Creates the character from the scan."""
         run, name = self._run, self.order.name or "scan"
         run.scan_log.refuse("scan", run.scanner)
         scan_result = finish_scan(run.scanner, self._select_kept_part(order), _MAX_TRIANGLES, name)
@@ -230,21 +230,23 @@ class LiveScan(threading.Thread):
         self.phase = "done"
 
     def _select_kept_part(self, order: Scan) -> Keep:
-        """Returns the part that is kept, as the viewer requested."""
+        """Returns the part of the scan that the viewer wants to keep."""
         if order.box:
             low, high = np.array(order.box, float).reshape(2, 3)
             frame = np.vstack([np.array(order.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
             return Keep("box", low, high, frame)
-        return Keep("all" if order.whole else "thing" if self.order.within is None else "alone")
+        if order.whole:
+            return Keep("all")
+        return Keep("alone" if self.order.mode is ScanMode.NEAR else "thing")
 
     def _fail(self, error: EnlivenError) -> None:
-        """Reports an error. The scan goes on if the viewer asks for it."""
+        """Reports an error. The viewer can request that the scan continues."""
         # In a window the user presses a button instead of giving an option of a command.
-        self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
+        self._note = error.what[:160], error.remedy.replace("add --whole to keep", "keep")[:160]
         self.phase = "failed"
 
     def _queue_messages(self) -> None:
-        """Sends progress and the pieces that changed."""
+        """Queues a progress message and the changed pieces of the surface."""
         now, scanner = time.monotonic(), self._run.scanner
         if now - self._last_preview_at >= _PREVIEW_INTERVAL_S and self.phase in (
             "scanning",
@@ -280,7 +282,7 @@ class LiveScan(threading.Thread):
             view=[] if self._camera is None else placement.view,
             character=(self.order.name or "") if self.phase == "done" else "",
             note=self._note[0],
-            mend=self._note[1],
+            remedy=self._note[1],
             thing=self._run.thing.word,
             seconds=self._run.thing.seconds,
             places=self._run.thing.places,
@@ -291,5 +293,5 @@ class LiveScan(threading.Thread):
 
 def _note(sentences: list[str], default: str) -> tuple[str, str]:
     """Returns the first of several sentences, split into a note and its remedy."""
-    note, _, mend = (sentences[0] if sentences else default).partition(". ")
-    return note[:160], mend[:160]
+    note, _, remedy = (sentences[0] if sentences else default).partition(". ")
+    return note[:160], remedy[:160]

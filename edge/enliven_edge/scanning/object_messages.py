@@ -1,4 +1,6 @@
-"""Messages about the objects in a scan: which one was taken, which others exist, and where it was found."""
+"""Messages about the objects in a scan: the selected one, the other ones, and the places where it was
+found.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ import numpy as np
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, extract_surface, find_focus, find_ground, find_parts, level_mesh
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects.moved_scanner import MovedScanner
 
 _NOT_SEEN_TO_TURN = (
     "It was not seen to move: the mesh shows it as it stood. Let the floor about it and some of the room be "
@@ -20,30 +22,29 @@ second."""
 
 
 def describe_objects(scanner: Scanner | MovedScanner) -> list[str]:
-    """Returns sentences about a scan's objects: which of several was taken, and where it was found."""
+    """Returns sentences about a scan's objects: which of several was selected, and where it was found."""
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
-    # If motion selected the object, it is the part that moved, even if the camera looked more at another
-    # object.
+    # If motion selected the object, it is the moved part, even if the camera looked more at another object.
     is_chosen_by_motion = isinstance(scanner, MovedScanner) and scanner.followed
     sentences = [*([] if is_chosen_by_motion else _describe_choice(first)), *describe_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
-        turned = scanner.settings.moved.followed
+        is_turned = scanner.settings.moved.followed
         sentences[-1] = (
-            _NOT_SEEN_TO_TURN if turned else f"{sentences[-1]} Without --moved this scan is quicker."
+            _NOT_SEEN_TO_TURN if is_turned else f"{sentences[-1]} Without --moved this scan is quicker."
         )
     return sentences
 
 
 def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
-    """Returns sentences about the places in which a moved object was found, and about failed searches."""
+    """Returns sentences about the places where a moved object was found, and about failed searches."""
     if not isinstance(scanner, MovedScanner):
         return []
     sentences: list[str] = []
     if scanner.unplaced:
-        lost = sum(rest.count for rest in scanner.unplaced)
+        lost = sum(place.count for place in scanner.unplaced)
         where = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
         sentences.append(
-            f"{where} Show more of the sides that were seen before, and hold still once the object stands."
+            f"{where} Show more of the sides that were seen before, and hold still when the object rests."
         )
     if scanner.followed:
         sentences.append(
@@ -62,15 +63,15 @@ def _describe_choice(scanner: Scanner) -> list[str]:
     """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
     mesh, cut = extract_surface(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
     try:
-        ground = find_ground(mesh, settings=cut)
+        ground = find_ground(mesh)
     except InputError:
         return []
     parts = find_parts(mesh, ground, find_focus([pose for _, pose in scanner.poses]), cut)
     if len(parts) < 2:
         return []
     sizes = [_size(level_mesh(part, ground)) for part in parts]
-    listed = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
-    return [f"{len(parts)} objects stand there ({listed} cm); number {cut.number} was taken, see --thing."]
+    size_list = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
+    return [f"{len(parts)} objects stand there ({size_list} cm); number {cut.number} was taken, see --thing."]
 
 
 def _size(mesh: Mesh) -> str:

@@ -27,7 +27,7 @@ from enliven.scanning import (
     level_mesh,
 )
 from enliven_edge.scanning.feet import MAX_FOOT_HEIGHT_M, feet_pixels
-from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.tracker import Tracker
 
 MAX_PERSON_DISTANCE_M = 3.5
 """Maximum distance of a person, in metres. There, a pixel is 6 mm wide, and the depth error is 2 cm."""
@@ -40,7 +40,7 @@ _MAX_TURN = np.deg2rad(50.0)
 """Rotation since the first image, in radians, above which joints are ignored. From behind, the tracker may
 swap left and right."""
 _MIN_CONFIDENCE = 0.5
-"""Minimum confidence of a joint that is used."""
+"""Minimum confidence of the joints that are used."""
 _MOVED_JOINT_M = 0.12
 """Distance of a joint from its place on the body above which its limb counts as moved, in metres."""
 _MIN_MOVED_FRACTION = 0.2
@@ -67,7 +67,7 @@ _ENDS = (Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.F
 """The end joints that drive a mesh limb by limb, in the order of :class:`ActorSettings`."""
 
 _TRUNK = (Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""The joints that must be known to estimate missing ones: hip and neck first."""
+"""The trunk joints (hip and neck first), which must be known to estimate missing joints."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class ScannedPerson:
 
     @property
     def ends(self) -> Float:
-        """(5, 3) the ends of head, hands and feet. (0, 3) if one of them was not seen."""
+        """(5, 3) end positions of head, hands and feet. (0, 3) if one of them was not seen."""
         ends = self.joints[list(_ENDS)].copy()
         if not np.isfinite(ends).all():
             return np.empty((0, 3))
@@ -133,11 +133,11 @@ class PersonScanner(Scanner):
         """Finds the person in a frame, and fuses the person's pixels. See :meth:`Scanner.add`."""
         bodies = self._people.track(replace(frame, world_from_camera=None))
         body = self._choose_person(bodies)
-        if body is None or (own := self._person_pixels(frame, body)) is None:
+        if body is None or (person_pixels := self._person_pixels(frame, body)) is None:
             self.absent += self._person is not None
             return ScanStep(ScanState.EMPTY, self._pose)
         pose = self._people.world_from_camera
-        depth = np.where(own, frame.depth, 0).astype(frame.depth.dtype)
+        depth = np.where(person_pixels, frame.depth, 0).astype(frame.depth.dtype)
         step = super().add(replace(frame, depth=depth, world_from_camera=pose), up, aside)
         self.lost += step.state in (ScanState.LOST, ScanState.UNSURE)
         if step.state is ScanState.SCANNING and pose is not None:
@@ -168,10 +168,10 @@ class PersonScanner(Scanner):
         """
         surface, joints = self.surface(), self._median_joints()
         if not len(surface.faces):
-            mend = "Stand nearer, or scan for longer."
-            raise InputError("no surface was seen often enough", where="scan", mend=mend)
+            remedy = "Stand nearer, or scan for longer."
+            raise InputError("no surface was seen often enough", where="scan", remedy=remedy)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
-        # Cut the mesh off above the boundary of the soles, and close it down to the floor. This also fills
+        # Cut the mesh off above the ragged edge of the soles, and close it down to the floor. This also fills
         # feet that were hidden or outside the image.
         cut = replace(
             self.settings.cut_out, number=1, clearance=_FOOT_CUT_M, hole=_MAX_HOLE_M, drawn=MAX_FOOT_HEIGHT_M
@@ -180,8 +180,8 @@ class PersonScanner(Scanner):
         floor = GroundPlane(_UP, 0.0 if self.is_on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = find_parts(surface, floor, focus, cut)
         if not parts:
-            mend = "Stand fully in view, and nearer."
-            raise InputError("too little of the person was scanned", where="scan", mend=mend)
+            remedy = "Stand fully in view, and nearer."
+            raise InputError("too little of the person was scanned", where="scan", remedy=remedy)
         if self.is_on_floor:
             mesh = cut_out(surface, floor, focus, cut)
         else:
@@ -197,31 +197,31 @@ class PersonScanner(Scanner):
             InputError: if no person was seen, or not enough of the person.
         """
         if self._person is None:
-            mend = "Stand one to three metres in front of the fixed camera, with nothing in between."
-            raise InputError("no person was seen", where=where, mend=mend)
+            remedy = "Stand one to three metres in front of the fixed camera, with nothing in between."
+            raise InputError("no person was seen", where=where, remedy=remedy)
         if not self.poses:
-            mend = "Stand nearer, and scan for longer."
-            raise InputError("too little of the person was seen", where=where, mend=mend)
+            remedy = "Stand nearer, and scan for longer."
+            raise InputError("too little of the person was seen", where=where, remedy=remedy)
 
     def advice(self, frames: int) -> list[str]:
         """Returns one sentence for each problem that can be avoided in the next scan."""
         sentences = []
         if self.absent:
-            sentences.append(f"In {self.absent} of {frames} images the person was out of view; stay in it.")
+            sentences.append(f"In {self.absent} of {frames} images the person was out of view; stay in view.")
         if self.lost > _MIN_MOVED_FRACTION * frames:
             problem = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
             sentences.append(f"{problem} Turn in five seconds or more, and keep your pose.")
-        moved = self.measure_limb_motion()
-        if moved:
+        moved_limbs = self.measure_limb_motion()
+        if moved_limbs:
             limbs = " and the ".join(
-                f"{limb} (by {100 * distance:.0f} cm)" for limb, distance in moved.items()
+                f"{limb} (by {100 * distance:.0f} cm)" for limb, distance in moved_limbs.items()
             )
             sentences.append(f"The {limbs} moved; keep arms and legs still while you turn.")
         return sentences
 
     def measure_limb_motion(self) -> dict[str, float]:
-        """Returns, for limbs that often moved, the distance in metres from their place on the body."""
-        median, moved = self._median_joints(), {}
+        """Returns, for limbs that often moved, the distance in metres from their usual place on the body."""
+        median, moved_limbs = self._median_joints(), {}
         for limb, joints in _LIMBS.items():
             distances = [
                 max(
@@ -234,8 +234,8 @@ class PersonScanner(Scanner):
             ]
             is_moved = [distance for distance in distances if distance > _MOVED_JOINT_M]
             if len(is_moved) > max(_MIN_MOVED_FRACTION * len(distances), 1):
-                moved[limb] = float(np.median(is_moved))
-        return moved
+                moved_limbs[limb] = float(np.median(is_moved))
+        return moved_limbs
 
     @property
     def is_on_floor(self) -> bool:
@@ -267,9 +267,11 @@ class PersonScanner(Scanner):
         return person_mask | feet_pixels(frame, body, pose) if self.is_on_floor else person_mask
 
     def _store_joints(self, body: Body, object_from_room: Float) -> None:
-        """Stores the joints in the body frame while the person faces about the same way as at first."""
-        turned = np.arccos(np.clip((np.trace(object_from_room[:3, :3]) - 1) / 2, -1.0, 1.0))
-        if turned < _MAX_TURN:
+        """Stores the joints in the body frame if the person faces about the same direction as in the first
+        image.
+        """
+        turn_angle = np.arccos(np.clip((np.trace(object_from_room[:3, :3]) - 1) / 2, -1.0, 1.0))
+        if turn_angle < _MAX_TURN:
             places = body.joints @ object_from_room[:3, :3].T + object_from_room[:3, 3]
             self._joints.append((places, body.confidence))
 

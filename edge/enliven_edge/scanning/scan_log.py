@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.scanning import Scanner, ScanState, ScanStep
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.scanning.person import PersonScanner
 
 _MIN_PATH_M = 0.05
@@ -44,16 +44,16 @@ class ScanLog:
             return
         place = step.world_from_camera[:3, 3]
         if self._last is not None:
-            moved = float(np.linalg.norm(place - self._last[1]))
-            self.way += moved
-            self._fast_frames += moved > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
+            moved_m = float(np.linalg.norm(place - self._last[1]))
+            self.way += moved_m
+            self._fast_frames += moved_m > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
         self._last = time_ns, place
 
     @property
     def now(self) -> str:
-        """One line for a progress bar."""
+        """One line of text for a progress bar."""
         lost = self.counts[ScanState.LOST]
-        return f"{self.way:.1f} m of way" + (f", lost in {lost}" if lost else "")
+        return f"{self.way:.1f} m moved" + (f", lost in {lost}" if lost else "")
 
     def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
         """Raises an error that says why no mesh can be made.
@@ -67,18 +67,20 @@ class ScanLog:
             return
         if not self.counts[ScanState.SCANNING]:
             problem = "no frame shows enough depth"
-            raise InputError(problem, where=where, mend="Go nearer, or scan something that does not reflect.")
-        unsure, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
-        if self.way < _MIN_PATH_M and 2 * unsure > self.frames:
-            problem = "only a blank surface was seen, which does not tell where the camera is"
-            raise InputError(problem, where=where, mend="Keep corners, edges and objects in view, too.")
+            raise InputError(
+                problem, where=where, remedy="Go nearer, or scan something that does not reflect."
+            )
+        unsure_count, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
+        if self.way < _MIN_PATH_M and 2 * unsure_count > self.frames:
+            problem = "only a blank surface was seen, so the camera could not be located"
+            raise InputError(problem, where=where, remedy="Keep corners, edges and objects in view, too.")
         if self.way < _MIN_PATH_M and 2 * lost > self.frames:
-            problem = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
-            mend = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
-            raise InputError(problem, where=where, mend=mend)
+            problem = f"the camera was lost in {lost} of {self.frames} frames, starting with the first ones"
+            remedy = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
+            raise InputError(problem, where=where, remedy=remedy)
         if self.way < _MIN_PATH_M:
             problem = f"the camera moved {100 * self.way:.0f} cm only"
-            raise InputError(problem, where=where, mend="Carry it round the object.")
+            raise InputError(problem, where=where, remedy="Carry it round the object.")
 
     def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
         """Returns one sentence for each problem that can be avoided in the next scan."""
@@ -95,6 +97,6 @@ class ScanLog:
         if self._fast_frames > _MIN_PROBLEM_FRACTION * total:
             sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full or (scanner is not None and scanner.full):
-            full = "The memory for voxels was full: nothing more was added, and all until then was kept."
-            sentences.append(f"{full} Take larger voxels (--voxel), or more memory (--memory).")
+            sentence = "The memory for voxels was full: later images were not added to the scan."
+            sentences.append(f"{sentence} Use larger voxels (--voxel), or more memory (--memory).")
         return sentences

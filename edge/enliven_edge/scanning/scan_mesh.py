@@ -31,7 +31,7 @@ from enliven.scanning import (
     largest_part,
     upright_frame,
 )
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.scanning.person import PersonScanner, ScannedPerson
 
 PROJECT = ".enliven"
@@ -54,10 +54,11 @@ class Keep:
     """The part of a scan that is kept.
 
     Attributes:
-        what: "thing": what stands on the floor. "alone": the largest part, for scans without a visible floor.
-            "all". "box": the content of a box. "new": what is missing in the first images.
+        what: "thing": the object on the floor. "alone": the largest part, for scans without a visible floor.
+            "all": the whole scan. "box": the content of a box. "new": the parts that the first images do not
+            show.
         low, high: (3,) metres, the corners of the box in the scan's upright frame.
-        upright_from_world: (4, 4) pose of that frame. None: that of the finished scan.
+        upright_from_world: (4, 4) pose of that frame. None for the frame of the finished scan.
         before: for "new": images with a smaller number show the place without the object.
     """
 
@@ -74,7 +75,7 @@ class ScannedMesh:
 
     Attributes:
         mesh: upright, on y = 0, metres.
-        most: metres, maximum distance to the full scan. 0 if it was not decimated.
+        most: maximum distance in metres to the full scan. 0 if it was not decimated.
         cut_note: describes the cut for users. Empty if there is nothing to describe.
         person: the scanned person, if a person was scanned.
     """
@@ -105,8 +106,8 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
         try:
             return scanner.thing(), ""
         except InputError as error:
-            advice = f"{error.mend} Or add --whole to keep all that was scanned."
-            raise InputError(error.what, where=error.where, mend=advice) from None
+            advice = f"{error.remedy} Or add --whole to keep the whole scan."
+            raise InputError(error.what, where=error.where, remedy=advice) from None
     has_several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
     if isinstance(scanner, MovedScanner) and keep.what == "box":
         mesh = scanner.joined() if has_several else scanner.surface()
@@ -114,21 +115,21 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
         mesh = scanner.surface(keep.before)
     if not len(mesh.faces):
         advice = "Scan for longer, and nearer."
-        raise InputError("no surface was seen often enough", where="scan", mend=advice)
+        raise InputError("no surface was seen often enough", where="scan", remedy=advice)
     if keep.what == "alone":
         return largest_part(mesh), ""
     ground: GroundPlane | None = None
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
-        ground = find_ground(mesh, settings=cut)
+        ground = find_ground(mesh)
     if keep.what == "new":
-        out = cut_new_object(mesh, list(_empty_place_images(scanner, keep.before)), ground, cut)
-        return out.mesh, _describe_parts(out, mesh, "new")
+        cut_out = cut_new_object(mesh, list(_empty_place_images(scanner, keep.before)), ground, cut)
+        return cut_out.mesh, _describe_parts(cut_out, mesh, "new")
     frame = np.eye(4) if ground is None else upright_frame(ground, find_focus([p for _, p in scanner.poses]))
     if keep.what == "box" and keep.low is not None and keep.high is not None:
         own_frame = frame if keep.upright_from_world is None else keep.upright_from_world
-        out = cut_by_box(mesh, CutBox(keep.low, keep.high, own_frame), cut)
-        lies = "" if ground or keep.upright_from_world is not None else _NO_FLOOR_NOTE
-        return out.mesh, _describe_parts(out, mesh, "in the box") + lies
+        cut_out = cut_by_box(mesh, CutBox(keep.low, keep.high, own_frame), cut)
+        floor_note = "" if ground or keep.upright_from_world is not None else _NO_FLOOR_NOTE
+        return cut_out.mesh, _describe_parts(cut_out, mesh, "in the box") + floor_note
     note = _MOVED_OBJECT_NOTE if has_several else ""
     return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), note
 
@@ -140,10 +141,10 @@ def _describe_parts(out: CutOut, whole: Mesh, where: str) -> str:
 
 
 def _empty_place_images(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
-    """Yields images of the empty place, as many as needed."""
+    """Yields images of the empty place, at most :data:`_MAX_EMPTY_IMAGES`."""
     numbers = [number for number in scanner.history.numbers if number < before]
-    chosen = numbers[:: max(len(numbers) // _MAX_EMPTY_IMAGES, 1)]
-    for number, frame in scanner.history.frames(chosen):
+    chosen_numbers = numbers[:: max(len(numbers) // _MAX_EMPTY_IMAGES, 1)]
+    for number, frame in scanner.history.frames(chosen_numbers):
         depth = np.asarray(frame.depth, np.float32)
         yield KnownImage(depth, frame.intrinsics, scanner.poses[number][1])
 
@@ -162,20 +163,20 @@ def write_scan(scan_result: ScannedMesh, path: Path) -> None:
         fallback = _write_elsewhere(scan_result, path)
         if fallback is None:
             raise
-        problem, mend = (
+        problem, remedy = (
             f"{error.what}, so it is in {fallback}",
             "Make room on the disk, and move it from there.",
         )
-        raise ResourceError(problem, where=str(path), mend=mend) from None
+        raise ResourceError(problem, where=str(path), remedy=remedy) from None
 
 
 def _write_elsewhere(scan_result: ScannedMesh, path: Path) -> Path | None:
     """Writes a mesh into a folder on another disk. Returns the file, or None if no folder can be written."""
     for folder in (Path.home(), Path(tempfile.gettempdir())):
-        other = folder / f"{path.stem}.saved{path.suffix}"
+        fallback = folder / f"{path.stem}.saved{path.suffix}"
         with contextlib.suppress(ResourceError):
-            _write(scan_result, other)
-            return other
+            _write(scan_result, fallback)
+            return fallback
     return None
 
 
@@ -183,12 +184,13 @@ def _write(scan_result: ScannedMesh, path: Path) -> None:
     if path.suffix.lower() != PROJECT:
         save_mesh(scan_result.mesh, path)
         return
-    from enliven.formats.project import project_of_mesh, write_project
+    from enliven.formats.project.file import write_project
+    from enliven.formats.project.one_character import project_of_mesh
 
     project = project_of_mesh(scan_result.mesh, path.stem)
     if scan_result.person is not None:
-        # Store the known ends and joints. Then each limb of the performer drives its own limb, and no person
-        # has to be found in the mesh.
+        # Store the known end points and joints. Then each limb of the performer drives the same limb of the
+        # mesh, without a person being detected in the mesh.
         (character,) = project.characters.values()
         character_with_joints = character.with_changes(
             ends=scan_result.person.ends, joints=scan_result.person.bones
@@ -205,8 +207,8 @@ def stage_command() -> EntryPoint:
     """
     entries = list(entry_points(group="enliven.commands", name="stage"))
     if not entries:
-        mend = "Install the viewer's package, or put the mesh there from the viewer's machine."
-        raise ResourceError("the viewer is not installed here", where="--edge", mend=mend)
+        remedy = "Install the viewer's package, or put the mesh there from the viewer's machine."
+        raise ResourceError("the viewer is not installed here", where="--edge", remedy=remedy)
     return entries[0]
 
 

@@ -15,7 +15,7 @@ from enliven_edge.scanning.next_best_view import find_next_view
 from enliven_edge.scanning.scan_view import ScanView
 
 _SEARCH_INTERVAL_S = 1.0
-"""Seconds between two searches in the whole scan. Each takes 0.15 s."""
+"""Seconds between two searches for floor, centre and gaps in the whole scan. Each takes 0.15 s."""
 _DEFAULT_CAMERA_HEIGHT_M = 1.2
 """Assumed camera height above the floor until the floor is seen, in metres."""
 _ASSUMED_GROUND = GroundPlane(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
@@ -32,7 +32,8 @@ class ScanPlacement:
     Attributes:
         stage_from_scan: (4, 4) from the current room, which contains the camera, to the stage.
         missing: fraction of the surface near the centre that was not seen.
-        view: six metres on the stage: camera position and target of the next best view. Empty if none.
+        view: six coordinates in metres on the stage: camera position and target of the next best view. Empty
+            if there is none.
     """
 
     def __init__(self) -> None:
@@ -44,17 +45,17 @@ class ScanPlacement:
         self._room_from_shown: Float = np.eye(4)
 
     def update(self, shown: ScanView) -> None:
-        """Updates floor, centre and next best view if the last update is old."""
+        """Updates floor, centre and next best view if the last update is old enough."""
         now, scanner = time.monotonic(), shown.room
-        another = shown.places != self._places
+        is_changed = shown.places != self._places
         if (
             scanner is None
             or not scanner.poses
-            or (now - self._updated_at < _SEARCH_INTERVAL_S and not another)
+            or (now - self._updated_at < _SEARCH_INTERVAL_S and not is_changed)
         ):
             return
         self._updated_at = now
-        if another:
+        if is_changed:
             self._places, self._found = shown.places, False
             self._ground, self._ground_images = _ASSUMED_GROUND, 0
         mesh, poses = extract_surface(scanner.volumes[1]), [pose for _, pose in scanner.poses]
@@ -64,8 +65,8 @@ class ScanPlacement:
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
         self._room_from_shown = np.asarray(np.linalg.inv(shown.shown_from_room), np.float64)
         self._move_placement(ground, focus, len(poses))
-        away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
-        best_view = find_next_view(mesh, ground, focus, away)
+        camera_distance = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
+        best_view = find_next_view(mesh, ground, focus, camera_distance)
         self.missing, self.view = min(best_view.missing, 1.0), []
         if best_view.eye is not None:
             self.view = [*self._on_stage(best_view.eye), *self._on_stage(focus)]
@@ -73,21 +74,23 @@ class ScanPlacement:
     def _ground_of(self, scanner: Scanner, mesh: Mesh) -> GroundPlane:
         """Returns the floor under a room's surface, in the room's frame.
 
-        The frame stays when images are undone. So a floor found in more images is better than one found in
-        the few that are left, or than the assumed one: the placement does not jump, nor does the crop box.
+        The frame does not change when images are undone. So a floor that was found in more images is kept: it
+        is better than one from the few remaining images, or than the assumed one. This way neither the
+        placement nor the crop box jumps.
         """
         images = len(scanner.poses)
         if images >= self._ground_images:
             with suppress(InputError):
-                self._ground = find_ground(mesh, settings=scanner.settings.cut_out)
+                self._ground = find_ground(mesh)
                 self._ground_images = images
         return self._ground
 
     def rows(self, pose: Float | None = None) -> list[float]:
-        """Returns twelve numbers: the pose (4, 4) of the room, or of the shown surface if None, on the
-        stage."""
-        whole = self.stage_from_scan @ (self._room_from_shown if pose is None else pose)
-        return [float(x) for x in whole[:3].ravel()]
+        """Returns twelve numbers (3, 4): the pose on the stage of the room ``pose`` (4, 4), or of the shown
+        surface if None.
+        """
+        stage_from_shown = self.stage_from_scan @ (self._room_from_shown if pose is None else pose)
+        return [float(x) for x in stage_from_shown[:3].ravel()]
 
     def _on_stage(self, point: Float) -> list[float]:
         return [float(x) for x in self.stage_from_scan[:3, :3] @ point + self.stage_from_scan[:3, 3]]
@@ -95,12 +98,12 @@ class ScanPlacement:
     def _move_placement(self, ground: GroundPlane, focus: Float, images: int) -> None:
         """Moves the floor to y = 0 and the centre above the origin, if they moved."""
         wanted = upright_frame(ground, focus)
-        turn = wanted[:3, :3]
+        rotation = wanted[:3, :3]
         if self._found and images > _SETTLING_IMAGES:
             # Keep the centre fixed, and follow only the floor.
-            kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
-            wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
+            kept_origin = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
+            wanted[[0, 2], 3] = -(rotation @ kept_origin[:3])[[0, 2]]
         corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)
-        moved = corners @ (wanted - self.stage_from_scan).T
-        if not self._found or np.linalg.norm(moved, axis=1).max() > _MIN_MOTION_M:
+        corner_motion = corners @ (wanted - self.stage_from_scan).T
+        if not self._found or np.linalg.norm(corner_motion, axis=1).max() > _MIN_MOTION_M:
             self.stage_from_scan, self._found = wanted, True

@@ -9,15 +9,17 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.meshes import Mesh
 from enliven.scanning import GroundPlane, Scanner, TsdfVolume, extract_surface
-from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
+from enliven.scanning.objects.moved_scanner import MovedScanner
+from enliven.scanning.objects.moved_step import MovedStep, ObjectState
 from enliven.wire import ThingWord
 from enliven_edge.scanning.person import PersonScanner
 
 _FOUND_SHOWN_S = 4.0
-"""Seconds of the sensor's clock for which a re-found object is reported as found."""
+"""Time for which a re-found object is reported as found, in seconds of the sensor's clock."""
 
 _STANDING_AFTER_S = 0.4
-"""Seconds of the sensor's clock that an object must stand still before it is reported as standing."""
+"""Time that an object must stand still before it is reported as standing, in seconds of the sensor's clock.
+"""
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,10 @@ class ScanView:
 
     Attributes:
         volume: TSDF volume of the growing surface.
-        coarse: the same with voxels four times as large.
+        coarse: the same volume with voxels four times as large.
         room: the scan of the current room. None while the pose of the object in it is not known.
         shown_from_room: (4, 4) from that room to the frame of the surface.
-        alone: True if the surface shows the object only, without a floor.
+        alone: whether the surface shows the object only, without a floor.
         places: the number of places in which the object was found.
         ground: the floor in the room's frame, if it is known although the surface does not show it.
     """
@@ -44,8 +46,8 @@ class ScanView:
 
     def mesh(self) -> Mesh:
         """Returns the coarse surface in the room's frame."""
-        mesh, turn = extract_surface(self.coarse), self.shown_from_room[:3, :3]
-        return Mesh((mesh.vertices - self.shown_from_room[:3, 3]) @ turn, mesh.faces)
+        mesh, rotation = extract_surface(self.coarse), self.shown_from_room[:3, :3]
+        return Mesh((mesh.vertices - self.shown_from_room[:3, 3]) @ rotation, mesh.faces)
 
 
 def create_scan_view(scanner: Scanner | MovedScanner) -> ScanView:
@@ -58,9 +60,9 @@ def create_scan_view(scanner: Scanner | MovedScanner) -> ScanView:
         return ScanView(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), False, 1)
     model, identity = scanner.model, np.eye(4)
     volumes = scanner.rests[0].scanner.volumes if model is None else model.volumes
-    room, shown = scanner.place or (None, identity)
+    room, shown_from_room = scanner.place or (None, identity)
     places = len(scanner.rests)
-    return ScanView(volumes[0], volumes[1], room, shown, model is not None, places)
+    return ScanView(volumes[0], volumes[1], room, shown_from_room, model is not None, places)
 
 
 class MovedObjectState:
@@ -80,14 +82,13 @@ class MovedObjectState:
         self._found_ns: int | None = None
 
     def take(self, step: MovedStep, time_ns: int) -> None:
-        """Updates the state from the result of an image."""
+        """Updates the state from the result of one image."""
         if step.rests > self.places:
             self.places, self._found_ns = step.rests, time_ns
         if step.state is ObjectState.SETTLING:
             self._still_ns = time_ns if self._still_ns is None else self._still_ns
             self.seconds = (time_ns - self._still_ns) * 1e-9
-            # Wait for a few images, because an object that is carried slowly seems to stand still for an
-            # image or two.
+            # Wait for a few images, because a slowly carried object seems to stand still for an image or two.
             looked_for: ThingWord = "sought" if step.sought else "settling"
             self.word = looked_for if self.seconds >= _STANDING_AFTER_S else "carried"
             return
@@ -98,5 +99,5 @@ class MovedObjectState:
         if step.state is ObjectState.FOLLOWED:
             self.word = "turning"
             return
-        new = self._found_ns is not None and 0 <= time_ns - self._found_ns < _FOUND_SHOWN_S * 1e9
-        self.word = "found" if new else "stands"
+        is_recent = self._found_ns is not None and 0 <= time_ns - self._found_ns < _FOUND_SHOWN_S * 1e9
+        self.word = "found" if is_recent else "stands"

@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven_edge.sensors import SensorFault, open_reopening, sensor_opener, sensor_options
-from enliven_edge.tracking.frame import find_flaw
+from enliven_edge.tracking.frame.frame_check import find_flaw
 
 log = logging.getLogger(__name__)
 
@@ -27,8 +27,8 @@ def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
     """
     source = Recording(path)
     if DEPTH_TOPIC not in source.info.topics:
-        mend = "Give a recording of a depth camera."
-        raise InputError("the recording has no depth images", where=str(path), mend=mend)
+        remedy = "Give a recording of a depth camera."
+        raise InputError("the recording has no depth images", where=str(path), remedy=remedy)
     for frame in source.frames():
         if stop.is_set():
             return

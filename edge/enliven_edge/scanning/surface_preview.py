@@ -9,10 +9,12 @@ from enliven.scanning import PIECE_STEPS, PieceSums, ScanPiece, TsdfVolume, extr
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _MIN_CHANGE = 0.25
-"""Minimum change before a piece is sent again: its weights grew by a fifth, or a quarter of it is new."""
+"""Minimum change before a piece is sent again. It corresponds to weights that grew by a fifth, or to a
+quarter of new voxels.
+"""
 _MAX_PIECES = 2000
-"""Maximum number of pieces that are shown: a hall at 1 cm. A viewer that connects late gets all of them at
-once."""
+"""Maximum number of displayed pieces: a hall at 1 cm. A viewer that connects late gets all of them at once.
+"""
 
 Place = tuple[int, int, int]
 
@@ -58,8 +60,10 @@ class SurfacePreview:
     def _measure_change(self, places: list[Place], sums: PieceSums) -> Float:
         """Returns (P,) the change of each piece: doublings of its weight, plus its fraction of new voxels."""
         before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
-        grown = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
-        return np.asarray(grown + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0]))
+        weight_change = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
+        return np.asarray(
+            weight_change + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0])
+        )
 
     def _removal_message(self, place: Place, voxel: float) -> ScanPieceMessage:
         """Returns the message that removes a piece without a surface."""
@@ -75,14 +79,14 @@ def _place(row: Int) -> Place:
 def message_from_piece(piece: ScanPiece, number: int) -> ScanPieceMessage:
     """Returns a piece as a message. A piece beyond the message limits is truncated to its first faces."""
     faces = piece.faces[(piece.faces < MAX_PIECE_VERTICES).all(1)][:MAX_PIECE_FACES]
-    kept = slice(0, MAX_PIECE_VERTICES)
+    kept_rows = slice(0, MAX_PIECE_VERTICES)
     return ScanPieceMessage(
         number,
         piece.place,
         PIECE_STEPS,
         piece.step,
-        piece.places[kept].astype("<u2").tobytes(),
-        piece.seen[kept].tobytes(),
+        piece.places[kept_rows].astype("<u2").tobytes(),
+        piece.seen[kept_rows].tobytes(),
         faces.astype("<u2").tobytes(),
-        b"" if piece.colours is None else piece.colours[kept].tobytes(),
+        b"" if piece.colours is None else piece.colours[kept_rows].tobytes(),
     )

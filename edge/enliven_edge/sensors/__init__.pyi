@@ -5,13 +5,11 @@ from .base import (
     Condition as Condition,
     Sensor as Sensor,
     SensorFault as SensorFault,
-    condition_of as condition_of,
-    health_of as health_of,
-    is_device as is_device,
 )
 from .camera_list import DetectedCamera as DetectedCamera, find_cameras as find_cameras
 from .event_log import EventLog as EventLog, LogReader as LogReader, LogEntry as LogEntry
 from .registry import sensor_options as sensor_options
+from .power_cycle import CameraPower as CameraPower
 from .profile import profile_names as profile_names, profiles_folder as profiles_folder
 from .registry import (
     open_sensor as open_sensor,

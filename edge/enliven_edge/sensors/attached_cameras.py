@@ -80,12 +80,14 @@ class AttachedCamera:
         title: its own name, and its serial number if it reports one.
         mbit: megabits per second of its link.
         node: the device file that opens it.
+        device: its folder in the system's list of USB devices.
     """
 
     kind: CameraKind
     title: str
     mbit: float
     node: Path
+    device: Path = Path()
 
     def find_problems(self) -> list[tuple[str, str]]:
         """Returns each problem with its remedy."""
@@ -148,7 +150,7 @@ def _camera(device: Path, nodes: Path) -> AttachedCamera | None:
                 / _read_attribute(device, "devnum").zfill(3)
             )
             name = " ".join(word for word in (title or kind.name, serial) if word)
-            return AttachedCamera(kind, name, mbit, node)
+            return AttachedCamera(kind, name, mbit, node, device)
     return None
 
 
@@ -169,16 +171,16 @@ def import_library(module: str, sensor: str, pip: str = "") -> Any:
     Raises:
         ResourceError: if it is not installed, its version does not work, or it does not load on this machine.
     """
-    where, mend = f"sensor {sensor}", install_advice(sensor, pip)
+    where, remedy = f"sensor {sensor}", install_advice(sensor, pip)
     try:
         reason = explain_unsupported(module, version(module))
     except PackageNotFoundError:
         reason = ""
     if reason:
-        raise ResourceError(reason, where=where, mend=mend)
+        raise ResourceError(reason, where=where, remedy=remedy)
     try:
         return importlib.import_module(module)
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == module
         problem = f"{module} is not installed" if missing else f"{module} does not load ({error})"
-        raise ResourceError(problem, where=where, mend=mend) from None
+        raise ResourceError(problem, where=where, remedy=remedy) from None

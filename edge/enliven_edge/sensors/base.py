@@ -1,9 +1,12 @@
-"""The protocol of a sensor, its faults and the condition of its device."""
+"""The base class of all sensors, their faults and the condition of a device."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,7 +14,7 @@ from enliven.arrays import Float
 from enliven.errors import ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState
-from enliven_edge.closeable import Closeable
+from enliven.supervision.closeable import Closeable
 
 CHECK_IT = "Check its cable and power. The edge keeps trying to open it."
 """The advice for a sensor without a more specific one."""
@@ -51,19 +54,32 @@ class Condition:
         return np.array(self.gravity) / length if np.isfinite(length) and length > 0 else None
 
 
-class Sensor(Closeable, Protocol):
-    """A stream of frames from hardware, from a file or synthetic.
+class Sensor(Closeable):
+    """A stream of frames from hardware, from a file or synthetic. The base class of every sensor.
 
-    ``name`` is the sensor's identity in its frames. Optional members extend the protocol. ``fps`` is a fixed
-    frame rate in frames per second. ``condition()`` returns a :class:`Condition` of the device.
-    ``health_states`` is a list of :class:`enliven.health.HealthState` of a sensor that checks itself, such as
-    a combination of several. ``made_up = True`` marks a sensor without a device. ``isolated = True`` marks a
-    class with a library that may crash or hang: it runs in its own process
-    (:mod:`enliven_edge.sensors.isolation`).
+    A subclass sets ``name`` and implements ``read``. The other members have defaults, which suit a live
+    camera that reports nothing about itself.
+
+    Attributes:
+        name: the sensor's identity in its frames.
+        fps: fixed frame rate in frames per second. None if it is unknown or varies.
+        recorded: True for a recording. Its frames may wait for a slow reader.
+        made_up: True for a live source that is not a device, such as a synthetic performer.
+        may_be_silent: True if no frames come without a performer, as from a port for another program.
+        again: options that open the same device again, of a sensor that chose one of several devices.
+        isolated: True for a class with a library that may crash or hang. It then runs in its own process
+            (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str
+    fps: float | None = None
+    recorded: bool = False
+    made_up: bool = False
+    may_be_silent: bool = False
+    again: Mapping[str, Any] = MappingProxyType({})
+    isolated: ClassVar[bool] = False
 
+    @abstractmethod
     def read(self, timeout: float | None = None) -> Frame | None:
         """Returns the next frame as soon as it is due. None when the stream has ended.
 
@@ -76,20 +92,29 @@ class Sensor(Closeable, Protocol):
             SensorFault: if the sensor was lost and is being reopened.
             Exception: any other, if the sensor was lost for good.
         """
-        ...
 
+    def close(self) -> None:
+        """Releases the device. A second call does nothing. By default, there is nothing to release."""
 
-def is_device(sensor: Sensor) -> bool:
-    """Returns True if a sensor is a device, and neither a recording nor synthetic."""
-    return not (getattr(sensor, "recorded", False) or getattr(sensor, "made_up", False))
+    def condition(self) -> Condition | None:
+        """Returns the condition of the device. None if it reports none."""
+        return None
 
+    @property
+    def health_states(self) -> Sequence[HealthState]:
+        """The health states of a sensor that checks itself, such as a combination of several."""
+        return ()
 
-def condition_of(sensor: Sensor) -> Condition | None:
-    """Returns the condition of a sensor's device. None if it reports none."""
-    ask = getattr(sensor, "condition", None)
-    return None if ask is None else ask()
+    @property
+    def is_device(self) -> bool:
+        """True for a device. False for a recording and for a source that is made up."""
+        return not (self.recorded or self.made_up)
 
+    @property
+    def is_waiting(self) -> bool:
+        """True if a restart of the edge would not bring frames, although none are due now.
 
-def health_of(sensor: Sensor) -> list[HealthState]:
-    """Returns the health states of a sensor that checks itself. Empty for any other sensor."""
-    return list(getattr(sensor, "health_states", ()))
+        A recording waits for its next frame, and a port for another program. A camera that was lost waits
+        while attempts to open it run and end. A call of the driver that hangs is not waiting.
+        """
+        return self.recorded

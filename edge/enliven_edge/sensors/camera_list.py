@@ -13,7 +13,7 @@ import msgspec
 
 from enliven.errors import ResourceError
 from enliven_edge.sensors.attached_cameras import AttachedCamera, list_attached
-from enliven_edge.sensors.drivers import list_cameras
+from enliven_edge.sensors.drivers.libcamera_library import list_cameras
 
 VIDEO, NODES = Path("/sys/class/video4linux"), Path("/dev")
 """Linux's list of video devices, and the device files that open them."""
@@ -28,14 +28,15 @@ _BY_SERIAL = {"realsense": "serial", "oak": "device"}
 _EXTRA = 'Type: pip install "enliven-edge[colour]"; in a checkout: pip install "./edge[colour]"'
 
 
-class DetectedCamera(msgspec.Struct, frozen=True):
+class DetectedCamera(msgspec.Struct, frozen=True, rename={"remedy": "mend"}):
     """One camera.
 
     Attributes:
         title: the common name.
         sensor: the driver's name in enliven. Empty if there is none.
         options: options of the driver, by name.
-        trouble, mend: the problem that prevents its use, and the remedy. Empty if it can be used.
+        trouble, remedy: the problem that prevents its use, and the remedy. Empty if it can be used.
+            ``enliven sensors --json`` calls the remedy "mend".
         hint: a note about a usable camera, such as a slow link, or empty.
         depth: True if it measures depth, so that a preview image can be made.
     """
@@ -44,7 +45,7 @@ class DetectedCamera(msgspec.Struct, frozen=True):
     sensor: str = ""
     options: dict[str, str] = {}
     trouble: str = ""
-    mend: str = ""
+    remedy: str = ""
     hint: str = ""
     depth: bool = True
 
@@ -65,14 +66,14 @@ def _list_usb_cameras(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
         options = {}
         if makers[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
             options[_BY_SERIAL[sensor]] = camera.title.rsplit(" ", 1)[1]
-        problem, mend = serious[0] if serious else ("", "")
+        problem, remedy = serious[0] if serious else ("", "")
         hint = f"{slow[0][0]}. {slow[0][1]}" if slow else ""
         title = (
             camera.title
             if camera.kind.name.lower() in camera.title.lower()
             else f"{camera.kind.name} {camera.title}"
         )
-        listed.append(DetectedCamera(title, sensor, options, problem, mend, hint))
+        listed.append(DetectedCamera(title, sensor, options, problem, remedy, hint))
     return listed
 
 
@@ -84,7 +85,7 @@ def _list_port_cameras() -> list[DetectedCamera]:
             for number, listed in enumerate(list_cameras())
         ]
     except ResourceError as error:
-        return [DetectedCamera("Cameras at the camera ports", "libcamera", {}, error.what, error.mend)]
+        return [DetectedCamera("Cameras at the camera ports", "libcamera", {}, error.what, error.remedy)]
 
 
 def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[DetectedCamera]:
@@ -112,11 +113,11 @@ def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[DetectedCa
 def _add_problem(camera: DetectedCamera, node: Path | None, module: str) -> DetectedCamera:
     """Returns a camera with the problem that prevents its use, if any: missing permission or library."""
     if node is not None and not os.access(node, os.R_OK | os.W_OK):
-        mend = "Type: sudo usermod -aG video $USER, and log in again."
-        return msgspec.structs.replace(camera, trouble="your user may not open it", mend=mend)
+        remedy = "Type: sudo usermod -aG video $USER, and log in again."
+        return msgspec.structs.replace(camera, trouble="your user may not open it", remedy=remedy)
     if importlib.util.find_spec(module) is None:
-        mend = _EXTRA if module == "mediapipe" else f"Type: pip install {module}"
-        return msgspec.structs.replace(camera, trouble=f"{module} is not installed", mend=mend)
+        remedy = _EXTRA if module == "mediapipe" else f"Type: pip install {module}"
+        return msgspec.structs.replace(camera, trouble=f"{module} is not installed", remedy=remedy)
     return camera
 
 

@@ -33,21 +33,21 @@ _MAX_EARLY_EVENTS = 100
 frame."""
 
 
-@dataclass(frozen=True)
-class SensorEvent:
+class SensorEvent(msgspec.Struct, frozen=True, rename={"remedy": "mend"}):
     """An event that occurred instead of a frame.
 
     Attributes:
         kind: the sensor was lost, is back with the frame of this time, or sent a frame that cannot be used.
         after: seconds since the previous frame, by the wall clock.
-        what, where, mend: text of the error. Empty if the sensor is back.
+        what, where, remedy: text of the error. Empty if the sensor is back. Recordings call the remedy
+            "mend".
     """
 
     kind: Literal["lost", "back", "bad frame"]
     after: float = 0.0
     what: str = ""
     where: str = ""
-    mend: str = ""
+    remedy: str = ""
 
     @property
     def error(self) -> SensorFault | InputError | None:
@@ -55,7 +55,7 @@ class SensorEvent:
         if self.kind == "back":
             return None
         error_type = SensorFault if self.kind == "lost" else InputError
-        return error_type(self.what, where=self.where, mend=self.mend)
+        return error_type(self.what, where=self.where, remedy=self.remedy)
 
 
 class EventLog:
@@ -100,7 +100,7 @@ class EventLog:
         """
         bad = isinstance(error, InputError)
         after = 0.0 if self._last is None else time.monotonic() - self._last_frame_at
-        event = SensorEvent("bad frame" if bad else "lost", after, error.what, error.where, error.mend)
+        event = SensorEvent("bad frame" if bad else "lost", after, error.what, error.where, error.remedy)
         self._lost = self._lost or not bad
         if self._last is None:
             self._early_events.append(event)

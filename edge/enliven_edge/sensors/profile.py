@@ -32,8 +32,8 @@ def profiles_folder() -> Path:
     for place in places:
         if place.is_dir():
             return place
-    mend = "Install the package enliven-edge again."
-    raise InputError("the sensor profiles are missing", where=str(places[0]), mend=mend)
+    remedy = "Install the package enliven-edge again."
+    raise InputError("the sensor profiles are missing", where=str(places[0]), remedy=remedy)
 
 
 def profile_names() -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 
 
 def sensor_options(settings: list[str]) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def sensor_options(settings: list[str]) -> dict[str, Any]:
     for word in settings:
         key, equals, value = word.partition("=")
         if not equals or not key:
-            raise InputError(f"{word!r} is not KEY=VALUE", where="--set", mend="For example: --set speed=2")
+            raise InputError(f"{word!r} is not KEY=VALUE", where="--set", remedy="For example: --set speed=2")
         options[key.strip().replace("-", "_")] = _value(value.strip())
     return options
 
@@ -42,16 +42,17 @@ def _value(text: str) -> Any:
 
 
 ENTRY_POINTS = "enliven.sensors"
-"""Other packages add sensors through this group: an entry point names a class that creates a Sensor."""
+"""Other packages add sensors through this group: an entry point names a subclass of Sensor."""
 _BUILT_IN = {
     "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",
-    "osc-trackers": "enliven_edge.sensors.streams:TrackerSensor",
+    "osc-trackers": "enliven_edge.sensors.streams.tracker_sensor:TrackerSensor",
     "orbbec": "enliven_edge.sensors.drivers.orbbec:OrbbecSensor",
     "realsense": "enliven_edge.sensors.drivers.realsense:RealSenseSensor",
     "replay": "enliven_edge.sensors.replay:ReplaySensor",
+    "rokoko": "enliven_edge.sensors.streams.rokoko_sensor:RokokoSensor",
     "tof": "enliven_edge.sensors.drivers.tof:TofSensor",
-    "vmc": "enliven_edge.sensors.streams:VmcSensor",
+    "vmc": "enliven_edge.sensors.streams.vmc_sensor:VmcSensor",
     "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }
 _IN_PACKAGES = {"synthetic": "enliven-synthesis"}
@@ -91,40 +92,53 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
         InputError: for an unknown name or option. The message suggests the nearest known one.
     """
     kind = _check_options(name, options)
-    if getattr(kind, "isolated", False):
+    if kind.isolated:
         return IsolatedOpener(name, kind, options, every_frame or bool(options.get("rehearse")))
     return functools.partial(kind, **options)
 
 
-def _check_options(name: str, options: dict[str, Any]) -> Any:
+def _check_options(name: str, options: dict[str, Any]) -> type[Sensor]:
     """Returns the class of a sensor after checking its options."""
     kind = _find_class(name)
     parameters = inspect.signature(kind).parameters
     for option in options:
         if option not in parameters and not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
             raise InputError(
-                f"unknown option {option!r}", where=f"sensor {name}", mend=_suggest(option, list(parameters))
+                f"unknown option {option!r}",
+                where=f"sensor {name}",
+                remedy=_suggest(option, list(parameters)),
             )
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     missing = [p.name for p in parameters.values() if p.default is p.empty and p.kind in kinds]
     for option in missing:
         if option not in options:
-            raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", mend="Give it.")
+            raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", remedy="Give it.")
     return kind
 
 
-def _find_class(name: str) -> Any:
+def _find_class(name: str) -> type[Sensor]:
     """Returns the class of a sensor.
 
     It is imported only now, so that a missing library stops no other sensor.
+
+    Raises:
+        InputError: for an unknown name, or a class of another package that is not a subclass of Sensor.
     """
     if name in _BUILT_IN:
         module, _, kind = _BUILT_IN[name].partition(":")
-        return getattr(import_module(module), kind)
+        built_in: type[Sensor] = getattr(import_module(module), kind)
+        return built_in
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
-            return entry.load()
-    raise InputError(f"the sensor {name!r} does not exist", where="sensor", mend=sensor_advice(name))
+            kind = entry.load()
+            if isinstance(kind, type) and issubclass(kind, Sensor):
+                return kind
+            raise InputError(
+                f"{entry.value} is not a subclass of Sensor",
+                where=f"sensor {name}",
+                remedy="Derive its class from enliven_edge.sensors.base.Sensor: class NAME(Sensor).",
+            )
+    raise InputError(f"the sensor {name!r} does not exist", where="sensor", remedy=sensor_advice(name))
 
 
 def sensor_advice(name: str) -> str:

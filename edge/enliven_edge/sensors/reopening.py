@@ -18,7 +18,9 @@ from typing import Any, Literal
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import TIME_LIMIT_NS, Frame
-from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, is_device
+from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
+from enliven_edge.sensors.power_cycle import CameraPower
 from enliven_edge.sensors.worker_thread import WorkerThread
 
 log = logging.getLogger(__name__)
@@ -36,6 +38,9 @@ _CALL_TIMEOUTS_S: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a driver's call counts as hanging and is abandoned. Opening may load firmware."""
 _READ_TIMEOUT_S = 0.25
 """Maximum seconds that one call waits for a frame. The device can be closed between two calls."""
+_FIRST_FRAME_TIMEOUT_S = 15.0
+"""Seconds after opening in which a camera without frames counts as starting. After 10 s, isolated drivers
+report a fault, and the device is opened again."""
 _MAX_HANGING_THREADS = 4
 """Maximum number of threads that hang in a driver. No further attempt is made until one returns."""
 _CLOSE_TIMEOUT_S = 0.25
@@ -58,22 +63,27 @@ class ReopeningSensor(Sensor):
         open_device: opens the device. The first call is made here, later ones on a thread.
         first: the device, if it is open already.
         awaited: the sensor's name, to open it at the first read. Empty opens it now.
+        power: resets a camera that cannot be opened. None: never.
 
     Raises:
         Exception: the error of the first opening.
     """
 
     def __init__(
-        self, open_device: Callable[[], Sensor], first: Sensor | None = None, awaited: str = ""
+        self,
+        open_device: Callable[[], Sensor],
+        first: Sensor | None = None,
+        awaited: str = "",
+        power: CameraPower | None = None,
     ) -> None:
-        self._open = open_device
+        self._open, self._power = open_device, power
         self._device: Sensor | None = None
+        self._opened_at, self._has_frames = 0.0, False
         self.name, self._known = awaited, False
-        self.fps: float | None = None
-        self.made_up = False
         if not awaited:
             self._use_device(first or open_device())
-        getattr(open_device, "reuse_process", lambda: None)()
+        if isinstance(open_device, IsolatedOpener):
+            open_device.reuse_process()
         self._errands, self._doing = self._thread(), "read"
         self._left: list[WorkerThread] = []
         self._wait, self._due = FIRST_WAIT_S, 0.0
@@ -107,10 +117,26 @@ class ReopeningSensor(Sensor):
                 self._fresh = True
         return None
 
+    @property
+    def is_waiting(self) -> bool:
+        """True if attempts to open the device run and end, or the open device may be silent.
+
+        False as long as a call of the driver hangs: then a restart of the process may help.
+        """
+        if any(thread.alive for thread in self._left):
+            return False
+        if self._device is None:
+            return True
+        if self._errands.busy and self._errands.waited > 2.0 * _READ_TIMEOUT_S:
+            return False
+        if self._device.may_be_silent:
+            return True
+        return not self._has_frames and time.monotonic() - self._opened_at < _FIRST_FRAME_TIMEOUT_S
+
     def condition(self) -> Condition | None:
         """Returns the condition of the device, as far as it reports one. None without an open device."""
         device = self._device
-        return None if device is None else condition_of(device)
+        return None if device is None else device.condition()
 
     def close(self) -> None:
         """Closes the device, in the background if it hangs. A second call does nothing.
@@ -119,7 +145,8 @@ class ReopeningSensor(Sensor):
         """
         if not self._closed:
             self._closed = True
-            getattr(self._open, "close", lambda: None)()
+            if isinstance(self._open, IsolatedOpener):
+                self._open.close()
             if not self._errands.finish(functools.partial(_close_devices, self._device), _CLOSE_TIMEOUT_S):
                 log.warning("%s does not release its device", self.name)
 
@@ -138,12 +165,21 @@ class ReopeningSensor(Sensor):
             time.sleep(timeout)
             raise TimeoutError(f"{self.name} is opened again in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
-        self._ask("open", self._open)
+        self._ask(
+            "open", self._reset_and_open if self._power is not None and self._power.is_due else self._open
+        )
+
+    def _reset_and_open(self) -> Sensor:
+        """Resets the camera, and opens it. Runs on the thread."""
+        assert self._power is not None
+        self._power.cycle()
+        return self._open()
 
     def _use_device(self, device: Sensor) -> None:
         """Takes an opened device. The first device gives the stream its name."""
-        self._device, self.fps = device, getattr(device, "fps", None)
-        self.made_up = not is_device(device)
+        self._device, self.fps = device, device.fps
+        self._opened_at, self._has_frames = time.monotonic(), False
+        self.made_up = not device.is_device
         if not self._known:
             self.name, self._known = device.name, True
 
@@ -155,6 +191,9 @@ class ReopeningSensor(Sensor):
         """Returns a frame of the device, with its time in the stream's clock."""
         self._bad = 0
         self._good += 1
+        self._has_frames = True
+        if self._power is not None and self._good == GOOD_FRAMES:
+            self._power.record_frame()
         if self._good >= GOOD_FRAMES:
             self._wait = FIRST_WAIT_S
         time_ns = getattr(frame, "time_ns", None)
@@ -193,8 +232,8 @@ class ReopeningSensor(Sensor):
         if device is not None:
             self._ask("close", device.close)
         message = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
-        mend = getattr(error, "mend", "") or CHECK_IT
-        return SensorFault(message, where=self.name, mend=mend)
+        remedy = getattr(error, "remedy", "") or CHECK_IT
+        return SensorFault(message, where=self.name, remedy=remedy)
 
     def _abandon_hanging_call(self) -> None:
         """Abandons a call that hangs. Its device is closed when the call returns.
@@ -211,11 +250,13 @@ class ReopeningSensor(Sensor):
         self._errands, self._device = self._thread(), None
         self._schedule()
         raise SensorFault(
-            f"to {self._doing} has taken more than {limit:.0f} s", where=self.name, mend="Unplug it once."
+            f"to {self._doing} has taken more than {limit:.0f} s", where=self.name, remedy="Unplug it once."
         )
 
     def _schedule(self) -> None:
-        """Sets the time of the next attempt to open the device."""
+        """Records a failure, and sets the time of the next attempt to open the device."""
+        if self._power is not None:
+            self._power.record_failure()
         self._due = time.monotonic() + self._wait
         self._wait = min(2 * self._wait, MAX_WAIT_S)
         self._good = self._bad = 0
@@ -224,16 +265,19 @@ class ReopeningSensor(Sensor):
         return WorkerThread(f"driver of {self.name}")
 
 
-def open_reopening(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
+def open_reopening(
+    open_sensor: Callable[[], Sensor], awaited: str = "", power: CameraPower | None = None
+) -> Sensor:
     """Returns an opened sensor. A live sensor is reopened for ever, a recording ends.
 
     Args:
         awaited: the name of a live sensor that may be missing at first. Empty: it must be present.
+        power: resets a camera that cannot be opened. None: never.
     """
     if awaited:
-        return ReopeningSensor(open_sensor, awaited=awaited)
+        return ReopeningSensor(open_sensor, awaited=awaited, power=power)
     first = open_sensor()
-    return first if getattr(first, "recorded", False) else ReopeningSensor(open_sensor, first)
+    return first if first.recorded else ReopeningSensor(open_sensor, first, power=power)
 
 
 def _close_devices(device: Sensor | None, answers: list[Any]) -> None:

@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.files import TemporaryFolder, open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, RecordingInfo
-from enliven_edge.importing import MotionCaptureReader
+from enliven_edge.importing.motion_capture import MotionCaptureReader
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.event_log import LogEntry, LogReader
 
@@ -58,7 +58,7 @@ class ReplaySensor(Sensor):
             raise InputError(
                 f"the speed is {speed}",
                 where="replay",
-                mend="Give 1 for the recorded pace, 0 for no waiting.",
+                remedy="Give 1 for the recorded pace, 0 for no waiting.",
             )
         self._made = TemporaryFolder("replay")
         self.recording = Recording(_import_capture(Path(path), Path(self._made.name)))
@@ -74,7 +74,7 @@ class ReplaySensor(Sensor):
         if not self._ahead:
             self._file.close()
             raise InputError(
-                "the recording holds no frames", where=str(path), mend="Record or import something first."
+                "the recording holds no frames", where=str(path), remedy="Record or import something first."
             )
         self._first_ns = self._now_ns = self._ahead[-1].time_ns
         self._longest_ns = round(1e9 * min(longest_pause, 1e-9 * TIME_LIMIT_NS))

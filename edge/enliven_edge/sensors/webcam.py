@@ -8,10 +8,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+from enliven.doctor import need
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven_edge.extras import need
-from enliven_edge.landmarks import LandmarkSource, MediaPipeSettings, MonocularPoseEstimator, check_view
+from enliven_edge.landmarks.colour_pose import MonocularPoseEstimator, check_view
+from enliven_edge.landmarks.source import LandmarkSource, MediaPipeSettings
 from enliven_edge.sensors.base import Sensor
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
@@ -123,8 +124,8 @@ def _refuse_absent(device: str) -> None:
     if not device.startswith("/dev/") or Path(device).exists():
         return
     others = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*")))
-    mend = f"There are {others}: set device to one of them." if others else "Plug one in, or play a film."
-    raise ResourceError("the camera was not found", where=device, mend=mend)
+    remedy = f"There are {others}: set device to one of them." if others else "Plug one in, or play a film."
+    raise ResourceError("the camera was not found", where=device, remedy=remedy)
 
 
 def _open_video(device: str, live: bool) -> Any:
@@ -135,8 +136,10 @@ def _open_video(device: str, live: bool) -> Any:
         container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
     except (av.error.FFmpegError, OSError) as error:
         if live:
-            mend = _REMEDIES.get(error.errno or 0, "Check that it is a camera that no other program uses.")
-            raise ResourceError(f"it cannot be opened ({error.strerror})", where=device, mend=mend) from None
+            remedy = _REMEDIES.get(error.errno or 0, "Check that it is a camera that no other program uses.")
+            raise ResourceError(
+                f"it cannot be opened ({error.strerror})", where=device, remedy=remedy
+            ) from None
         raise InputError("it is not a film that can be read", where=device) from None
     if not container.streams.video:
         container.close()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from enliven.matching import MatchList, ScreenView
+from enliven.matching.match_list import MatchList
+from enliven.matching.views import ScreenView
 from enliven.possession import Actor
 
 
@@ -10,7 +11,7 @@ class ChosenActor(Actor):
     """An actor that lets performers choose a part by posing, before they drive that part."""
 
     view: ScreenView
-    """The viewer's direction of view: poses are matched as they look on the screen."""
+    """The viewer's direction of view. Poses are compared as they appear on the viewer's screen."""
 
     def browse(self, step: int) -> None:
         """Shows another match. Step 0 makes the shown match follow the pose again."""

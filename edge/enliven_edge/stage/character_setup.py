@@ -1,7 +1,8 @@
-"""Character setup: builds an actor of the stage from a mesh file or from a mesh that ships."""
+"""Character setup: creates an actor of the stage from a mesh file or from a shipped mesh."""
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +13,11 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import DeformationGraph, character_from, graph_of
+from enliven.character_store.prepared import PreparedCharacter, prepare_once
+from enliven.character_store.store import key_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from, graph_of
+from enliven.errors import InputError
+from enliven.files import read_file
 from enliven.meshes import Axis, Mesh
 from enliven.possession import (
     ActorSettings,
@@ -22,27 +27,26 @@ from enliven.possession import (
     needs_person_search,
     prepare_for_actor,
 )
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
+from enliven.samples.shipped import parts_for as parts_for
 
 log = logging.getLogger(__name__)
 
-MADE: tuple[Literal["chair", "lamp"], ...] = ("chair", "lamp")
-"""The meshes that ship with enliven, which are given by name instead of by path."""
-_OWN_PARTS = {"lamp": "hip and right arm"}
-"""The body parts that a shipped mesh is designed for. Other meshes are held with all parts."""
+SHIPPED_MESHES: tuple[Literal["chair", "lamp"], ...] = ("chair", "lamp")
+"""Names of the shipped meshes. They can be given instead of a path."""
 
 
 def create_actor(
     spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: Axis | None = None, name: str = ""
 ) -> EmbeddedActor:
-    """Returns the actor of a mesh file, or of a mesh that ships.
+    """Returns the actor of a mesh file, or of a shipped mesh.
 
-    A mesh that meets its performer is scaled to a person's height and moved to where a standing person fits
-    into it. Triangles that are too large to bend are refined. A mesh that stays fixed keeps its modelled
-    position and size, in metres.
+    If the settings let the mesh meet its performer, it is scaled to a person's height and moved to where a
+    standing person fits into it. Otherwise it keeps its modelled position and size in metres. Triangles that
+    are too large to bend are refined.
 
     Args:
-        spec: a path, or a name of :data:`MADE`.
+        spec: a path, or a name of :data:`SHIPPED_MESHES`.
         nodes: number of nodes of the deformation graph.
         up: the axis of the mesh that points up. If None, it is guessed.
         name: the character's id. If empty, the file's stem is used.
@@ -50,15 +54,40 @@ def create_actor(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    for sample in MADE:
+    settings, name = settings or ActorSettings(), name or name_of(spec)
+    inputs = (up, nodes, settings, name)
+    source = _source_of(spec)
+    if source is None:
+        prepared = _prepare_spec(spec, *inputs)
+    else:
+        key = key_of("mesh file", source, *inputs)
+        prepared = prepare_once(key, lambda: _prepare_spec(spec, *inputs), Path(spec).parent)
+    for note in prepared.notes:
+        log.info("%s: %s", spec, note)
+    return actor_of(prepared)
+
+
+def _source_of(spec: str) -> tuple[str, str] | None:
+    """Returns the name of a shipped mesh, or digest and format of a file. None if it cannot be read."""
+    if spec in SHIPPED_MESHES:
+        return "sample", spec
+    try:
+        return hashlib.sha256(read_file(Path(spec))).hexdigest(), Path(spec).suffix.lower()
+    except InputError:
+        return None  # The mesh reader reports the problem later.
+
+
+def _prepare_spec(
+    spec: str, up: Axis | None, nodes: int, settings: ActorSettings, name: str
+) -> PreparedCharacter:
+    """Prepares a mesh file, or a shipped mesh, as :func:`create_actor` describes."""
+    for sample in SHIPPED_MESHES:
         if spec == sample:
-            return create_mesh_actor(load_sample(sample), name or sample, nodes, settings, fit=False)
+            return prepare_character(load_sample(sample), name, nodes, settings, fit=False)
     from enliven.meshes import load_upright
 
     mesh, notes = load_upright(spec, up)
-    for note in notes:
-        log.info("%s: %s", spec, note)
-    return create_mesh_actor(mesh, name or name_of(spec), nodes, settings)
+    return replace(prepare_character(mesh, name, nodes, settings), notes=tuple(notes))
 
 
 def create_mesh_actor(
@@ -72,8 +101,7 @@ def create_mesh_actor(
     joints: Float | None = None,
     like: EmbeddedActor | None = None,
 ) -> EmbeddedActor:
-    """Returns the actor of a mesh, like :func:`create_actor`. Without ``fit`` the mesh keeps its modelled
-    place.
+    """Returns the actor of a mesh, like :func:`create_actor`. If not ``fit``, keeps the modelled position.
 
     Args:
         ends: (5, 3) metres, in the coordinates of the given mesh: the ends of head, left and right hand, left
@@ -82,6 +110,40 @@ def create_mesh_actor(
             if known.
         like: the actor of the mesh before an edit. If no person was found in that mesh and the faces are
             unchanged, the search is skipped: moving vertices does not turn a mesh into a person.
+
+    Raises:
+        InputError: for a mesh that cannot be used.
+    """
+    return actor_of(
+        prepare_character(mesh, name, nodes, settings, fit=fit, ends=ends, joints=joints, like=like)
+    )
+
+
+def actor_of(prepared: PreparedCharacter) -> EmbeddedActor:
+    """Returns the actor of a prepared character. Logs doubts about the person found in the mesh."""
+    character = prepared.character
+    actor = EmbeddedActor(
+        character, graph_of(character), prepared.settings, prepared.size, prepared.height or None
+    )
+    actor.set_likeness(prepared.likeness)
+    for doubt in prepared.likeness.doubts if prepared.likeness else ():
+        remedy = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
+        log.warning("%s: %s %s", character.id, doubt, remedy)
+    return actor
+
+
+def prepare_character(
+    mesh: Mesh,
+    name: str,
+    nodes: int = 128,
+    settings: ActorSettings | None = None,
+    *,
+    fit: bool = True,
+    ends: Float | None = None,
+    joints: Float | None = None,
+    like: EmbeddedActor | None = None,
+) -> PreparedCharacter:
+    """Prepares a mesh for its actor, with the arguments of :func:`create_mesh_actor`.
 
     Raises:
         InputError: for a mesh that cannot be used.
@@ -96,30 +158,22 @@ def create_mesh_actor(
         search_result = None if person is None else person.result
         if no_person:
             search_result = lambda: None  # noqa: E731
-        actor = EmbeddedActor(
-            character, graph_of(character), settings, prepared.size, prepared.height or None, search_result
-        )
-    for doubt in actor.likeness.doubts if actor.likeness else ():
-        mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
-        log.warning("%s: %s %s", name, doubt, mend)
-    return actor
+        height = prepared.height or None
+        actor = EmbeddedActor(character, graph_of(character), settings, prepared.size, height, search_result)
+        likeness = actor.likeness
+    return PreparedCharacter(character, settings, prepared.size, prepared.height, likeness)
 
 
 def _person_in(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
-    """Returns the person found in the mesh. The vertices are rounded to float32, as viewers receive them."""
+    """Returns the person found in the mesh, after rounding the vertices to float32 like viewers receive
+    them."""
     sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))
     return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
 
 
 def _same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:
-    """Returns True if an actor's mesh has the same faces as `mesh`, so that an edit can only have moved
-    vertices."""
+    """Returns True if an actor's mesh has the same faces as ``mesh``: an edit only moved vertices."""
     return np.array_equal(like.character.faces, mesh.faces)
-
-
-def parts_for(spec: str) -> str:
-    """Returns the body parts that hold a mesh if the user names none."""
-    return _OWN_PARTS.get(spec, "all")
 
 
 def name_of(spec: str) -> str:

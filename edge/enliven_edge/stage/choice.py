@@ -1,4 +1,4 @@
-"""Chooses the performer, the character or both if a command does not name them."""
+"""Chooses the performer, the character or both for a command that does not name them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def order_performers(bodies: Collection[Body], busy: Collection[int], place: Flo
     """Returns the bodies in the order of being offered a character: idle ones first, then by distance.
 
     Args:
-        busy: the ids of the performers that hold other characters.
+        busy: the ids of the performers that possess other characters.
         place: (2,) metres, horizontal position of the character's middle. None if it is not known.
     """
     return sorted(bodies, key=lambda body: (body.id in busy, _distance(body, place)))
@@ -49,10 +49,11 @@ def pair_nearest(
     """Returns (character, performer) pairs of idle performers with free characters, the nearest pairs first.
 
     Args:
-        performers: the performers that may take a character.
-        actors: by character id.
-        places: (2,) metres, horizontal position by character id.
-        includes_busy: also considers performers that hold something, and held characters if none is free.
+        performers: the performers that may possess a character.
+        actors: the actors by character id.
+        places: (2,) metres, the horizontal position of each character by id.
+        includes_busy: whether to include performers that already possess a character, and possessed
+            characters if none is free.
     """
     holders = {hold.body for actor in actors.values() for hold in actor.holds}
     idle = [body for body in performers if includes_busy or body.id not in holders]
@@ -60,8 +61,8 @@ def pair_nearest(
     names = free or (list(actors) if includes_busy else [])
     matched: list[tuple[str, int]] = []
     while idle and names:
-        every = ((body, name) for name in names for body in idle)
-        body, name = min(every, key=lambda pair: _distance(pair[0], places.get(pair[1])))
+        pairs = ((body, name) for name in names for body in idle)
+        body, name = min(pairs, key=lambda pair: _distance(pair[0], places.get(pair[1])))
         matched.append((name, body.id))
         idle, names = (
             [other for other in idle if other is not body],

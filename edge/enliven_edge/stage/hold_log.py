@@ -1,4 +1,4 @@
-"""The log of holds: which performer possessed or released which character, and how."""
+"""The log of holds. A hold is the possession of a character by a performer."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from enliven_edge.stage.hold_memory import HoldStarts
 
 
 class HoldLog:
-    """Collects the events of all characters' holds until they are sent to viewers and written to the take.
+    """Collects the starts and ends of all holds until they are sent to viewers and written to the take.
 
     Attributes:
-        time_ns: nanoseconds of the sensor's clock, of the last frame that was performed.
+        time_ns: time of the last performed frame, nanoseconds of the sensor's clock.
     """
 
     def __init__(self) -> None:
@@ -41,30 +41,30 @@ class HoldLog:
         Raises:
             InputError: if that performer does not hold the character.
         """
-        place, held = actor.place, bool(actor.holds)
+        place, was_held = actor.place, bool(actor.holds)
         actor.release(body)
-        if held:
+        if was_held:
             self._add(actor, "release", body, place=place)
 
     @contextmanager
     def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
-        """Logs holds that the actor itself changes within a frame: handed over, started or ended."""
-        before = [hold.body for hold in actor.holds]
+        """Logs holds that the actor itself hands over, starts or ends within a frame."""
+        holders_before = [hold.body for hold in actor.holds]
         yield
         self.time_ns = time_ns
-        after = [hold.body for hold in actor.holds]
-        if after == before:
+        holders_after = [hold.body for hold in actor.holds]
+        if holders_after == holders_before:
             return
-        released = [holder for holder in before if holder not in after]
-        for body in after:
-            if body not in before:
+        released = [holder for holder in holders_before if holder not in holders_after]
+        for body in holders_after:
+            if body not in holders_before:
                 previous = released.pop(0) if released else None
                 self._add(actor, "join" if previous is None else "take over", body, previous=previous)
         for body in released:
             self._add(actor, "release", body)
 
-    def carried_over(self, actor: Actor, carried: HoldStarts) -> None:
-        """Logs the performers that hold a character after it replaced another one."""
+    def log_carried_over(self, actor: Actor, carried: HoldStarts) -> None:
+        """Logs the holds that moved from a replaced character to this one."""
         for taken in carried:
             self._add(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
 

@@ -1,4 +1,4 @@
-"""Records how holds started, so that a later revision of a character can be possessed in the same way."""
+"""Records how holds started, so that performers can possess a new revision of a character in the same way."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from enliven.possession import Actor, Mode
 log = logging.getLogger(__name__)
 
 _SETTLING_SOLVES = 12
-"""Number of solves of one frame, from the starting pose of the hold to the current pose. Each solve about
-halves the remaining distance."""
+"""Number of times that one frame is solved to move a character from the hold's starting pose to the current
+one. Each solve about halves the remaining distance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,66 +31,66 @@ HoldStarts = tuple[HoldStart, ...]
 
 
 class HoldMemory:
-    """Stores, for each character, the first performer that it met and how its holds started."""
+    """Stores for each character the first performer in view, and how its holds started."""
 
     def __init__(self) -> None:
-        self._met: dict[str, Body] = {}
-        self._taken: dict[str, HoldStarts] = {}
+        self._first_performers: dict[str, Body] = {}
+        self._starts: dict[str, HoldStarts] = {}
 
     def remember_performer(self, character: str, bodies: Sequence[Body]) -> None:
-        """Remembers the first performer in view: the character is placed relative to this performer."""
-        if bodies and character not in self._met:
-            self._met[character] = bodies[0]
+        """Remembers the first performer in view, relative to whom the character is placed."""
+        if bodies and character not in self._first_performers:
+            self._first_performers[character] = bodies[0]
 
     def take(self, character: str, body: Body, parts: str, mode: Mode) -> None:
         """Remembers that a performer possessed the character."""
-        earlier = self._taken.get(character, ()) if mode != "alone" else ()
+        earlier = self._starts.get(character, ()) if mode != "alone" else ()
         earlier = tuple(hold for hold in earlier if mode == "extend" or hold.body.id != body.id)
-        self._taken[character] = (*earlier, HoldStart(body, parts, "join" if mode == "alone" else mode))
+        self._starts[character] = (*earlier, HoldStart(body, parts, "join" if mode == "alone" else mode))
 
     def release(self, character: str, body: int | None) -> None:
         """Remembers that a performer released the character. If ``body`` is None, all performers did."""
         remaining = (
-            hold for hold in self._taken.get(character, ()) if body is not None and hold.body.id != body
+            hold for hold in self._starts.get(character, ()) if body is not None and hold.body.id != body
         )
-        self._taken[character] = tuple(remaining)
+        self._starts[character] = tuple(remaining)
 
     def forget(self, character: str) -> None:
         """Forgets a character that was removed."""
-        self._met.pop(character, None)
-        self._taken.pop(character, None)
+        self._first_performers.pop(character, None)
+        self._starts.pop(character, None)
 
     def find_holds(self, actor: Actor, bodies: Sequence[Body]) -> HoldStarts:
         """Returns how the current holds of an actor started.
 
-        A hold without a record counts as started now.
+        A hold without a record counts as started in this frame.
         """
         name, holders = actor.character.id, [hold.body for hold in actor.holds]
-        recorded = tuple(hold for hold in self._taken.get(name, ()) if hold.body.id in holders)
+        recorded = tuple(hold for hold in self._starts.get(name, ()) if hold.body.id in holders)
         asked = {hold.body.id for hold in recorded}
         return recorded + tuple(HoldStart(b) for b in bodies if b.id in holders and b.id not in asked)
 
-    def carry_over(self, before: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> HoldStarts:
+    def carry_over(self, previous_actor: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> HoldStarts:
         """Moves all holds from one actor to another and returns how the holds started.
 
         Each performer possesses the new actor in the pose with which the hold started, and then moves to the
         current pose. If the new actor refuses a performer, this is logged and the hold ends.
         """
-        held = self.find_holds(before, bodies)
+        starts = self.find_holds(previous_actor, bodies)
         actor.release()
-        actor.aside = before.aside
-        if before.growth != 1.0:
-            actor.resize(before.growth)
-        if before.exaggeration is not None:
-            actor.exaggerate(before.exaggeration)
-        met = self._met.get(before.character.id)
-        if met is not None:
-            actor.perform([met], 0)
-        for taken in held:
+        actor.aside = previous_actor.aside
+        if previous_actor.growth != 1.0:
+            actor.resize(previous_actor.growth)
+        if previous_actor.exaggeration is not None:
+            actor.exaggerate(previous_actor.exaggeration)
+        first_performer = self._first_performers.get(previous_actor.character.id)
+        if first_performer is not None:
+            actor.perform([first_performer], 0)
+        for start in starts:
             try:
-                actor.possess(taken.body, taken.parts, taken.mode)
+                actor.possess(start.body, start.parts, start.mode)
             except InputError as error:
                 log.warning("%s", error)
-        for _ in range(_SETTLING_SOLVES if held else 0):
+        for _ in range(_SETTLING_SOLVES if starts else 0):
             actor.perform(bodies, time_ns)
-        return held
+        return starts

@@ -1,4 +1,4 @@
-"""The possession that the command line requests for the start of a performance."""
+"""Possession of characters at the start of a performance, as requested on the command line."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ log = logging.getLogger(__name__)
 
 
 class InitialPossession:
-    """Lets each performer possess a character on appearing: the first one with the first parts, and so on.
+    """Lets performers possess characters when they appear: the first one with the first parts, and so on.
 
     Args:
-        at: seconds after the first frame, or None for never.
+        at: seconds from the first frame to the possession; None: no possession.
         parts: the body parts that possess, such as "all". For several performers, separated as in "legs /
             upper body". One text for all characters, or a mapping by character id.
     """
@@ -23,18 +23,19 @@ class InitialPossession:
     def __init__(self, stage: Stage, at: float | None, parts: str | Mapping[str, str] = "all") -> None:
         self._stage, self._at = stage, at
         each = {name: parts if isinstance(parts, str) else parts.get(name, "all") for name in stage.actors}
-        self._due = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
+        self._pending = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
 
-    def take_hold(self, seconds: float) -> None:
-        """Lets the performers in view possess characters if that is due ``seconds`` after the first frame."""
+    def possess_if_due(self, seconds: float) -> None:
+        """Lets the performers in view possess characters if that is due at ``seconds`` after the first
+        frame."""
         if self._at is None or seconds < self._at:
             return
-        for name, parts in self._due:
+        for name, parts in self._pending:
             while parts and name in self._stage.actors and self._stage.idle(name) is not None:
-                now = parts.pop(0)
+                next_parts = parts.pop(0)
                 try:
-                    self._stage.possess(name, parts=now, mode="join")
-                    log.info("%s is possessed with %s at %.2f s", name, now, seconds)
+                    self._stage.possess(name, parts=next_parts, mode="join")
+                    log.info("%s is possessed with %s at %.2f s", name, next_parts, seconds)
                 except InputError as error:
                     # The part is unknown, or the mesh is out of reach. Report this once, and do not try
                     # again.

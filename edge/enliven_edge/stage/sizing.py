@@ -1,4 +1,4 @@
-"""Scaling of characters by the distance between both hands, as the authors of KinÊtre wished."""
+"""Scaling of characters by the distance between a performer's hands, as the authors of KinÊtre suggest."""
 
 from __future__ import annotations
 
@@ -15,29 +15,30 @@ from enliven_edge.stage.stage import Stage
 
 _HANDS = (Joint.HAND_LEFT, Joint.HAND_RIGHT)
 _MIN_CONFIDENCE = 0.3
-"""Minimum confidence of a hand. Below it the hand is ignored and its last distance is kept."""
+"""Minimum confidence of both hands. Below it the last distance between them is kept."""
 _DISTANCE_OFFSET_M = 0.15
-"""Metres added to every distance, so that hands that start close together do not cause a huge scale at
-once."""
+"""Metres added to the distance of the hands, so that hands that start close together do not cause a huge
+scale."""
 _DEAD_BAND = float(np.log(1.06))
-"""Dead band: hands never keep still, so the size follows only beyond 6 % of distance change."""
+"""Dead band of the logarithm of the distance: the size follows only changes above 6 %, because hands never
+keep still."""
 _SMOOTHING_S = 0.12
 """Time constant in seconds of the size's smoothing, which hides the tracker's noise."""
 _GESTURE_END_S = 1.5
-"""Time for which the hands must be still after a change of size until the gesture ends, in seconds. A pause
-within the gesture is shorter."""
+"""The gesture ends when the hands have been still for this time after a change of size, in seconds. Pauses
+within a gesture are shorter."""
 _MIN_SENT_CHANGE = 0.005
 """Smallest relative change of size that is sent to windows during a gesture."""
 
 
 @dataclass
 class _Gesture:
-    """One performer's gesture. Sizes are natural logarithms: at the start, and the target.
+    """One performer's scaling gesture. Sizes are natural logarithms of the scale.
 
     Attributes:
-        away: logarithm of the distance of the hands at the start, in metres. None until both are visible.
+        away: logarithm of the initial distance of the hands in metres; None until both are visible.
         target_log: target size relative to the start.
-        still_ns: time since which the target has not changed.
+        still_ns: time of the last change of the target, nanoseconds.
     """
 
     body: int
@@ -57,16 +58,16 @@ class HandSizing:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._gestures: dict[str, _Gesture] = {}
-        self._told: dict[str, tuple[float, int, float | None]] = {}
+        self._sent: dict[str, tuple[float, int, float | None]] = {}
         self._time_ns = 0
 
-    def ask(self, order: Resize) -> None:
+    def handle(self, order: Resize) -> None:
         """Starts or ends a gesture, sets a size, or sets how far soft parts swing.
 
         Raises:
             InputError: if character or performer do not exist, or its size cannot change.
         """
-        name, who = self._find_target(order)
+        name, performer = self._find_target(order)
         actor = self._stage.actors[name]
         if order.do == "exaggerate":
             actor.exaggerate(order.exaggeration)
@@ -78,10 +79,10 @@ class HandSizing:
         elif order.do == "hands":
             # This raises an error if the size cannot change.
             actor.resize(actor.growth, self._find_fixed_point(name, None))
-            self._gestures[name] = _Gesture(who, float(np.log(actor.growth)))
+            self._gestures[name] = _Gesture(performer, float(np.log(actor.growth)))
 
     def follow(self, bodies: list[Body], time_ns: int) -> None:
-        """Moves the sizes of the characters towards those that the performers' hands ask for."""
+        """Moves the sizes of the characters towards the target sizes of the gestures."""
         seconds, self._time_ns = max(time_ns - self._time_ns, 0) * 1e-9, time_ns
         present = {body.id: body for body in bodies}
         for name, gesture in list(self._gestures.items()):
@@ -90,26 +91,26 @@ class HandSizing:
                 del self._gestures[name]
                 continue
             _update_target(gesture, body, time_ns)
-            wanted = float(
+            target = float(
                 np.clip(gesture.first + gesture.target_log, -np.log(MAX_GROWTH), np.log(MAX_GROWTH))
             )
-            now = float(np.log(actor.growth))
-            now += (wanted - now) * (1.0 - float(np.exp(-seconds / _SMOOTHING_S)))
-            actor.resize(float(np.exp(now)), self._find_fixed_point(name, body))
+            current_log = float(np.log(actor.growth))
+            current_log += (target - current_log) * (1.0 - float(np.exp(-seconds / _SMOOTHING_S)))
+            actor.resize(float(np.exp(current_log)), self._find_fixed_point(name, body))
 
     def changes(self) -> list[SizeMessage]:
-        """Returns changes since the last call: sizes that changed, and gestures that started or ended."""
+        """Returns the sizes that changed, and the gestures that started or ended, since the last call."""
         messages = []
         for name, actor in self._stage.actors.items():
             gesture = self._gestures.get(name)
             current = actor.growth, -1 if gesture is None else gesture.body, actor.exaggeration
-            before = self._told.get(name, (1.0, -1, None))
-            moved = abs(current[0] / before[0] - 1.0) > (_MIN_SENT_CHANGE if gesture is not None else 1e-9)
-            if moved or current[1:] != before[1:]:
-                self._told[name] = current
+            sent = self._sent.get(name, (1.0, -1, None))
+            moved = abs(current[0] / sent[0] - 1.0) > (_MIN_SENT_CHANGE if gesture is not None else 1e-9)
+            if moved or current[1:] != sent[1:]:
+                self._sent[name] = current
                 messages.append(SizeMessage(name, *current))
-        for name in self._told.keys() - self._stage.actors.keys():
-            del self._told[name]
+        for name in self._sent.keys() - self._stage.actors.keys():
+            del self._sent[name]
             messages.append(SizeMessage(name, 1.0, -1))
         return messages
 
@@ -126,19 +127,19 @@ class HandSizing:
             name = gesture or (possession.character if possession else None)
         if name not in stage.actors:
             problem = "there is no character" if name is None else f"there is no character {name!r}"
-            raise InputError(problem, where="sizing", mend=f"Known: {', '.join(stage.actors) or 'none'}.")
+            raise InputError(problem, where="sizing", remedy=f"Known: {', '.join(stage.actors) or 'none'}.")
         if order.do != "hands" or name in self._gestures:
             return name, -1
-        who = stage.candidate(name, "extend")[0] if order.body is None else order.body
-        who = stage.first_in_view if who is None else who
-        if who is None:
-            mend = "Step in front of the sensor first."
-            raise InputError("nobody is in view", where=f"sizing {name!r}", mend=mend)
-        return name, who
+        performer = stage.candidate(name, "extend")[0] if order.body is None else order.body
+        performer = stage.first_in_view if performer is None else performer
+        if performer is None:
+            remedy = "Step in front of the sensor first."
+            raise InputError("nobody is in view", where=f"sizing {name!r}", remedy=remedy)
+        return name, performer
 
     def _find_fixed_point(self, name: str, body: Body | None) -> Float | None:
-        """Returns (3,) metres, the fixed point of the scaling on the floor: under the performer that holds
-        the character. None: its own."""
+        """Returns (3,) metres, the fixed point of the scaling on the floor: under the performer that
+        possesses the character. None: the character's own point."""
         actor: Actor = self._stage.actors[name]
         if body is None or all(hold.body != body.id for hold in actor.holds):
             return None
@@ -149,15 +150,15 @@ class HandSizing:
 def _update_target(gesture: _Gesture, body: Body, time_ns: int) -> None:
     """Updates the target size from the distance of the hands, with a dead band."""
     left, right = (body.joints[hand] for hand in _HANDS)
-    sure = all(body.confidence[hand] >= _MIN_CONFIDENCE for hand in _HANDS)
-    if not (sure and np.isfinite(left).all() and np.isfinite(right).all()):
+    are_visible = all(body.confidence[hand] >= _MIN_CONFIDENCE for hand in _HANDS)
+    if not (are_visible and np.isfinite(left).all() and np.isfinite(right).all()):
         return
-    away = float(np.log(np.linalg.norm(left - right) + _DISTANCE_OFFSET_M))
+    log_distance = float(np.log(np.linalg.norm(left - right) + _DISTANCE_OFFSET_M))
     if gesture.away is None:
-        gesture.away = away
-    wanted, before = away - gesture.away, gesture.target_log
-    gesture.target_log = float(np.clip(before, wanted - _DEAD_BAND, wanted + _DEAD_BAND))
-    if gesture.target_log != before:
+        gesture.away = log_distance
+    target, previous_log = log_distance - gesture.away, gesture.target_log
+    gesture.target_log = float(np.clip(previous_log, target - _DEAD_BAND, target + _DEAD_BAND))
+    if gesture.target_log != previous_log:
         gesture.still_ns = time_ns
 
 

@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import ObservedPoints
+from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.document import Character, Pose
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven.matching import MatchList, ScreenView
+from enliven.matching.match_list import MatchList
+from enliven.matching.views import ScreenView
 from enliven.person import Body
 from enliven.possession import Actor, Cues, Mode
 from enliven_edge.stage.actor import ChosenActor
@@ -22,23 +23,23 @@ from enliven_edge.stage.stage_capacity import Peer, StageCapacity, StageSettings
 from enliven_edge.stage.tick import Tick
 
 Surfaces = Mapping[int, ObservedPoints]
-"""The part of a performer's surface that a depth sensor sees, by body id."""
+"""The visible surface of each performer, by body id."""
 _CHARACTER_GAP_M = 0.4
-"""Gap on the floor between two characters that wait side by side, in metres. Their arms must not reach across
-by chance."""
+"""Gap on the floor between two free characters next to each other, in metres. It prevents that their arms
+touch by chance."""
 
 
 class Stage:
-    """Turns the bodies of a frame into one pose for each of any number of characters.
+    """The characters of a performance. Computes the pose of each character from the bodies of a frame.
 
-    A command may leave the performer or the character open. Then idle performers come before performers that
-    hold another character, and nearer ones before farther ones. Free characters come before held ones, and
-    nearer ones before farther ones. At equal distances the first in view and the first on the stage win. A
-    command that names both is carried out unchanged: a performer may hold several characters, a character may
-    have several performers.
+    A command need not name the performer or the character. Then idle performers are preferred to performers
+    that possess another character, free characters to possessed ones, and near ones to far ones. At equal
+    distances, the first performer in view and the first character on the stage are preferred. A command that
+    names both is carried out unchanged: a performer may possess several characters, and a character may have
+    several performers.
 
     Attributes:
-        places: counts the characters that viewers may put here.
+        places: limits the number of characters that viewers put on the stage.
     """
 
     def __init__(self, actors: Sequence[Actor] = (), settings: StageSettings | None = None) -> None:
@@ -55,13 +56,14 @@ class Stage:
 
     @property
     def characters(self) -> dict[str, Character]:
-        """The characters by id. An object is replaced with its actor. Other threads may read this, too."""
+        """Returns the characters by id. Safe to call from other threads."""
         return {name: actor.character for name, actor in self.actors.copy().items()}
 
     def put(self, actor: Actor, carried: HoldStarts | None = None, owner: Peer | None = None) -> None:
-        """Puts a character on the stage, or replaces the one with the same id. The others go on.
+        """Puts a character on the stage, or replaces the one with the same id.
 
-        The holders of the replaced character hold the new one. The caller has warmed the actor up.
+        The performers that possess the replaced character possess the new one. The caller must have warmed up
+        the actor.
 
         Args:
             carried: the result of :meth:`carry_over` for the actor. It is called again if the holds have
@@ -69,27 +71,27 @@ class Stage:
             owner: the viewer that put the character here. None: the edge itself.
         """
         name = actor.character.id
-        before = self.actors.get(name)
-        if before is None:
+        replaced = self.actors.get(name)
+        if replaced is None:
             actor.aside = self._find_free_place()
-        if carried is None or (before and carried != self._memory.find_holds(before, self._bodies)):
+        if carried is None or (replaced and carried != self._memory.find_holds(replaced, self._bodies)):
             self.carry_over(actor)
         self.actors[name] = actor
         self.places.set_owner(name, owner)
-        if before is not None:
-            self._log.carried_over(actor, self._memory.find_holds(actor, self._bodies))
+        if replaced is not None:
+            self._log.log_carried_over(actor, self._memory.find_holds(actor, self._bodies))
 
     def carry_over(self, actor: Actor) -> HoldStarts:
-        """Lets the holders of the character with an actor's id hold that actor. May run on another thread."""
-        before = self.actors.get(actor.character.id)
+        """Moves all holds from the character with the actor's id to the actor. May run on another thread."""
+        replaced = self.actors.get(actor.character.id)
         if self._view is not None and isinstance(actor, ChosenActor):
             actor.view = self._view
-        if before is None:
+        if replaced is None:
             return ()
-        return self._memory.carry_over(before, actor, self._bodies, self._time_ns)
+        return self._memory.carry_over(replaced, actor, self._bodies, self._time_ns)
 
     def remove(self, character: str) -> None:
-        """Removes a character from the stage and frees its holders.
+        """Removes a character from the stage and ends its holds.
 
         Raises:
             InputError: if the character does not exist.
@@ -100,9 +102,15 @@ class Stage:
         self._memory.forget(character)
         self.places.forget(character)
 
+    def sort(self, order: Sequence[str]) -> None:
+        """Sorts the characters by a list of ids. Characters that are not in the list come last."""
+        first = [name for name in order if name in self.actors]
+        for name in [*first, *(name for name in list(self.actors) if name not in first)]:
+            self.actors[name] = self.actors.pop(name)
+
     @property
     def uses_surface(self) -> bool:
-        """True if a character follows the performers' surfaces as the sensor sees them."""
+        """Returns True if a character follows the visible surface of its performer."""
         return any(actor.uses_surface for actor in self.actors.values())
 
     def perform(
@@ -113,43 +121,48 @@ class Stage:
         Args:
             bodies: all performers in view, world frame.
             time_ns: nanoseconds, the sensor's clock.
-            surfaces: returns, by body id, the part of the performer's surface that a depth sensor sees. It is
-                called only if a character follows surfaces.
+            surfaces: returns the visible surface of each performer by body id. It is called only if a
+                character follows surfaces.
         """
         self._bodies, self._time_ns = bodies, time_ns
-        seen = surfaces() if surfaces is not None and self.uses_surface else None
+        visible_surfaces = surfaces() if surfaces is not None and self.uses_surface else None
         poses = []
         for name in self.actors:
             offered, actor = self._in_order(name), self._actor(name)
             self._memory.remember_performer(name, offered)
             with self._log.frame(actor, time_ns):
-                pose = actor.perform(offered, time_ns, seen)
+                pose = actor.perform(offered, time_ns, visible_surfaces)
             self._places[name] = pose.positions.mean(0)[FLOOR]
             poses.append(pose)
         return poses
 
     def tick(self, frame: Frame, poses: list[Pose], read_ns: int = 0) -> Tick:
-        """Returns the result of the frame that was performed last."""
-        held, changes = self.holders, self._log.take()
-        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), held, changes)
+        """Returns the complete result of the last performed frame."""
+        holders, changes = self.holders, self._log.take()
+        return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), holders, changes)
 
     @property
     def occupied(self) -> bool:
-        """True if a performer is in view."""
+        """Returns True if a performer is in view."""
         return bool(self._bodies)
 
     @property
+    def performer_count(self) -> int:
+        """Returns the number of performers in view."""
+        return len(self._bodies)
+
+    @property
     def first_in_view(self) -> int | None:
-        """The id of the first performer in view. None if there is none."""
+        """Returns the id of the first performer in view, or None."""
         return self._bodies[0].id if self._bodies else None
 
     @property
     def holders(self) -> frozenset[int]:
-        """The ids of the performers that hold a character."""
+        """Returns the ids of the performers that possess a character."""
         return frozenset(hold.body for actor in self.actors.values() for hold in actor.holds)
 
     def cues(self) -> dict[str, Cues]:
-        """Returns, by character id, the nodes that are held or would be."""
+        """Returns by character id the nodes that performers hold, or would hold if they possessed it now."""
         return {name: self._actor(name).cues(self._in_order(name)) for name in self.actors}
 
     def possess(
@@ -165,8 +178,8 @@ class Stage:
 
         Args:
             character: the character's id. None: that of :meth:`pending_possessions`.
-            body: the performer's id. None: that of :meth:`pending_possessions`, for "join" a performer that
-                does not hold it yet.
+            body: the performer's id. None: that of :meth:`pending_possessions`; in mode "join" a performer
+                that does not possess the character yet.
             parts: the body parts that possess, names of :data:`enliven.person.body.PARTS`.
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
@@ -184,9 +197,9 @@ class Stage:
             except InputError as error:
                 refused.append(error)
         if len(refused) == len(possessions):
-            mend = "Step in front of the sensor, or release a character first."
+            remedy = "Step in front of the sensor, or release a character first."
             problem = "no performer in view is free to possess a character"
-            raise refused[0] if refused else InputError(problem, where="stage", mend=mend)
+            raise refused[0] if refused else InputError(problem, where="stage", remedy=remedy)
 
     def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
         """Lets a performer possess the character with this id."""
@@ -195,23 +208,21 @@ class Stage:
         if not present:
             performer_id = "nobody is in view" if body is None else f"performer {body} is not in view"
             raise InputError(
-                performer_id, where=f"possessing {character!r}", mend="Step in front of the sensor first."
+                performer_id, where=f"possessing {character!r}", remedy="Step in front of the sensor first."
             )
         possession = (actor.next_performer(present) if mode == "join" else None) or present[0]
         self._log.possess(actor, possession, parts, mode)
         self._memory.take(character, possession, parts, mode)
 
     def idle(self, character: str) -> Body | None:
-        """Returns the performer in view that would take a character next and holds none.
-
-        None if there is none.
-        """
+        """Returns the idle performer in view that would possess the character next, or None."""
         return self._actor(character).next_performer(self._in_order(character))
 
     def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
-        """Returns the id of the performer that possesses if a command names none, and the parts.
+        """Returns the performer's id and the body parts for a command that names no performer.
 
-        Mode "extend" means the first holder in view. The id is None if that performer is not in view.
+        In mode "extend" it is the first performer in view that possesses the character already. The id is
+        None if that performer is not in view.
         """
         actor = self._actor(character)
         body, parts = actor.candidate
@@ -223,15 +234,13 @@ class Stage:
     def pending_possessions(self, mode: Mode = "alone", body: int | None = None) -> list[PendingPossession]:
         """Returns the pairs of performer and character for a command that names no character.
 
-        The cues show the same.
-
-        With one character on the stage it is that one. With several, each performer that holds nothing is
-        paired with the nearest free character, the nearest pairs first. ``mode`` "extend" means what the
-        performers hold already.
+        The cues show the same pairs. If the stage has one character, it is chosen. If it has several, each
+        idle performer is paired with the nearest free character, the nearest pairs first. In mode "extend"
+        the pairs are the existing holds.
 
         Args:
-            body: the performer's id. Then only this performer is paired: with the nearest free character, or
-                else the nearest one.
+            body: the performer's id. If given, only this performer is paired: with the nearest free
+                character, or else with the nearest one.
         """
         if len(self.actors) == 1:
             (name,) = self.actors
@@ -249,34 +258,37 @@ class Stage:
         ]
 
     def preview(self, character: str | None = None, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues show what this performer (None: the next one) would hold with these parts."""
+        """Makes the cues preview the nodes that this performer (None: the next one) would hold with these
+        parts."""
         for actor in self._select_actors(character):
             actor.preview(body, parts)
 
     def release(self, character: str | None = None, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all. A free character eases back to rest at its place.
+        """Ends the hold of one performer, or of all. A released character moves smoothly back to its rest
+        pose.
 
         Args:
-            character: the character's id. None: every character that the performer holds.
+            character: the character's id. None: every character that the performer possesses.
         """
         targets = self._select_actors(character)
         if len(targets) > 1 and body is not None:
             targets = [actor for actor in targets if body in {hold.body for hold in actor.holds}]
             if not targets:
-                mend = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
-                raise InputError(f"performer {body} holds no character", where="stage", mend=mend)
+                remedy = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
+                raise InputError(f"performer {body} possesses no character", where="stage", remedy=remedy)
         for actor in targets:
             self._log.release(actor, body)
             self._memory.release(actor.character.id, body)
 
     def set_view(self, view: ScreenView) -> None:
-        """Sets the viewer's direction: rigged characters match poses as they look on the viewer's screen."""
+        """Sets the viewer's direction of view. Rigged characters compare poses as they appear on the
+        screen."""
         self._view = view
         for actor in self._rigs():
             actor.view = view
 
     def browse(self, character: str | None = None, step: int = 1) -> None:
-        """Shows another match of a rigged character. Step 0 follows the pose again.
+        """Shows another match of a rigged character. Step 0 lets the match follow the pose again.
 
         Args:
             character: the character's id. None: every rigged one.
@@ -288,13 +300,13 @@ class Stage:
         rigs = [actor for actor in targets if isinstance(actor, ChosenActor)]
         if not rigs:
             where = f"character {targets[0].character.id!r}"
-            mend = "Give the edge a rigged model and --drive skeleton."
-            raise InputError("its parts cannot be chosen", where=where, mend=mend)
+            remedy = "Give the edge a rigged model and --drive skeleton."
+            raise InputError("its parts cannot be chosen", where=where, remedy=remedy)
         for actor in rigs:
             actor.browse(step)
 
     def boards(self) -> list[MatchList]:
-        """Returns the matches to choose from, for each rigged character."""
+        """Returns for each rigged character the list of matches to choose from."""
         return [actor.board() for actor in self._rigs()]
 
     def _rigs(self) -> list[ChosenActor]:
@@ -305,14 +317,14 @@ class Stage:
         if character not in self.actors:
             names = ", ".join(self.actors) or "none"
             problem = f"there is no character {character!r}"
-            raise InputError(problem, where="stage", mend=f"Known: {names}.")
+            raise InputError(problem, where="stage", remedy=f"Known: {names}.")
         actor = self.actors[character]
         others = (other for other in self.actors.values() if other is not actor)
         actor.busy = frozenset(hold.body for other in others for hold in other.holds)
         return actor
 
     def _select_actors(self, character: str | None) -> list[Actor]:
-        """Returns the actor with this id, or all. An empty stage is refused."""
+        """Returns the actor with this id, or all. Raises InputError if the stage is empty."""
         if character is not None or not self.actors:
             return [self._actor(character or "")]
         return [self._actor(name) for name in self.actors]
@@ -324,7 +336,9 @@ class Stage:
         return order_performers(self._bodies, self._actor(character).busy, self._places.get(character))
 
     def _find_free_place(self) -> float:
-        """Returns the sideways offset in metres for one more character next to those that are there."""
-        wide = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
-        aside = [actor.aside for actor in self.actors.values()]
-        return max((a + float(w) + _CHARACTER_GAP_M for a, w in zip(aside, wide, strict=True)), default=0.0)
+        """Returns the sideways offset in metres for one more character next to the existing ones."""
+        widths = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
+        offsets = [actor.aside for actor in self.actors.values()]
+        return max(
+            (a + float(w) + _CHARACTER_GAP_M for a, w in zip(offsets, widths, strict=True)), default=0.0
+        )

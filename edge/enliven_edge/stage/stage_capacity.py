@@ -12,7 +12,7 @@ from enliven.settings import setting
 
 
 class Peer(Protocol):
-    """A viewer that puts characters on the stage, identified by its connection and its address.
+    """A viewer that puts characters on the stage. It is identified by its connection and its address.
 
     Attributes:
         address: the address of its machine, without the port.
@@ -22,12 +22,12 @@ class Peer(Protocol):
 
     @property
     def is_open(self) -> bool:
-        """True if the viewer is still connected."""
+        """Returns True if the viewer is still connected."""
 
 
 @dataclass(frozen=True)
 class StageSettings:
-    """Limits of the number of characters on the stage."""
+    """Limits of the number of characters on the stage, and the folder in which it is kept."""
 
     characters: int = setting(
         16,
@@ -39,28 +39,33 @@ class StageSettings:
     per_viewer: int = setting(
         12, "Maximum number of characters that one viewer may put on the stage.", low=1, high=256
     )
+    keep: str = setting(
+        "",
+        "Folder in which the stage is kept, so that it comes back after a restart. A path is relative to "
+        "this file. Empty: the folder of the systemd unit ($STATE_DIRECTORY), or none.",
+    )
 
 
-Coming = Iterable[tuple[str, Peer | None]]
-"""Characters that are being uploaded: id, and the viewer that sends it."""
+PendingCharacters = Iterable[tuple[str, Peer | None]]
+"""Characters that are being uploaded: the id of each, and the viewer that sends it."""
 
 
 class StageCapacity:
     """Counts the characters on a stage and those being uploaded, in total and for each viewer.
 
-    Viewers on other machines count by address. Viewers on this machine share one address, and count by
-    connection. Characters of closed connections count for every viewer of their address.
+    Viewers on other machines are distinguished by address. Viewers on this machine share one address, so they
+    are distinguished by connection. Characters of closed connections count for every viewer of their address.
 
     Args:
-        standing: the ids of the characters on the stage. The stage keeps this collection up to date.
+        standing: the ids of the characters on the stage. The stage updates this collection.
     """
 
     def __init__(self, settings: StageSettings, standing: Collection[str]) -> None:
         self._settings, self._standing = settings, standing
         self._owners: dict[str, Peer] = {}
-        self._sources: list[Callable[[], Coming]] = []
+        self._sources: list[Callable[[], PendingCharacters]] = []
 
-    def watch(self, coming: Callable[[], Coming]) -> None:
+    def watch(self, coming: Callable[[], PendingCharacters]) -> None:
         """Registers a function that returns characters that are being uploaded."""
         self._sources.append(coming)
 
@@ -75,7 +80,7 @@ class StageCapacity:
         self._owners.pop(character, None)
 
     def check(self, character: str, peer: Peer | None) -> None:
-        """Checks that there is a place for one more character. A character that already has a place may stay.
+        """Checks that one more character fits on the stage. Characters that are already on it are allowed.
 
         Raises:
             InputError: if the stage is full, or the viewer has too many characters on it.
@@ -85,16 +90,16 @@ class StageCapacity:
             return
         where, count = f"character {character!r}", len(set(self._standing) | coming.keys())
         if count >= self._settings.characters:
-            mend = "Remove one first, or raise characters under [stage] in the edge's settings."
-            raise InputError(f"the stage is full, it has {count} characters", where=where, mend=mend)
+            remedy = "Remove one first, or raise characters under [stage] in the edge's settings."
+            raise InputError(f"the stage is full, it has {count} characters", where=where, remedy=remedy)
         if peer is None:
             return
         owners = [self._owners.get(name) for name in self._standing] + list(coming.values())
         viewer_count = sum(owner is not None and _counts_for(owner, peer) for owner in owners)
         if viewer_count >= self._settings.per_viewer:
-            mend = "Remove one first, or raise per_viewer under [stage] in the edge's settings."
+            remedy = "Remove one first, or raise per_viewer under [stage] in the edge's settings."
             raise InputError(
-                f"this viewer has {viewer_count} characters on the stage", where=where, mend=mend
+                f"this viewer has {viewer_count} characters on the stage", where=where, remedy=remedy
             )
 
 

@@ -1,4 +1,4 @@
-"""The result of one frame as one value, for viewers, the take and the physics."""
+"""The complete result of one frame, for viewers, the take and the physics."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from enliven.document import Pose, Props
 from enliven.frames import Frame
-from enliven.matching import MatchList
+from enliven.matching.match_list import MatchList
 from enliven.person import Body
 from enliven.possession import Cues
 from enliven.wire import HoldMessage
@@ -15,16 +15,16 @@ from enliven.wire import HoldMessage
 
 @dataclass(frozen=True)
 class Tick:
-    """Everything that results from one frame.
+    """The complete result of one frame.
 
     Attributes:
         frame: the sensor's frame.
         bodies: all performers in view, world frame.
-        poses: one for each character.
-        read_ns: wall clock when the frame was read, in nanoseconds. 0 if it is not known.
-        cues: by character id, the nodes that are held, or would be.
-        boards: the matches to choose from, for each rigged character.
-        holders: the ids of the performers that hold a character.
+        poses: the poses, one for each character.
+        read_ns: time at which the frame was read, nanoseconds of the monotonic clock; 0 if unknown.
+        cues: by character id, the nodes that performers hold, or would hold if they possessed it now.
+        boards: for each rigged character, the list of matches to choose from.
+        holders: the ids of the performers that possess a character.
         holds: changes of the holds since the previous frame.
         props: the rigid bodies of the physics simulation, if it runs.
     """
@@ -41,5 +41,5 @@ class Tick:
 
     @property
     def time_ns(self) -> int:
-        """Nanoseconds, the sensor's clock."""
+        """Returns the frame's time in nanoseconds of the sensor's clock."""
         return self.frame.time_ns

@@ -19,11 +19,11 @@ from enliven.arrays import UInt8
 ImageProtocol = Literal["kitty", "iterm", "sixel", "blocks", "blocks256"]
 IMAGE_PROTOCOLS = get_args(ImageProtocol)
 _CHUNK_CHARACTERS = 4096
-"""Characters of a piece of kitty's graphics, by its protocol."""
+"""Maximum number of characters of a piece in kitty's graphics protocol."""
 _SIXEL_COLOURS = 256
 """Number of colours of a sixel image: the minimum of VT340 emulators."""
 _SIXEL_ROWS = 6
-"""Pixel rows of one row of sixels."""
+"""Number of pixel rows in one row of sixels."""
 _MAX_WIDTH_PX = 480
 """Maximum width in pixels of an image that the terminal draws itself."""
 
@@ -48,7 +48,7 @@ def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> 
 
 
 def kitty(picture: UInt8) -> str:
-    """Encodes in kitty's graphics protocol: a PNG in base64, in pieces."""
+    """Encodes an image in kitty's graphics protocol: a PNG in base64, in pieces."""
     data = base64.standard_b64encode(_png(picture)).decode()
     pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
     codes = []
@@ -61,21 +61,23 @@ def kitty(picture: UInt8) -> str:
 
 
 def iterm(picture: UInt8) -> str:
-    """Encodes as iTerm2's inline image, which WezTerm and others draw, too."""
+    """Encodes as iTerm2's inline image, which other terminals such as WezTerm also draw."""
     data = _png(picture)
-    encoded = base64.standard_b64encode(data).decode()
-    return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{encoded}\x07\n"
+    base64_text = base64.standard_b64encode(data).decode()
+    return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{base64_text}\x07\n"
 
 
 def sixel(picture: UInt8) -> str:
-    """Encodes as sixels of at most 256 colours: six rows at a time, each colour over the same band."""
+    """Encodes as sixels with at most 256 colours: six rows at a time, one pass over the row for each
+    colour.
+    """
     image = Image.fromarray(picture).quantize(_SIXEL_COLOURS, dither=Image.Dither.NONE)
     indices = np.asarray(image)
     height, width = indices.shape
     palette = np.asarray(image.getpalette(), np.float64).reshape(-1, 3)
-    used = np.unique(indices)
+    used_colours = np.unique(indices)
     codes = [f'\x1bP0;1;0q"1;1;{width};{height}']
-    for colour in used:
+    for colour in used_colours:
         red, green, blue = np.rint(palette[colour] * 100 / 255).astype(int)
         codes.append(f"#{colour};2;{red};{green};{blue}")
     for top in range(0, height, _SIXEL_ROWS):
@@ -115,15 +117,17 @@ def _nearest(red: int, green: int, blue: int) -> str:
 def _sixel_band(rows: UInt8) -> str:
     """Encodes one row of sixels from (up to 6, W) colour indices."""
     weights = 1 << np.arange(len(rows))
-    drawn = []
+    sixels = []
     for colour in np.unique(rows):
         bits = (rows == colour).T @ weights
-        drawn.append(f"#{colour}" + "".join(_repeat(chr(63 + bit), n) for bit, n in _runs(bits.tolist())))
-    return "$".join(drawn) + "-"
+        sixels.append(f"#{colour}" + "".join(_repeat(chr(63 + bit), n) for bit, n in _runs(bits.tolist())))
+    return "$".join(sixels) + "-"
 
 
 def _runs(values: list[int]) -> list[tuple[int, int]]:
-    """Returns (value, length) of each run. A last run of 0 is left out, since it draws nothing."""
+    """Returns (value, length) of each run of equal values. A last run of 0 is left out, since it draws
+    nothing.
+    """
     runs = [(value, sum(1 for _ in same)) for value, same in itertools.groupby(values)]
     return runs[:-1] if runs and runs[-1][0] == 0 else runs
 
@@ -135,10 +139,10 @@ def _repeat(character: str, count: int) -> str:
 
 def _downscale(picture: UInt8, width: int) -> UInt8:
     """Returns the image, downscaled if it is too wide. Nearest-neighbour sampling keeps holes in depth."""
-    height, across = picture.shape[:2]
-    if across <= width:
+    height, width_px = picture.shape[:2]
+    if width_px <= width:
         return picture
-    size = (width, max(1, round(height * width / across)))
+    size = (width, max(1, round(height * width / width_px)))
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.NEAREST))
 
 

@@ -13,7 +13,9 @@ from typing import TextIO
 from enliven_edge.terminal.image_encoding import ImageProtocol
 
 ANSWER_TIMEOUT_S = 1.0
-"""Seconds to wait for a terminal's answer, also behind a slow network line. Nearly all answer immediately."""
+"""Maximum time to wait for a terminal's answer, in seconds, for slow network connections. Nearly all answer
+immediately.
+"""
 _QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
 """Queries kitty's graphics, then the device attributes (DA1). Every terminal answers the second query, and
 the answers come in this order."""
@@ -25,7 +27,7 @@ _ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
 _SIXEL = b"4"
 """The attribute of a terminal that draws sixels."""
 _MAX_ANSWER_BYTES = 4096
-"""Maximum bytes of an answer: more is a user's typing, which is not waited for."""
+"""Maximum bytes of an answer. More bytes are a user's typing, and reading stops."""
 
 
 def image_protocol(
@@ -55,7 +57,9 @@ def image_protocol(
 
 
 def _protocol_from_environment(environment: Mapping[str, str]) -> ImageProtocol | None:
-    """Returns the protocol that the environment names. None in a multiplexer, which may not pass it on."""
+    """Returns the protocol that the environment variables indicate. None in a multiplexer, which may not
+    forward images.
+    """
     if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
         return None
     program = environment.get("TERM_PROGRAM") or environment.get("LC_TERMINAL", "")
@@ -65,18 +69,18 @@ def _protocol_from_environment(environment: Mapping[str, str]) -> ImageProtocol 
 
 
 def _query_terminal(out: int, keys: int, patience: float) -> bytes:
-    """Returns the terminal's answer in time. Empty if it cannot be queried."""
+    """Returns the terminal's answer. Empty if it does not answer in time, or cannot be queried."""
     with _disable_echo(keys) as is_possible:
         if not is_possible:
             return b""
         os.write(out, _QUERY)
-        answer, until = b"", time.monotonic() + patience
+        answer, deadline = b"", time.monotonic() + patience
         while not _ATTRIBUTES.search(answer) and len(answer) < _MAX_ANSWER_BYTES:
-            if not select.select([keys], [], [], max(0.0, until - time.monotonic()))[0]:
+            if not select.select([keys], [], [], max(0.0, deadline - time.monotonic()))[0]:
                 break
-            if not (more := os.read(keys, _MAX_ANSWER_BYTES)):
+            if not (data := os.read(keys, _MAX_ANSWER_BYTES)):
                 break
-            answer += more
+            answer += data
         os.write(out, _ERASE)
         return answer
 

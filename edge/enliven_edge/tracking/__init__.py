@@ -5,7 +5,3 @@ model. ``segment`` separates people from the background. ``body_model``, ``fit``
 posture. ``people`` manages the tracks and identities. ``output`` smooths the result. ``health`` reports
 problems. No package imports a later one.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

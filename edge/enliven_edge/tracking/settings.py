@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,7 @@ class SceneSettings:
 class BackgroundSettings:
     """How the background model, the room without people, is learnt."""
 
+    REMOVED_SETTINGS: ClassVar = ("moved",)
     absorb_after: float = setting(
         15.0,
         "Time after which a new, still object becomes part of the background model.",
@@ -67,12 +68,6 @@ class BackgroundSettings:
         unit="s",
         low=0.0,
         high=60.0,
-    )
-    moved: float = setting(
-        0.3,
-        "Fraction of the known background that must differ before the sensor counts as moved.",
-        low=0.1,
-        high=1.0,
     )
 
 
@@ -131,14 +126,14 @@ class FitSettings:
         500, "Maximum number of depth points that are fitted per person and frame.", low=100, high=20000
     )
     iterations: int = setting(6, "Maximum number of Gauss-Newton iterations per fit.", low=1, high=100)
-    width: float = setting(
+    width: float = parameter(
         0.07,
         "Robust width: points farther than this from the model have little influence.",
         unit="m",
         low=0.005,
         high=1.0,
     )
-    affinity: float = setting(
+    affinity: float = parameter(
         0.1,
         "Points count as nearer by this distance to the limb that the network assigns to them. 0 uses "
         "distance alone.",
@@ -146,42 +141,42 @@ class FitSettings:
         low=0.0,
         high=1.0,
     )
-    free_space: float = setting(
+    free_space: float = parameter(
         3.0,
         "Weight of the free-space term, which keeps limbs out of space that the camera sees through.",
         low=0.0,
         high=100.0,
     )
-    landmarks: float = setting(
+    landmarks: float = parameter(
         0.2,
         "Weight of the landmark term, which pulls joints to their positions from the pose network.",
         low=0.0,
         high=100.0,
     )
-    floor: float = setting(
+    floor: float = parameter(
         0.05, "Weight of the floor term, which keeps limbs above the floor.", low=0.0, high=100.0
     )
-    temporal: float = setting(
+    temporal: float = parameter(
         1.2,
         "Weight of the temporal prior, which keeps the pose near its prediction. More is steadier but "
         "slower to follow.",
         unit="1/rad^2",
         low=0.0,
     )
-    rest: float = setting(
+    rest: float = parameter(
         0.12,
         "Weight of the rest-pose prior, which relaxes limbs without depth data.",
         unit="1/rad^2",
         low=0.0,
     )
-    ranges: float = setting(300.0, "Weight of the joint limits.", unit="1/rad^2", low=0.0)
-    proportions: float = setting(
+    ranges: float = parameter(300.0, "Weight of the joint limits.", unit="1/rad^2", low=0.0)
+    proportions: float = parameter(
         40.0,
         "Weight of average body proportions while a person is new; it grows until the bone lengths are "
         "settled.",
         low=0.0,
     )
-    settle_frames: int = setting(
+    settle_frames: int = parameter(
         60,
         "Number of fitted frames over which the bone lengths become firm; after three times as many "
         "they are fixed.",
@@ -193,6 +188,11 @@ class FitSettings:
 class SmoothingSettings:
     """One-Euro filter of the joints and of the bones' orientations (Casiez et al. 2012)."""
 
+    REMOVED_SETTINGS: ClassVar = (
+        "cutoff",
+        "speed",
+        "turn",
+    )
     amount: float = setting(
         1.0,
         "Strength of the smoothing: 0 is off, 1 is gentle. More removes jitter but adds lag.",
@@ -202,28 +202,7 @@ class SmoothingSettings:
     amounts: tuple[float, ...] = setting(
         (), "Smoothing of performers 1, 2, 3, ... instead of `amount`. A negative value keeps `amount`."
     )
-    cutoff: float = setting(
-        3.0,
-        "Cut-off frequency at rest for amount 1. Lower values remove more jitter.",
-        unit="Hz",
-        low=0.01,
-        high=100.0,
-    )
-    speed: float = setting(
-        4.0,
-        "Increase of the cut-off frequency with speed. Higher values reduce lag in fast motion.",
-        unit="Hz/(m/s)",
-        low=0.0,
-        high=100.0,
-    )
-    turn: float = setting(
-        1.5,
-        "Increase of the cut-off frequency with rotation speed. Higher values reduce lag in fast turns.",
-        unit="Hz/(rad/s)",
-        low=0.0,
-        high=100.0,
-    )
-    undelayed: float = setting(
+    undelayed: float = parameter(
         1.0,
         "Fraction of the filter's delay that prediction compensates for moving joints.",
         low=0.0,
@@ -232,45 +211,19 @@ class SmoothingSettings:
 
 
 @dataclass(frozen=True)
-class FootContactSettings:
-    """When a foot counts as standing on the floor."""
-
-    lift: float = setting(
-        0.035, "A foot this far above its standing height counts as lifted.", unit="m", low=0.005, high=0.5
-    )
-    speed: float = setting(
-        0.35, "A foot that moves at this speed counts as lifted.", unit="m/s", low=0.01, high=10.0
-    )
-    hysteresis: float = setting(
-        1.25,
-        "Factor on both limits for a standing foot, so that contact does not flicker.",
-        low=1.0,
-        high=10.0,
-    )
-    floor: float = setting(
-        0.16, "Maximum height of a foot joint above the floor while the foot stands.", unit="m", low=0.0
-    )
-
-
-@dataclass(frozen=True)
 class OutputSettings:
     """The post-processing of the fit before it leaves the tracker."""
 
-    fastest: float = setting(
-        12.0, "Maximum reported speed of a joint. 0, or smoothing 0, removes the limit.", unit="m/s", low=0.0
-    )
-    hold: float = setting(
-        0.1,
-        "Time that a joint waits after a jump above the maximum speed before it follows.",
-        unit="s",
-        low=0.0,
+    REMOVED_SETTINGS: ClassVar = (
+        "fastest",
+        "hold",
+        "contact",
     )
     predict: float | Literal["measured"] = setting(
         0.0, "How far ahead joints are predicted to hide latency; 'measured' uses the edge's own latency.",
         unit="s", low=0.0, high=0.3,
     )  # fmt: skip
     mirror: bool = setting(False, "Swaps left and right, so that performers appear as in a mirror.")
-    contact: FootContactSettings = setting(FootContactSettings, "Foot contact with the floor.")
 
 
 @dataclass(frozen=True)

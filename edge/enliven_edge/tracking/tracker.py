@@ -7,26 +7,32 @@ from collections.abc import Iterable
 import numpy as np
 
 from enliven.arrays import Float, Int16, UInt8
-from enliven.deformation.constraints import ObservedPoints
+from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.person import Body, Joint
-from enliven_edge.landmarks import ColourPoseEstimator
-from enliven_edge.tracking.body_model import Posture
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.health import TrackerState
-from enliven_edge.tracking.output import Output, mirror_plane, mirror_surfaces, visible_surfaces
-from enliven_edge.tracking.people import GuessedFloor, MultiPersonTracker, Person
-from enliven_edge.tracking.scene import UNSEEN, BackgroundModel, Mounting
-from enliven_edge.tracking.segment import find_furniture, pixels_near_bodies
+from enliven_edge.landmarks.colour_pose import ColourPoseEstimator
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.health.health import TrackerState
+from enliven_edge.tracking.output.output import Output, mirror_plane
+from enliven_edge.tracking.output.surfaces import mirror_surfaces, visible_surfaces
+from enliven_edge.tracking.people.guessed_floor import GuessedFloor
+from enliven_edge.tracking.people.people import MultiPersonTracker
+from enliven_edge.tracking.people.person import Person
+from enliven_edge.tracking.scene.background_kernels import UNSEEN
+from enliven_edge.tracking.scene.background_model import BackgroundModel
+from enliven_edge.tracking.scene.mounting import Mounting
+from enliven_edge.tracking.segment.furniture import find_furniture
+from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
 
 _YOUNG_AGE_S = 1.0
-"""Age of the background model in seconds up to which it may contain parts of people by mistake."""
+"""Age in seconds below which the background model may still contain parts of people by mistake."""
 _SURFACE_DISTANCE_M = 0.05
-"""Metres from a person's surface within which a part of the background is taken for the person. It covers the
-error of the fit."""
+"""Background pixels within this distance of a fitted person, in metres, are removed from the background
+model. It covers the error of the fit."""
 _FURNITURE_RATE_HZ = 5.0
 """Searches per second for furniture next to people. Furniture does not move, so this is enough."""
 
@@ -34,11 +40,11 @@ _MAX_LEG_CONFIDENCE = 0.5
 """Maximum confidence of a knee, ankle or foot while the floor is only guessed. The guessed floor plane cuts
 off the shins."""
 _FIRST_CONFIDENCE = 0.6
-"""Maximum confidence of a joint in the frame in which its person is found. In a single frame a pattern on a
-wall may fit a body."""
+"""Maximum confidence of the joints in a person's first frame. In a single frame a pattern on a wall may look
+like a body."""
 _CONFIDENCE_RAMP_NS = 300_000_000
-"""Nanoseconds after which the limit of a new person's confidence is gone, if the network also sees a person.
-A pattern loses its body within about ten frames."""
+"""Nanoseconds in which the confidence limit of a new person rises to 1, if the network also sees a person. A
+false body on a wall pattern is lost within about ten frames."""
 _IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 
 
@@ -50,14 +56,15 @@ class Tracker:
     smooths the result. Bodies that a sensor tracks itself are smoothed in the same way.
 
     Args:
-        colour: improves the joints by the colour image, if the frame has one; None: depth alone.
+        colour: estimator that improves the joints by the colour image, if the frame has one; None: depth
+            alone.
     """
 
     def __init__(
         self, settings: TrackerSettings | None = None, colour: ColourPoseEstimator | None = None
     ) -> None:
         self.settings = settings or TrackerSettings()
-        self._mounting = Mounting(self.settings.scene, self.settings.room.moved)
+        self._mounting = Mounting(self.settings.scene)
         self._fitter = Fitter(self.settings.fit)
         self._people = MultiPersonTracker(self.settings, self._fitter)
         self._guessed_floor = GuessedFloor(self.settings)
@@ -65,6 +72,7 @@ class Tracker:
         self._owner: Int16 | None = None
         self._view: FrameView | None = None
         self._by_depth, self._gave_up = True, 0
+        self._learns_again = False
         self.output = Output(self.settings)
         self.colour = colour
 
@@ -87,7 +95,7 @@ class Tracker:
 
     @property
     def performers(self) -> list[Person]:
-        """Returns the tracked people that may perform, in the order in which they were found."""
+        """Returns the tracked people that may perform, in the order of their detection."""
         return self._people.track_manager.performers
 
     @property
@@ -104,8 +112,16 @@ class Tracker:
         if not self._by_depth:
             return None
         age = self._room.age if self._room is not None else 0.0
-        moved = self._mounting.falling or (self._mounting.new_place and not self._mounting.new_camera)
+        moved = self._mounting.is_moving or (self._mounting.has_new_pose and not self._mounting.is_new_camera)
         return TrackerState(self._mounting.floor_known, age, moved)
+
+    @property
+    def background(self) -> Float | None:
+        """Returns (h, w) the background's depth in the reduced image, metres, 0 where it is unknown.
+
+        None before the first depth image.
+        """
+        return None if self._room is None else self._room.z
 
     @property
     def owner(self) -> Int16 | None:
@@ -134,7 +150,8 @@ class Tracker:
         return surfaces
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
-        """Makes these people, or all that are tracked now, the only performers. All others are bystanders.
+        """Admits only these ids, or all people that are tracked now, as performers. All others are
+        bystanders.
 
         Raises:
             InputError: if the sensor tracks people itself.
@@ -145,20 +162,42 @@ class Tracker:
     @property
     def locked(self) -> bool:
         """Returns True if new people are bystanders."""
-        return self._people.track_manager.lock.closed
+        return self._people.track_manager.lock.is_closed
+
+    @property
+    def locked_ids(self) -> frozenset[int] | None:
+        """Returns the ids that are admitted as performers. None without a lock: all people may perform."""
+        return self._people.track_manager.lock.ids
 
     def unlock(self) -> None:
-        """Lets new people be performers again. Raises InputError like :meth:`lock`."""
+        """Admits all people as performers again. Raises InputError like :meth:`lock`."""
         self._need_depth()
         self._people.track_manager.lock.open()
 
+    def learn_room(self) -> None:
+        """Learns the background and the floor again from the next frame on, as after a start.
+
+        People are searched again, and keep their numbers if they are recognised.
+
+        Raises:
+            InputError: if the sensor tracks people itself.
+        """
+        if not self._by_depth:
+            raise InputError(
+                "the sensor tracks people itself, so that no room is learnt",
+                where="edge",
+                remedy="Restart the program that tracks the people.",
+            )
+        self._learns_again = True
+        self._mounting.search_floor_again()
+
     def _need_depth(self) -> None:
-        """Raises InputError if the sensor tracks people itself."""
+        """Raises InputError if the sensor sends no depth but bodies that it tracked itself."""
         if not self._by_depth:
             raise InputError(
                 "only the performers of one depth sensor can be locked",
                 where="edge",
-                mend="Give the space a zone instead, zone under [tracker.scene] in the settings.",
+                remedy="Give the space a zone instead, zone under [tracker.scene] in the settings.",
             )
 
     def forget(self) -> None:
@@ -167,7 +206,7 @@ class Tracker:
         self.output.forget()
 
     def track(self, frame: Frame) -> list[Body]:
-        """Returns the bodies in a frame, world frame, found in its depth or by the sensor.
+        """Returns the bodies in a frame in world coordinates, tracked from its depth or by the sensor itself.
 
         The list is empty without people.
         """
@@ -182,7 +221,7 @@ class Tracker:
         """Returns the bodies in a depth image."""
         view = self._mounting.view(frame, no_people=not self._people.people)
         room = self._background_for(view)
-        if self._mounting.falling:
+        if self._mounting.is_moving:
             self._view = None
             return []
         self._fitter.has_floor = self._mounting.height_known
@@ -191,11 +230,11 @@ class Tracker:
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._people.follow(view, kind)
-        hold = self._people.finder.find(view, kind, segments, room, believe=not self._mounting.suspected)
+        hold = self._people.finder.find(view, kind, segments, room, believe=not self._mounting.may_be_moving)
         if not self._mounting.height_known:
             view = self._raise_world(view)
         self._owner, self._view = segments.owner, view
-        room.guard(segments.owner, self._people.travelled_ids(), view.z)
+        room.guard(segments.owner, self._people.moved_ids(), view.z)
         people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._remove_learnt_people(room, view)
@@ -210,7 +249,7 @@ class Tracker:
         """
         step = self._guessed_floor.after_fit(self._people.people)
         for person in self._people.people:
-            person.lift(step)
+            person.raise_by(step)
         return self._mounting.raise_guess(view, step)
 
     def _remove_learnt_people(self, room: BackgroundModel, view: FrameView) -> None:
@@ -218,14 +257,13 @@ class Tracker:
 
         An example is a leg below a hole in the depth.
         """
-        people = [p.follower.posture for p in self._people.people if not p.travelled]
+        people = [p.follower.posture for p in self._people.people if not p.has_moved]
         if people and room.age < _YOUNG_AGE_S:
             room.forget(pixels_near_bodies(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M))
 
     def _absorb_furniture(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
-        """Adds pixels that touch people and never move to the background model.
-
-        They are furniture that was there when the people were first seen.
+        """Adds furniture next to people to the background model: pixels that touch people and never move.
+        This is furniture that stood there when the people were first detected.
         """
         people = [p.follower.posture for p in self._people.people]
         if people and self._owner is not None and round(room.age * _FURNITURE_RATE_HZ) != self._gave_up:
@@ -235,41 +273,46 @@ class Tracker:
             room.absorb(find_furniture(view, still, self._owner, people, floor))
 
     def _background_for(self, view: FrameView) -> BackgroundModel:
-        """Returns the background model: a new one if the sensor was moved or exchanged."""
-        mounting = self._mounting
-        if mounting.new_camera or mounting.levelled or (mounting.new_place and mounting.far_away):
+        """Returns the background model.
+
+        It is a new one if the sensor was moved or exchanged, or if the room shall be learnt again.
+        """
+        mounting, learns_again = self._mounting, self._learns_again
+        self._learns_again = False
+        is_far = mounting.has_new_pose and mounting.needs_people_search
+        if mounting.is_new_camera or mounting.has_new_floor or is_far:
             self._people.sensor_moved(view.time_ns)
-        if self._room is None or mounting.new_camera or mounting.new_place:
+        elif learns_again:
+            self._people.search_again(view.time_ns)
+        if self._room is None or mounting.is_new_camera or mounting.has_new_pose or learns_again:
             self._room = BackgroundModel(view.z.shape, self.settings.room)
         return self._room
 
     def _limit_confidence(self, sure: Float, age_ns: int) -> Float:
         """Returns (20,) the confidence of a person's joints, with limits.
 
-        It is limited while the person is new, and for legs while the floor is unknown.
+        The confidence is limited while the person is new. Legs are also limited while the floor is unknown.
 
         Args:
             sure: (20,) the confidence from the fit.
             age_ns: nanoseconds since the person was found.
         """
-        earned = min(max(age_ns / _CONFIDENCE_RAMP_NS, 0.0), 1.0)
-        if earned == 1.0 and self._mounting.floor_known:
+        ramp = min(max(age_ns / _CONFIDENCE_RAMP_NS, 0.0), 1.0)
+        if ramp == 1.0 and self._mounting.floor_known:
             return sure
         legs = 1.0 if self._mounting.floor_known else _MAX_LEG_CONFIDENCE
-        most = np.minimum(
-            _FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * earned, np.where(_IS_LEG, legs, 1.0)
-        )
+        most = np.minimum(_FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * ramp, np.where(_IS_LEG, legs, 1.0))
         return np.minimum(sure, most)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
-        """Returns the output bodies: each performer's fit, processed according to the settings."""
+        """Returns the output bodies: each performer's fit after smoothing, prediction and mirroring."""
         fits = []
         for person in self.performers:
-            posture, sure = person.follower.posture, person.follower.confidence
-            age = frame.time_ns - person.found_ns if person.plain else 0
-            sure = self._limit_confidence(sure, age)
-            turns, stature = posture.orientations(), person.looks.stature
-            fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
+            posture, confidence = person.follower.posture, person.follower.confidence
+            age = frame.time_ns - person.found_ns if person.is_confirmed else 0
+            confidence = self._limit_confidence(confidence, age)
+            orientations, stature = posture.orientations(), person.measurements.stature
+            fits.append(Body(person.id, posture.joints(), confidence, orientations, stature=stature))
         if self.colour is not None and self.world_from_camera is not None:
             fits = self.colour.improve(fits, frame, self.world_from_camera)
         return self.output(fits, frame.time_ns, self.world_from_camera)

@@ -1,9 +1,12 @@
-"""The command ``enliven doctor``: checks this machine or a running edge, and gives the remedy for each
-fault."""
+"""The command ``enliven doctor``: checks this machine, a running edge or an installation.
+
+It gives the remedy for each fault."""
 
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import typer
 from rich.table import Table
@@ -16,18 +19,38 @@ from enliven.health import Severity
 _FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
+_SEE_BELOW = "See its problem below."
+"""The remedy for an edge or a program with a problem, which is a check of its own."""
 MAX_HEARTBEAT_WAIT_S = 5.0
 """Maximum wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
+
+SEARCH_S = 2.5
+"""Duration of a search for edges in seconds. Most edges answer within a second, some only to a second query.
+"""
 
 
 def doctor(
     as_json: bool = typer.Option(False, "--json", help="Print the checks as JSON, for scripts."),
-    remote: str = typer.Option("", "--remote", metavar="HOST[:PORT]", help="Check the edge that runs there."),
+    remote: str = typer.Option(
+        "",
+        "--remote",
+        metavar="HOST[:PORT]|URL",
+        help="Check the edge that runs there, or the installation with this health page.",
+    ),
+    edges: bool = typer.Option(False, "--edges", help="List the edges on the local network."),
+    password_file: Path | None = typer.Option(
+        None, "--password-file", help="File with the password of the health page."
+    ),
+    certificate: Path | None = typer.Option(
+        None, "--certificate", help="Trust this certificate of the health page (PEM)."
+    ),
 ) -> None:
     """Report what this machine has and lacks (OpenGL, ports, sensors, permissions), and how to fix it.
 
     With --remote it checks a running edge instead, here or on another machine, by its heartbeat: its
-    sensor, rate and delay, and everything that it reports as wrong.
+    sensor, rate and delay, and everything that it reports as wrong. With the address of a health page, it
+    checks a whole installation. The password comes from --password-file or ENLIVEN_HEALTH_PASSWORD. With
+    --edges it lists the edges and relays that announce themselves on the local network, with their addresses.
 
     Ends with exit code 0 if all is well, 4 if something is missing or wrong.
 
@@ -35,14 +58,42 @@ def doctor(
       enliven doctor
       enliven doctor --json | python -m json.tool
       enliven doctor --remote 127.0.0.1
+      enliven doctor --remote http://127.0.0.1:5590
+      enliven doctor --edges
     """
-    checks = edge_checks(remote) if remote else run_all_checks()
+    if edges:
+        checks = announced_checks()
+    elif "://" in remote and not remote.startswith("tcp://"):
+        checks = installation_checks(remote, password_file, certificate)
+    else:
+        checks = edge_checks(remote) if remote else run_all_checks()
     if as_json:
-        typer.echo(json.dumps([vars(check) for check in checks], indent=2))
+        typer.echo(json.dumps([_json_of(check) for check in checks], indent=2))
     else:
         plain_console().print(_check_table(checks))
     if not all(check.ok for check in checks):
         raise typer.Exit(_FAILED_CHECK_EXIT_CODE)
+
+
+def announced_checks(seconds: float = SEARCH_S, interfaces: list[str] | None = None) -> list[Check]:
+    """Returns a check for each edge and relay on the local network.
+
+    Args:
+        seconds: duration of the search.
+        interfaces: addresses of this machine to search from. None: all.
+
+    Raises:
+        ResourceError: if the library for it is missing, or the network does not allow the search.
+    """
+    from enliven.peers.edge_browser import describe_edge, find_edges
+
+    discovered = find_edges(seconds, interfaces)
+    if not discovered:
+        remedy = (
+            "Start one with --host 0.0.0.0 on this network. Some networks block multicast: use addresses."
+        )
+        return [Check("edges", False, "no edge was found on the local network", remedy)]
+    return [Check(edge.announcement.name, edge.is_usable, *describe_edge(edge)) for edge in discovered]
 
 
 def edge_checks(address: str) -> list[Check]:
@@ -57,7 +108,7 @@ def edge_checks(address: str) -> list[Check]:
     try:
         status = receive_heartbeat(endpoint, MAX_HEARTBEAT_WAIT_S)
     except ResourceError as error:
-        return [Check("edge", False, f"{error.where}: {error.what}", error.mend)]
+        return [Check("edge", False, f"{error.where}: {error.what}", error.remedy)]
     people = f"{status.performers} performer{'s' * (status.performers != 1)}"
     ended = status.phase == "ended"
     checks = [
@@ -75,8 +126,47 @@ def edge_checks(address: str) -> list[Check]:
         ),
     ]
     return checks + [
-        Check(state.kind, state.severity == Severity.NOTE, state.what, state.mend) for state in status.health
+        Check(state.kind, state.severity == Severity.NOTE, state.what, state.remedy)
+        for state in status.health
     ]
+
+
+def installation_checks(url: str, password_file: Path | None, certificate: Path | None) -> list[Check]:
+    """Checks an installation by its health page.
+
+    Args:
+        url: address of the page, "https://HOST:PORT".
+        password_file: file with its password. None: the password is in the environment, or there is none.
+        certificate: certificate to trust (PEM). None: those of the system.
+
+    Raises:
+        InputError: if the address is invalid, a file cannot be used, or the password is missing or wrong.
+    """
+    from enliven.health_page.report import fetch_report
+    from enliven.web_server.access import PASSWORD_VARIABLE, read_password
+
+    password = (
+        os.environ.get(PASSWORD_VARIABLE, "") if password_file is None else read_password(password_file)
+    )
+    try:
+        report = fetch_report(url, password, certificate)
+    except ResourceError as error:
+        return [Check("health page", False, f"{error.where}: {error.what}", error.remedy)]
+    checks = [Check("health page", True, f"{report.installation}, enliven {report.version}: {report.status}")]
+    for edge in report.edges:
+        people = f"{edge.people} performer{'s' * (edge.people != 1)}"
+        detail = (
+            f"{edge.phase}, {people}, {edge.fps or 0.0:.0f} poses a second" if edge.up else "no heartbeat"
+        )
+        checks.append(Check(f"edge {edge.name}", edge.up, detail, "" if edge.up else _SEE_BELOW))
+    for program in report.programs:
+        detail = f"process {program.pid}, {program.restarts} restarts in the last day"
+        checks.append(Check(program.name, program.up, detail, "" if program.up else _SEE_BELOW))
+    for problem in report.problems:
+        subject = problem.subject or "computer"
+        is_note = problem.severity == "note"
+        checks.append(Check(f"{subject}: {problem.kind}", is_note, problem.message, problem.remedy))
+    return checks
 
 
 def _check_table(checks: list[Check]) -> Table:
@@ -86,6 +176,11 @@ def _check_table(checks: list[Check]) -> Table:
         mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")
         detail = plain_text(check.detail)
         if not check.ok:
-            detail.append("\n").append(plain_text(check.mend, "yellow"))
+            detail.append("\n").append(plain_text(check.remedy, "yellow"))
         table.add_row(mark, plain_text(check.name), detail)
     return table
+
+
+def _json_of(check: Check) -> dict[str, object]:
+    """Returns a check for scripts, which know the remedy by the name "mend"."""
+    return {"name": check.name, "ok": check.ok, "detail": check.detail, "mend": check.remedy}

@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from enliven.errors import InputError, ResourceError
+from enliven.errors import InputError
 from enliven.files import require_folder
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedPuppet:
-    """The content of a file: the project, the chosen puppet, and notes about unusual content."""
+    """A loaded file: the project, the chosen puppet, and notes about unusual content of the file."""
 
     project: Project
     puppet: Puppet
@@ -43,13 +42,13 @@ class Job:
 def open_puppet(path: Path, name: str | None) -> LoadedPuppet:
     """Reads a session or a project, and chooses the puppet with that name, or the first puppet if ``name`` is
     None."""
-    from enliven.example_sessions import read_session
-    from enliven.formats.project import read_project
+    from enliven.example_sessions.session import read_session
+    from enliven.formats.project.file import read_project
 
     if path.suffix.lower() == ".enliven":
         project, notes = read_project(path), ()
         if name is None and not project.puppets:
-            raise InputError("it has no puppet", where=str(path), mend="Make one of a mesh first.")
+            raise InputError("it has no puppet", where=str(path), remedy="Make one of a mesh first.")
         return LoadedPuppet(project, project.puppet(name or next(iter(project.puppets))), notes)
     session = read_session(path)
     return LoadedPuppet(session.project, session.project.puppet(name or session.puppet), session.notes)
@@ -63,35 +62,35 @@ def find_writer(output: Path) -> Callable[[Job], str]:
     """
     from enliven.exporters import exporter_of
 
-    built_in = {".mcap": _write_take, ".enliven": _write_project}
-    if output.suffix.lower() in built_in:
+    built_in_writers = {".mcap": _write_take, ".enliven": _write_project}
+    if output.suffix.lower() in built_in_writers:
         require_folder(output)
-        return built_in[output.suffix.lower()]
-    exporter = exporter_of(output, tuple(built_in))
+        return built_in_writers[output.suffix.lower()]
+    exporter = exporter_of(output, tuple(built_in_writers))
     if exporter.jointed:
         problem = f"{output.suffix} holds skeletons, and a puppet has none"
-        raise InputError(problem, where=str(output), mend="Make a .glb: its joints carry the surface.")
+        raise InputError(problem, where=str(output), remedy="Make a .glb: its joints carry the surface.")
     return partial(_write_export, exporter)
 
 
 def _write_export(exporter: Exporter, job: Job) -> str:
     from enliven.exporters import performance_of
 
-    how = exporter.representation(job.morphs)
-    performance = performance_of(job.project, job.puppet, *job.span, job.rate, how=how)
+    representation = exporter.representation(job.morphs)
+    performance = performance_of(job.project, job.puppet, *job.span, job.rate, how=representation)
     exporter.save(job.output, [performance], job.puppet.id)
     return "" if performance.error is None else f"; {performance.error}"
 
 
 def _write_take(job: Job) -> str:
-    from enliven.example_sessions import write_puppet_take
+    from enliven.example_sessions.take import write_puppet_take
 
     write_puppet_take(job.output, job.project, job.puppet, *job.span, job.rate)
     return ""
 
 
 def _write_project(job: Job) -> str:
-    from enliven.formats.project import write_project
+    from enliven.formats.project.file import write_project
 
     write_project(job.output, job.project)
     return ""
@@ -106,16 +105,5 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
     end_time = project_with_puppet.end_of(puppet) if end is None else end
     if end_time <= start:
         problem = f"the range from {start:g} s to {end_time:g} s is empty"
-        raise InputError(problem, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
+        raise InputError(problem, where=f"puppet {puppet.id!r}", remedy="Choose other --start and --end.")
     return start, end_time
-
-
-def find_sheet_function(kind: str) -> Callable[..., None]:
-    """Returns the function that draws contact sheets of a kind, from the package that provides it."""
-    for entry in entry_points(group="enliven.pictures"):
-        if entry.name == kind:
-            draw_sheet: Callable[..., None] = entry.load()
-            return draw_sheet
-    raise ResourceError(
-        "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
-    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.example_files import Job, find_sheet_function, find_writer, open_puppet, span_of
+from enliven.commands.example_files import Job, find_writer, open_puppet, span_of
 from enliven.commands.terminal import say
 from enliven.errors import InputError
 from enliven.files import require_folder
@@ -65,18 +65,22 @@ def new(
     """
     require_folder(output)
     from enliven.document import Project
-    from enliven.example_sessions import MeshTable, TakeTable, fit_mesh, write_session
+    from enliven.example_sessions.mesh import fit_mesh
+    from enliven.example_sessions.tables import MeshTable, TakeTable
+    from enliven.example_sessions.text import write_session
     from enliven.meshes import load_mesh
-    from enliven.modeling.puppet import suggested_puppet
-    from enliven.takes import read_take
+    from enliven.modeling.puppet.suggest import suggested_puppet
+    from enliven.takes.files import read_take
 
     mesh_from = MeshTable(_path_from_session(output, mesh), height, _parse_axis(up), turned)
     take_from = TakeTable(_path_from_session(output, take), "", animation, start, end)
-    loaded, notes = load_mesh(mesh)
+    loaded_mesh, notes = load_mesh(mesh)
     clip, more = read_take(take, animation, start, end)
     _print_result(*notes, *more)
     project = Project().with_takes(clip)
-    puppet_project = suggested_puppet(project, fit_mesh(loaded, mesh_from), clip.id, mesh.stem, points, poses)
+    puppet_project = suggested_puppet(
+        project, fit_mesh(loaded_mesh, mesh_from), clip.id, mesh.stem, points, poses
+    )
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
     puppet = puppet_project.puppets[mesh.stem]
     say(
@@ -98,7 +102,9 @@ def check(
       enliven examples check CACTUS.toml
       enliven examples check SHOW.enliven --puppet cactus
     """
-    from enliven.examples import describe_unposed, measure_coverage, missing, motion_of
+    from enliven.examples.coverage import describe_unposed, measure_coverage
+    from enliven.examples.puppet_examples import missing
+    from enliven.examples.puppet_motion import motion_of
 
     source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
@@ -106,19 +112,19 @@ def check(
         f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in character.points
     )
     say(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
-    shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
-    say(f"enliven: {len(character.poses)} key poses: {shown or 'none'}")
-    lacking = [*missing(project, character), *describe_unposed(character)]
+    pose_list = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
+    say(f"enliven: {len(character.poses)} key poses: {pose_list or 'none'}")
+    problems = [*missing(project, character), *describe_unposed(character)]
     if not character.layers:
-        lacking.append("Add the motion to play: [[layer]].")
-    for sentence in lacking:
+        problems.append("Add the motion to play: [[layer]].")
+    for sentence in problems:
         say(f"enliven: {sentence}")
     if missing(project, character):
         raise typer.Exit(3)
     for number in range(len(character.layers)):
         say(f"enliven: {measure_coverage(project, character, number)}")
         _print_result(*motion_of(project, character, number).notes)
-    if lacking:
+    if problems:
         raise typer.Exit(3)
 
 
@@ -149,22 +155,26 @@ def fit(
       enliven examples fit SHOW.enliven --puppet cactus -o cactus.mcap
       enliven examples fit CACTUS.toml -o cactus.enliven
     """
-    from enliven.examples import describe_unposed, missing, motion_of
+    from enliven.examples.coverage import describe_unposed
+    from enliven.examples.puppet_examples import missing
+    from enliven.examples.puppet_motion import motion_of
 
     write = find_writer(output)
     require_folder(sheet)
+    from enliven.exporters import find_sheet_function
+
     draw = find_sheet_function("puppet") if sheet else None
     source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
-    lacking = missing(project, character)
+    problems = missing(project, character)
     if output.suffix.lower() != ".enliven":
-        # A project may still be posed in the studio, but a film of an unposed character would show a sliding
-        # statue.
-        lacking = (*lacking, *describe_unposed(character))
-    if lacking:
-        raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
+        # A project may still be posed in the studio, but a film of an unposed character would show it sliding
+        # without moving its limbs.
+        problems = (*problems, *describe_unposed(character))
+    if problems:
+        raise InputError("it cannot move yet", where=str(session), remedy=" ".join(problems))
     if not any(not layer.muted for layer in character.layers):
-        raise InputError("it plays nothing", where=str(session), mend="Add the motion to play: [[layer]].")
+        raise InputError("it plays nothing", where=str(session), remedy="Add the motion to play: [[layer]].")
     _print_result(*source.notes)
     for number, layer in enumerate(character.layers):
         if not layer.muted:
@@ -185,7 +195,7 @@ def _path_from_session(session: Path, file: Path) -> str:
 def _parse_axis(name: str) -> Axis:
     axes: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in axes:
-        raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")
+        raise InputError(f"{name!r} is not an axis", where="--up", remedy="Give x, y or z.")
     return axes[name]
 
 

@@ -10,10 +10,11 @@ import typer
 
 from enliven.commands.terminal import progress_lines, say
 from enliven.errors import InputError
+from enliven.exporters import IN_PLACE, SCALE, UNIT, UP
 
 if TYPE_CHECKING:
     from enliven.exporters import Exporter, Performance
-    from enliven.takes import Exportable
+    from enliven.oneshot.exportable import Exportable
 
 
 def export(
@@ -25,7 +26,7 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="Output file: .glb, .bvh, .usdz, .vrma, .vrm, .csv, .mp4, or a folder .obj-sequence.",
+            help="Output: .glb, .bvh, .usdz, .vrma, .vrm, .csv, .html, .mcap, .mp4, or folder .obj-sequence.",
         ),
     ],
     character: Annotated[
@@ -40,16 +41,15 @@ def export(
         float | None, typer.Option(min=1, max=240, help="Frames per second; by default as recorded, or 30.")
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of lengths: m (default) or cm. Not for formats in metres.")
+        str | None,
+        typer.Option(help=f"{UNIT.help} One of {', '.join(UNIT.choices)}; by default {UNIT.default}."),
     ] = None,
-    scale: Annotated[float | None, typer.Option(help="Factor of all lengths; by default 1.")] = None,
+    scale: Annotated[float | None, typer.Option(help=f"{SCALE.help} By default {SCALE.default:g}.")] = None,
     up: Annotated[
         Literal["y", "z"] | None,
-        typer.Option(help="Vertical axis; by default y. Not for formats that fix it."),
+        typer.Option(help=f"{UP.help} By default {UP.default}."),
     ] = None,
-    in_place: Annotated[
-        bool, typer.Option("--in-place", help="Remove the horizontal motion of each character's root.")
-    ] = False,
+    in_place: Annotated[bool, typer.Option("--in-place", help=IN_PLACE.help)] = False,
     size: Annotated[str | None, typer.Option(help="Pixels of an .mp4, such as 1920x1080.")] = None,
     morphs: Annotated[
         bool, typer.Option("--morphs", help="Write puppets as morph targets instead of transforms to a .glb.")
@@ -62,12 +62,14 @@ def export(
     A .usda, .usdc or .usdz holds skeletons, and exact points of other characters. A .vrma holds the motion
     of one humanoid, and a .vrm the model of one.
     A .csv is a table of positions and rotations. An .obj-sequence is a folder with one .obj per frame.
+    An .html is a web page that plays offline. An .mcap is a recording, which enliven view plays.
 
     \b
       enliven export TAKE.mcap -o take.glb                 the performance, for any program
       enliven export TAKE.mcap -o body.bvh --start 2 --end 8
       enliven export SHOW.enliven -o horse.bvh --character horse --unit cm
       enliven export SHOW.enliven -o walk.csv --in-place --up z
+      enliven export TAKE.mcap -o part.mcap --start 2 --end 8
       enliven export SHOW.enliven -o show.mp4 --size 1920x1080
     """
     # Heavy modules are imported only here, so that `--help` is quick.
@@ -83,26 +85,28 @@ def export(
     }
     options = {name: value for name, value in all_options.items() if value is not None}
     exporter = exporter_of(output, (), **options)
+    if output.exists() and output.samefile(source):
+        raise InputError("it is also the source", where=str(output), remedy="Choose another name.")
+    from enliven.oneshot.exportable import find_exportables
     from enliven.sounds import mix_from
-    from enliven.takes import find_exportables
 
     exportables, notes, sounds = find_exportables(source)
     for note in notes:
         say(f"enliven: {note}", err=True)
-    performances, how = [], exporter.representation(morphs)
+    performances, representation = [], exporter.representation(morphs)
     for exportable in _chosen_characters(exportables, exporter, character or [], source):
         say(f"enliven: sampling {exportable.name}", err=True)
-        performances.append(exportable.sample(start, end, rate, how, exporter.keyed))
-    heard = {"sound": mix_from(sounds, start)} if exporter.heard and sounds else {}
-    _write_with_progress(exporter, output, performances, source.stem, options | heard)
-    lasts = max(performance.times[-1] for performance in performances)
+        performances.append(exportable.sample(start, end, rate, representation, exporter.keyed))
+    sound_options = {"sound": mix_from(sounds, start)} if exporter.heard and sounds else {}
+    _write_with_progress(exporter, output, performances, source.stem, options | sound_options)
+    duration_s = max(performance.times[-1] for performance in performances)
     names = ", ".join(performance.name for performance in performances)
     baked = "".join(
         f"; {performance.name} is {performance.error}"
         for performance in performances
         if performance.error is not None
     )
-    say(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
+    say(f"enliven: {names}, {duration_s:.2f} s, are in {output}{baked}")
 
 
 def _write_with_progress(
@@ -133,29 +137,33 @@ def _chosen_characters(
     by_name = {exportable.name: exportable for exportable in exportables}
     for name in names:
         if name not in by_name:
-            mend = f"Known: {', '.join(by_name)}."
-            raise InputError(f"there is no character {name!r}", where=str(source), mend=mend)
-    lacks = {exportable.name: _missing_part(exportable, exporter) for exportable in exportables}
-    fitting = [exportable for exportable in exportables if not lacks[exportable.name]]
-    unsuitable = [name for name in names or by_name if lacks[name]]
+            remedy = f"Known: {', '.join(by_name)}."
+            raise InputError(f"there is no character {name!r}", where=str(source), remedy=remedy)
+    missing_parts = {exportable.name: _missing_part(exportable, exporter) for exportable in exportables}
+    fitting = [exportable for exportable in exportables if not missing_parts[exportable.name]]
+    unsuitable = [name for name in names or by_name if missing_parts[name]]
     if unsuitable and (names or not fitting):
-        lack = lacks[unsuitable[0]]
-        mend = (
+        lack = missing_parts[unsuitable[0]]
+        remedy = (
             "Write a .glb instead: it holds any surface." if lack == "skeleton" else "Write a .bvh instead."
         )
-        raise InputError(f"{', '.join(unsuitable)} has no {lack}", where=str(source), mend=mend)
+        raise InputError(f"{', '.join(unsuitable)} has no {lack}", where=str(source), remedy=remedy)
     best = min(exportable.rank for exportable in fitting)
-    chosen = [by_name[name] for name in names] or [
+    chosen_characters = [by_name[name] for name in names] or [
         exportable for exportable in fitting if exportable.rank == best
     ]
-    if exporter.single and len(chosen) > 1:
-        mend = f"Choose one with --character: {', '.join(exportable.name for exportable in chosen)}."
-        raise InputError("the output file can hold one character only", where=str(source), mend=mend)
-    return chosen
+    if exporter.single and len(chosen_characters) > 1:
+        remedy = (
+            f"Choose one with --character: {', '.join(exportable.name for exportable in chosen_characters)}."
+        )
+        raise InputError("the output file can hold one character only", where=str(source), remedy=remedy)
+    return chosen_characters
 
 
 def _missing_part(exportable: Exportable, exporter: Exporter) -> str:
-    """Returns what a character lacks for a kind of file: "skeleton" or "surface". Empty if nothing."""
+    """Returns what a character lacks for a kind of file: "skeleton" or "surface". Empty if it lacks
+    nothing.
+    """
     if exporter.jointed and not exportable.jointed:
         return "skeleton"
     return "surface" if exporter.solid and not exportable.solid else ""

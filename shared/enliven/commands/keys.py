@@ -34,7 +34,7 @@ def make(
     ] = False,
 ) -> None:
     """Makes the keys of this user on this computer."""
-    from enliven.keys import KeyStore, fingerprint
+    from enliven.keys.key_files import KeyStore, fingerprint
 
     store = KeyStore()
     pair = store.make(overwrite=overwrite)
@@ -44,30 +44,30 @@ def make(
 @keys.command()
 def show() -> None:
     """Prints the fingerprint of the own keys, to compare it with the one that a peer lists."""
-    from enliven.keys import KeyStore, fingerprint
+    from enliven.keys.key_files import KeyStore, fingerprint
 
     store = KeyStore()
-    own = store.own()
-    if own is None:
+    own_keys = store.own()
+    if own_keys is None:
         raise InputError(
-            "the keys are missing", where=str(store.own_path), mend="Make them: enliven keys make."
+            "the keys are missing", where=str(store.own_path), remedy="Make them: enliven keys make."
         )
-    say(fingerprint(own.public))
+    say(fingerprint(own_keys.public))
 
 
 @keys.command(name="list")
 def list_keys() -> None:
     """Lists the own keys, the paired viewers and the paired edges."""
-    from enliven.keys import KeyStore, fingerprint
+    from enliven.keys.key_files import KeyStore, fingerprint
 
     store, problems = KeyStore(), list[str]()
     try:
-        own = store.own()
-        shown = "none: enliven keys make" if own is None else fingerprint(own.public)
+        own_keys = store.own()
+        own_text = "none: enliven keys make" if own_keys is None else fingerprint(own_keys.public)
     except InputError as error:
-        shown = "damaged"
+        own_text = "damaged"
         problems.append(str(error))
-    say(f"own keys  {shown}")
+    say(f"own keys  {own_text}")
     for viewer in store.viewers(problems).values():
         say(f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}")
     for edge in store.edges(problems):
@@ -84,7 +84,7 @@ def forget(
     peer: Annotated[str, typer.Argument(help="A name, an address, or the start of a fingerprint.")],
 ) -> None:
     """Forgets a paired viewer or edge. A running edge disconnects such a viewer within seconds."""
-    from enliven.keys import KeyStore, fingerprint
+    from enliven.keys.key_files import KeyStore, fingerprint
 
-    for each in KeyStore().forget(peer):
-        say(f"forgotten: {each.name}, {fingerprint(each.public)}")
+    for forgotten in KeyStore().forget(peer):
+        say(f"forgotten: {forgotten.name}, {fingerprint(forgotten.public)}")

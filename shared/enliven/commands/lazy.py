@@ -1,9 +1,12 @@
-"""The group of all installed commands. They are listed without import, and imported when they are used."""
+"""The group of all installed commands. Listing them imports no command; a command is imported when it is
+used.
+"""
 
 from __future__ import annotations
 
 import ast
 import importlib.util
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -12,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from enliven.errors import EnlivenError
+from enliven.kernel_cache.program import name_program
 
 GROUP = "enliven.commands"
 """The entry-point group through which packages add commands."""
@@ -19,8 +23,10 @@ GROUP = "enliven.commands"
 _COMMAND_ORDER = (
     "run",
     "edge",
+    "relay",
     "stage",
     "view",
+    "web",
     "import",
     "sensors",
     "record",
@@ -35,6 +41,10 @@ _COMMAND_ORDER = (
     "export",
     "keys",
     "pair",
+    "learn-room",
+    "health",
+    "kiosk",
+    "install-kiosk",
     "doctor",
 )
 
@@ -62,7 +72,7 @@ class LazyCommands(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Writes a line for each command, without importing any."""
+        """Writes one line for each command without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl(
                 [(name, command_summary(entry)) for name, entry in installed_commands().items()]
@@ -81,6 +91,22 @@ def installed_commands() -> dict[str, EntryPoint]:
         ),
     )
     return {name: entries[name] for name in order}
+
+
+def run_command(words: Sequence[str]) -> int:
+    """Runs another command in this process, as the command line would, and returns its exit code.
+
+    Args:
+        words: the name of the command, and its arguments.
+
+    Raises:
+        EnlivenError: as the command does.
+    """
+    name, *arguments = words
+    name_program(name)
+    command = _load_command(installed_commands()[name])
+    code = command.main(args=arguments, prog_name=f"enliven {name}", standalone_mode=False)
+    return code if isinstance(code, int) else 0
 
 
 def command_summary(entry: EntryPoint) -> str:
@@ -126,7 +152,7 @@ def _load_function(entry: EntryPoint) -> Any:
 
         def broken() -> None:
             raise EnlivenError(
-                f"the command {entry.name!r} cannot be loaded: {reason}", mend="Install it again."
+                f"the command {entry.name!r} cannot be loaded: {reason}", remedy="Install it again."
             )
 
         return broken

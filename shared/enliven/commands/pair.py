@@ -31,25 +31,33 @@ def pair(
 
     The edge shows a code of six digits in its terminal or log for ten minutes after its start. Roles:
     watch (receive only), perform (possess characters), edit (add, resize and remove characters, scan),
-    operate (lock the cast, show pairing codes).
+    operate (lock the cast, learn the room again, show pairing codes).
 
     \b
       enliven pair 192.168.1.20 123456
       enliven pair 192.168.1.20 123456 --role operate
       enliven pair 127.0.0.1 --show-code
     """
-    from enliven.keys import KeyStore, fingerprint
+    from enliven.keys.key_files import KeyStore, fingerprint
     from enliven.wire import pair_with_edge, parse_endpoint, show_pairing_code
 
     endpoint, digits = parse_endpoint(edge), "".join(code or [])
     if show_code:
-        shown, seconds = show_pairing_code(endpoint)
-        say(f"{shown}, for {seconds} s" if shown else f"too many tries: a new code follows in {seconds} s")
+        shown_code, seconds = show_pairing_code(endpoint)
+        say(
+            f"{shown_code}, for {seconds} s"
+            if shown_code
+            else f"too many tries: a new code follows in {seconds} s"
+        )
         return
     if not digits:
-        raise InputError("the code is missing", where="enliven pair", mend="Give the six digits: HOST CODE.")
+        raise InputError(
+            "the code is missing", where="enliven pair", remedy="Give the six digits: HOST CODE."
+        )
     store = KeyStore()
-    paired = pair_with_edge(endpoint, digits, role, name or platform.node() or "viewer", store)
-    say(f"paired with {paired.name} as {paired.role}; its key: {fingerprint(paired.public)}")
-    if paired.role != role:
-        say(f"Note: the edge grants at most the role {paired.role} (its setting pairing_role).", err=True)
+    paired_edge = pair_with_edge(endpoint, digits, role, name or platform.node() or "viewer", store)
+    say(f"paired with {paired_edge.name} as {paired_edge.role}; its key: {fingerprint(paired_edge.public)}")
+    if paired_edge.role != role:
+        say(
+            f"Note: the edge grants at most the role {paired_edge.role} (its setting pairing_role).", err=True
+        )

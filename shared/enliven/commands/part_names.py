@@ -8,8 +8,8 @@ from enliven.errors import InputError
 
 
 def check_parts(texts: list[str] | None) -> list[str] | None:
-    """Returns the texts of --parts after checking them: each "legs", or for several performers "legs /
-    torso".
+    """Checks the values of --parts and returns them. Each is like "legs", or like "legs / torso" for several
+    performers.
 
     Raises:
         typer.BadParameter: for an unknown body part. The message suggests the nearest one.

@@ -52,23 +52,26 @@ def possess(
 
     from enliven.document import HoldChange, Project
     from enliven.exporters import exporter_of, performance_of
-    from enliven.formats.project import write_project
-    from enliven.modeling.possessed import possess_another, solve_again, with_possession
-    from enliven.takes import read_possession
+    from enliven.formats.project.file import write_project
+    from enliven.modeling.possessed.another_mesh import possess_another
+    from enliven.modeling.possessed.solving import solve_again, with_possession
+    from enliven.takes.possessed import read_possession
 
     exporter = None if output.suffix.lower() == ".enliven" else exporter_of(output)
-    source, name, bodies, how = read_possession(take, character)
+    source, name, bodies, possessions = read_possession(take, character)
     notes = list[str]()
     if parts:
-        how = replace(how, holds=(HoldChange(at, parts=parts),))
+        possessions = replace(possessions, holds=(HoldChange(at, parts=parts),))
     if mesh:
         model, fit = _read_mesh(mesh, up)
-        project, name = possess_another(Project(), model, bodies, how, fit=fit, nodes=nodes, notes=notes)
+        project, name = possess_another(
+            Project(), model, bodies, possessions, fit=fit, nodes=nodes, notes=notes
+        )
     elif name:
-        project = solve_again(with_possession(source, name, how), name, notes=notes)
+        project = solve_again(with_possession(source, name, possessions), name, notes=notes)
     else:
-        mend = "Name one: --mesh chair."
-        raise InputError("no mesh was possessed in it", where=str(take), mend=mend)
+        remedy = "Name one: --mesh chair."
+        raise InputError("no mesh was possessed in it", where=str(take), remedy=remedy)
     for note in notes:
         say(f"enliven: {note}", err=True)
     if exporter is None:
@@ -86,7 +89,7 @@ def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
         InputError: if the mesh cannot be read.
     """
     from enliven.meshes import load_upright
-    from enliven.samples import load_sample
+    from enliven.samples.shipped import load_sample
 
     if spec in ("chair", "lamp"):
         return load_sample(spec), False

@@ -4,18 +4,16 @@ window."""
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.example_files import find_sheet_function
 from enliven.commands.terminal import say
 from enliven.files import require_folder
 
 if TYPE_CHECKING:
-    from enliven.document import Clip
-    from enliven.formats.rig import Rig
-    from enliven.mapping import Mode, MotionQuality, Plan, RetargetedShape
+    from enliven.mapping.quality import MotionQuality
+    from enliven.oneshot.retargeting import RetargetedFile
 
 
 def retarget(
@@ -92,83 +90,72 @@ def retarget(
       enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
     # Heavy modules are imported only here, so that `--help` is quick.
-    from enliven.exporters import exporter_of, performance_of
-    from enliven.formats.gltf import read_gltf
-    from enliven.mapping import is_looping, is_own_take, play_own_take, read_plan, write_plan
-    from enliven.mapping import retarget as retarget_shape
-    from enliven.takes import read_take
+    from enliven.exporters import find_sheet_function
+    from enliven.mapping.plan_file import write_plan
+    from enliven.oneshot.retargeting import RetargetOptions, retarget_file
 
-    exporter = exporter_of(output)
     require_folder(sheet, write_map)
     draw = find_sheet_function("motion") if sheet else None
-    clip, notes = read_take(take, animation, start, end)
-    rig = read_gltf(model, height=height)
-    is_own = (
-        mapping is None and rest is None and mode == "auto" and not soften and is_own_take(clip, rig.shape)
+    result = retarget_file(
+        take,
+        model,
+        output,
+        RetargetOptions(
+            mapping=str(mapping or ""),
+            start=start,
+            end=end,
+            rest=rest or "",
+            mode=mode,
+            travel=travel,
+            pin=pin,
+            floor=floor,
+            steps=steps,
+            stretch=stretch,
+            limits=limits,
+            soften=soften,
+            turn=turn,
+            rate=rate,
+            height=height,
+            animation=animation or "",
+        ),
     )
-    plan = (
-        None
-        if is_own
-        else _retarget_plan(
-            read_plan(mapping) if mapping else None,
-            rig,
-            clip,
-            rest,
-            mode,
-            travel,
-            turn,
-            pin,
-            floor,
-            steps,
-            stretch,
-            limits,
-            soften,
-        )
-    )
-    for note in (*notes, *rig.notes):
+    retargeted = result.retargeted
+    for note in result.notes:
         say(f"enliven: {note}", err=True)
-    retargeted = (
-        play_own_take(rig.shape, clip) if is_own else retarget_shape(rig.shape, clip, plan, clips=rig.clips)
-    )
-    keyed = is_own and exporter.keyed and rate is None
-    rate = min(1.0 / clip.step, _MAX_DEFAULT_RATE_HZ) if rate is None else rate
-    if is_looping(clip) and retargeted.duration > 0.0:
-        # A loop must end exactly on a frame, so adjust the rate until the duration is a whole number of
-        # frames.
-        rate = max(round(retargeted.duration * rate), 1) / retargeted.duration
-    performance = performance_of(
-        retargeted.project, retargeted.shape_id, 0.0, retargeted.duration, rate, keyed=keyed
-    )
-    exporter.save(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:
         write_plan(retargeted.plan, write_map)
     if sheet and draw:
         draw(sheet, retargeted, f"{take.stem} on {model.stem}")
-    if is_own:
+    if result.quality is None:
         say(
             f"enliven: the take is the model's own: copied joint by joint, "
             f"{retargeted.duration:.2f} s in {output}"
         )
         return
     modes = {chain.mode for chain in retargeted.plan.chains}
-    how = {frozenset({"pose"}): "posed as the performer", frozenset({"move"}): "moved from its own pose"}
+    texts = {
+        frozenset({"pose"}): "posed as the performer",
+        frozenset({"move"}): "moved from its own pose",
+    }
     say(
-        f"enliven: {len(retargeted.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
+        f"enliven: {len(retargeted.plan.chains)} chains, {texts.get(frozenset(modes), 'posed and moved')}, "
         f"{retargeted.duration:.2f} s are in {output}"
     )
-    _print_quality(retargeted, rig, write_map)
+    _print_quality(result, result.quality, write_map)
 
 
-def _print_quality(retargeted: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
+def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
-    from enliven.mapping import idle_limbs, limb_name, next_best, quality_of, write_plan
+    from enliven.mapping.alternatives import next_best
+    from enliven.mapping.automatic_mapping import idle_limbs
+    from enliven.mapping.plan_file import write_plan
+    from enliven.mapping.softening import limb_name
+    from enliven.oneshot.retargeting import exceeded_bounds
 
+    retargeted = result.retargeted
     for limb in idle_limbs(retargeted.clip, retargeted.plan):
-        mend = "Give it a chain: --write-map writes the mapping to begin with."
-        say(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
-    quality = quality_of(
-        retargeted.project, retargeted.shape_id, retargeted.clip, retargeted.duration, retargeted.plan
-    )
+        remedy = "Give it a chain: --write-map writes the mapping to begin with."
+        say(f"enliven: the performer's {limb} drives nothing. {remedy}", err=True)
     say(f"enliven: {quality}")
     weight_by_limb = {
         limb_name(c): c.weight for c in retargeted.plan.chains if c.weight < 1.0 and "whole" not in c.role
@@ -180,12 +167,12 @@ def _print_quality(retargeted: RetargetedShape, rig: Rig, write_map: Path | None
         count = f"{len(retargeted.limited)} joint{'s' * (len(retargeted.limited) != 1)}"
         message = f"{count} kept within limits (--no-limits frees them): {', '.join(retargeted.limited)}"
         say(f"enliven: {message}")
-    faults = _exceeded_bounds(quality, retargeted.plan.pin)
+    faults = exceeded_bounds(quality, retargeted.plan.pin)
     for message in faults:
         say(f"enliven: {message}", err=True)
     if not faults:
         return
-    alternative = next_best(retargeted, rig.shape, quality)
+    alternative = next_best(retargeted, result.rig.shape, quality)
     if alternative is None:
         message = "no other mapping does better: give those joints less weight (--write-map)"
         say(f"enliven: {message}", err=True)
@@ -196,70 +183,3 @@ def _print_quality(retargeted: RetargetedShape, rig: Rig, write_map: Path | None
         write_plan(alternative.plan, alternative_path)
         message += f": --map {alternative_path}"
     say(f"enliven: {message}", err=True)
-
-
-def _exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
-    """Returns a sentence for each exceeded bound, with the affected joints. ``pinned`` is True if feet are
-    locked."""
-    from enliven.mapping import MAX_FLOOR_DISTANCE, MAX_INTERSECTION, MAX_SLIDE_CM_S, MAX_STRETCH
-
-    sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
-    limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
-    faults = {
-        f"limbs point away from the performer's: {limbs}": bool(limbs),
-        f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
-        > MAX_STRETCH,
-        f"it goes below the floor at {feet}": sunk > MAX_FLOOR_DISTANCE,
-        f"it is above the floor at {feet} while the performer stands": afloat > max(MAX_FLOOR_DISTANCE, sunk),
-        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0)
-        > MAX_SLIDE_CM_S,
-        f"parts go through one another: {', '.join(quality.parts)}": quality.through > MAX_INTERSECTION,
-    }
-    return [words for words, is_present in faults.items() if is_present]
-
-
-_MAX_DEFAULT_RATE_HZ = 60.0
-"""Maximum frame rate of a GLB if no rate is chosen, in frames per second: the rate of common displays."""
-
-
-def _retarget_plan(
-    plan: Plan | None,
-    rig: Rig,
-    clip: Clip,
-    rest: str | None,
-    mode: Mode | Literal["auto"],
-    travel: bool,
-    turn: bool,
-    pin: bool,
-    floor: bool,
-    steps: bool,
-    stretch: bool,
-    limits: bool,
-    soften: bool,
-) -> Plan:
-    """Returns the mapping from the file, or the one found automatically, with the options of the command
-    line."""
-    from dataclasses import replace
-
-    from enliven.mapping import Plan, automatic, soften_plan
-    from enliven.settings import load_settings
-
-    plan = automatic(clip, rig.shape) if plan is None else plan
-    changes: dict[str, Any] = {"travel": travel or plan.travel, "turn": turn and plan.turn}
-    changes |= {"pin": pin or plan.pin, "floor": floor and plan.floor, "steps": steps and plan.steps}
-    changes |= {"stretch": stretch or plan.stretch, "limits": limits and plan.limits}
-    if rest is not None:
-        value = float(rest) if _is_number(rest) else rest
-        changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest
-    if mode != "auto":
-        changes["chains"] = tuple(replace(chain, mode=mode) for chain in plan.chains)
-    plan = replace(plan, **changes)
-    return soften_plan(plan, clip, rig.shape) if soften else plan
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

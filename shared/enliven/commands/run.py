@@ -21,7 +21,7 @@ from enliven.wire import free_ports
 _FILM_SECONDS = 10.0
 """Default length of a film, in seconds. The shipped recording has nine seconds, so its end is included."""
 _OUTPUT = re.compile(r"[A-Za-z]{2,}:")
-"""The beginning of a live output's address. A folder with such a name can be written as ./NAME."""
+"""Start of a live output's address, such as "vmc:". A folder with such a name can be written as ./NAME."""
 _COMPILE_TIMEOUT_S = 3600.0
 """Maximum wait for an edge to compile all kernels, in seconds. On a small machine with a load of 10, more
 than 600 s were measured. An edge that fails ends the run at once."""
@@ -89,7 +89,7 @@ def run(
     _check_programs()
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
-            raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
+            raise InputError(f"this {label} does not exist", where=str(path), remedy="Check the path.")
     folder, outputs = _folder_and_outputs(out or [])
     require_folder(folder, record)
     as_film = not has_display() if film is None else film
@@ -111,7 +111,7 @@ def run(
         "recording": None if sensor else recording,
     }
     source_options |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
-    # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
+    # When a film is made, the edge waits for the viewer before it starts, so that no frame is lost.
     edge_options = {
         "record": record,
         "overwrite": overwrite,
@@ -136,8 +136,8 @@ def run(
     view_command = _command_line(
         "view", edge=["127.0.0.1"], **(film_to if as_film else {}), **port_options, size=size
     )
-    # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
-    # minute.
+    # The edge first compiles its kernels and prepares the mesh, before it listens. On the very first start
+    # this takes a minute.
     processes = [
         Process(
             "edge",
@@ -157,7 +157,8 @@ def run(
 def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:
     """Returns the folder of the film and the addresses of live outputs, from the values of ``--out``.
 
-    An address begins with the name of a protocol and a colon. A single letter is a drive of Windows.
+    An address begins with the name of a protocol and a colon. A single letter before the colon is a Windows
+    drive.
     """
     outputs = [word for word in words if _OUTPUT.match(word)]
     folders = [word for word in words if not _OUTPUT.match(word)]
@@ -165,7 +166,7 @@ def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:
 
 
 def _restart_take_path(record: Path | None) -> Path | None:
-    """Returns the path for the take of a restarted edge. The take before the restart is kept."""
+    """Returns the path for the take of a restarted edge. The take recorded before the restart is kept."""
     if record is None or "{number}" in record.name or "{time}" in record.name:
         return record
     return record.with_stem(f"{record.stem}-restart{{number}}")
@@ -183,16 +184,17 @@ def _check_programs() -> None:
         if importlib.util.find_spec(package) is None:
             raise ResourceError(
                 f"{name} is not installed here",
-                mend=f"Install it: pip install {name}, or use 'enliven edge' or 'view'.",
+                remedy=f"Install it: pip install {name}, or use 'enliven edge' or 'view'.",
             )
 
 
 def _command_line(program: str, /, **options: Any) -> list[str]:
-    """Returns a command line. None and False are left out, True gives an option without a value, and a list
-    repeats it."""
-    words = [program]
+    """Returns a command line from options by name. None and False are left out, True gives an option without
+    a value, and a list repeats the option.
+    """
+    arguments = [program]
     for option, value in options.items():
         for item in value if isinstance(value, list) else [value]:
             if item is not None and item is not False:
-                words += [f"--{option.replace('_', '-')}", *([] if item is True else [str(item)])]
-    return words
+                arguments += [f"--{option.replace('_', '-')}", *([] if item is True else [str(item)])]
+    return arguments

@@ -41,14 +41,14 @@ def plain_console(*, err: bool = False) -> Console:
 
 
 def plain_text(line: str, style: str = "") -> Text:
-    """Returns one line of text for a table, with unprintable characters escaped."""
+    """Returns one line of text for a table. Unprintable characters are escaped."""
     from rich.text import Text
 
     return Text(escape_text(line), style)
 
 
 def facts_table(facts: Iterable[tuple[str, ...]]) -> Table:
-    """Returns rows of text as a table without lines."""
+    """Returns a table without lines from rows of text."""
     from rich.table import Table
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))

@@ -1,10 +1,11 @@
-"""Skinning on the CPU: the deformation map of KinÊtre, eq. 2, for vertices.
+"""Skinning on the CPU: applies the deformation map of KinÊtre, eq. 2, to vertices.
 
 The viewer does the same in its vertex shader. This module is for export, tests and collision. It uses one
-thread: without OpenMP, Numba's parallel loops abort the process if two threads enter them at once.
+thread, because without OpenMP, parallel loops of Numba abort the process if two threads enter them at the
+same time.
 
-Three variants were slower than the plain loop by a quarter to a half: blending the four matrices before
-applying them to the vertex, rows padded to four floats, and sums over a fixed array.
+Three variants were 25 to 50 % slower than the plain loop: blending the four matrices before applying them to
+the vertex, rows padded to four floats, and sums over a fixed array.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from enliven.kernels import njit
 
 
 def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) -> Float32:
-    """Returns the vertices (V, 3) float32 of a character in a pose, in metres of the world.
+    """Returns the vertices (V, 3) float32 of a character in a pose, in metres in the world frame.
 
     v' = sum_k w_k (linear_k (v - pivot_k) + position_k), over the transforms that the vertex follows.
 
@@ -35,18 +36,22 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
 
 
 def _checked_output(character: Character, pose: Pose, out: Float32 | None) -> Float32:
-    """Returns the checked output array, because the kernels do not check bounds."""
+    """Returns the output array after checking it, because the kernels do not check bounds."""
     shape = (len(character.vertices), 3)
     if len(pose.linear) != len(character.pivots):
         raise InputError(
-            f"the pose has {len(pose.linear)} transforms, the character {len(character.pivots)}",
+            f"the pose has {len(pose.linear)} transforms, but the character has {len(character.pivots)}",
             where=f"character {character.id!r}",
-            mend="Give a pose of this character.",
+            remedy="Give a pose of this character.",
         )
     if out is None:
         return np.empty(shape, np.float32)
     if out.shape != shape or out.dtype != np.float32:
-        raise InputError(f"out is {out.shape} {out.dtype}", where="skinning", mend=f"Give {shape} float32.")
+        raise InputError(
+            f"the output array has shape {out.shape} and type {out.dtype}",
+            where="skinning",
+            remedy=f"Give an array of shape {shape} and type float32.",
+        )
     return out
 
 

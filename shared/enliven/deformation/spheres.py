@@ -1,10 +1,10 @@
-"""Sphere proxies: spheres that move with a mesh's graph, for collisions in a physics engine (KinÊtre, figure
-8).
+"""Sphere proxies: spheres that cover a mesh and move with its graph, for collisions in a physics engine
+(KinÊtre, figure 8).
 
-The paper packs them as follows: pick a random vertex, put a sphere of four mean edge lengths around it,
-remove the vertices inside, and repeat until none is left. This module differs in four ways. The radius also
-has limits in metres. It grows until the number of spheres is within the limit. Faces larger than a sphere are
-covered too. The centres may lie below the surface, so that thin legs do not become thick.
+The paper packs the spheres as follows: pick a random vertex, put a sphere of four mean edge lengths around
+it, remove the vertices inside, and repeat until no vertex is left. This module differs in four ways. The
+radius has limits in metres. It grows until the number of spheres is within the limit. Faces larger than a
+sphere are covered too. The centres may lie below the surface, so that thin legs do not become thick.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import corner_sums, edge_lengths, face_vectors
 from enliven.rotation import unit
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 _RADIUS_GROWTH_FACTOR = 1.12
-"""Growth factor of the radius if there are too many spheres."""
+"""Factor that enlarges the radius in each round while there are too many spheres."""
 _COVERED_RADIUS_FACTOR = 1.0 + 1e-9
-"""Factor on the radius within which a point counts as covered, to tolerate rounding errors."""
+"""Factor on the radius of a sphere for the test that a point is inside. It tolerates rounding errors."""
 _MAX_SAMPLES = 4_000_000
-"""Maximum number of samples of large faces. It bounds the memory for a mesh with faces far larger than the
+"""Maximum number of samples of large faces. It limits the memory for a mesh with faces far larger than the
 spheres."""
 
 
@@ -34,11 +34,11 @@ spheres."""
 class SphereSettings:
     """Settings for covering a mesh with spheres; metres are those of the mesh at rest."""
 
-    edges: float = setting(
+    edges: float = parameter(
         4.0, "Sphere radius in mean edge lengths of the mesh. The paper uses 4.", low=0.1, high=1000.0
     )
-    smallest: float = setting(0.02, "Minimum sphere radius.", unit="m", low=1e-4, high=10.0)
-    largest: float = setting(
+    smallest: float = parameter(0.02, "Minimum sphere radius.", unit="m", low=1e-4, high=10.0)
+    largest: float = parameter(
         0.10,
         "Maximum sphere radius, exceeded only to keep below the maximum number of spheres.",
         unit="m",
@@ -50,7 +50,7 @@ class SphereSettings:
         low=1,
         high=4096,
     )
-    inset: float = setting(
+    inset: float = parameter(
         0.5,
         "Depth of sphere centres below the surface, in radii. 0 follows the paper; larger values fit "
         "the mesh more tightly.",
@@ -61,14 +61,14 @@ class SphereSettings:
 
 @dataclass(frozen=True)
 class SphereProxies:
-    """Spheres that cover a character's surface, moved by its transforms like its vertices.
+    """Spheres that cover a character's surface. The transforms of the character move them like its vertices.
 
     Attributes:
-        radius: metres at rest, the same for all.
-        rest: (S, 3) float64 centres at rest, metres.
-        indices: (S, 4) uint16 transforms that each sphere follows.
-        weights: (S, 4) float64, each row sums to one.
-        pivots: (J, 3) float64, the character's.
+        radius: radius of all spheres at rest, metres.
+        rest: (S, 3) float64, the centres at rest, metres.
+        indices: (S, 4) uint16, the transforms that each sphere follows.
+        weights: (S, 4) float64, the weights of these transforms. Each row sums to one.
+        pivots: (J, 3) float64 metres, the character's pivots.
     """
 
     radius: float
@@ -81,15 +81,16 @@ class SphereProxies:
         return len(self.rest)
 
     def centres(self, pose: Pose, out: Float | None = None) -> Float:
-        """Returns (S, 3) world centres in a pose, by eq. 2; written into ``out`` if given."""
+        """Returns the centres (S, 3) in a pose, in metres in the world, by eq. 2. Writes them into ``out`` if
+        given."""
         if out is None:
             out = np.empty_like(self.rest)
         _move_centres(self.rest, self.indices, self.weights, self.pivots, pose.linear, pose.positions, out)
         return out
 
     def radius_in(self, pose: Pose) -> float:
-        """Returns the radius in a pose, metres, scaled by the average growth of its maps (RMS of their
-        columns).
+        """Returns the radius of the spheres in a pose, metres. It is scaled by the average growth of the
+        pose's linear maps (RMS of their columns).
         """
         return self.radius * float(np.sqrt(np.mean(np.square(pose.linear, dtype=np.float64)) * 3.0))
 
@@ -97,7 +98,8 @@ class SphereProxies:
 def pack_spheres(
     character: Character, settings: SphereSettings | None = None, seed: int = 0
 ) -> SphereProxies:
-    """Returns spheres around every vertex and every larger face of a character; deterministic.
+    """Returns spheres that cover every vertex and every large face of a character. The result is
+    deterministic.
 
     Raises:
         InputError: if a vertex is not finite.
@@ -107,7 +109,7 @@ def pack_spheres(
     faces = np.ascontiguousarray(character.faces, np.int32)
     if not np.isfinite(vertices).all():
         raise InputError(
-            "a vertex is not finite", where=f"spheres of {character.id!r}", mend="Export it again."
+            "a vertex is not finite", where=f"spheres of {character.id!r}", remedy="Export the mesh again."
         )
     radius = _sphere_radius(vertices, faces, settings)
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)
@@ -119,53 +121,59 @@ def pack_spheres(
     order = np.random.default_rng(seed).permutation(len(points))
     while True:
         inner = points - settings.inset * radius * normals
-        chosen = _greedy_cover(points, inner, order, radius * _COVERED_RADIUS_FACTOR, settings.most)
-        if len(chosen):
+        sphere_samples = _greedy_cover(points, inner, order, radius * _COVERED_RADIUS_FACTOR, settings.most)
+        if len(sphere_samples):
             break
         radius *= _RADIUS_GROWTH_FACTOR
-    of, share = character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
-    indices, weights = _strongest_nodes(of, share, rows[chosen], shares[chosen])
+    vertex_shares, share = character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
+    indices, weights = _strongest_nodes(vertex_shares, share, rows[sphere_samples], shares[sphere_samples])
     pivots = np.ascontiguousarray(character.pivots, np.float64)
-    return SphereProxies(radius, np.ascontiguousarray(inner[chosen]), indices, weights, pivots)
+    return SphereProxies(radius, np.ascontiguousarray(inner[sphere_samples]), indices, weights, pivots)
 
 
 def _sphere_radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
-    """Returns the paper's radius within the settings' limits, larger if the area needs too many spheres."""
+    """Returns the paper's radius within the settings' limits. It is larger if the area would need too many
+    spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
-    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2. So this radius is large
-    # enough for `settings.most` spheres to cover the mesh.
-    needed = np.sqrt(area / (4 * np.pi * settings.most))
-    return float(max(min(max(settings.edges * mean, settings.smallest), settings.largest), needed, 1e-6))
+    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2. So smaller spheres would
+    # certainly be more than `settings.most`.
+    covering_radius = np.sqrt(area / (4 * np.pi * settings.most))
+    return float(
+        max(min(max(settings.edges * mean, settings.smallest), settings.largest), covering_radius, 1e-6)
+    )
 
 
 def surface_samples(vertices: Float, faces: Int32, spacing: float) -> tuple[Int, Float]:
-    """Returns points that cover the surface: every used vertex, and a grid on faces larger than ``spacing``.
+    """Returns points that cover the surface: every used vertex, and a grid on each face larger than
+    ``spacing`` metres.
 
     Returns:
         (P, 3) int64 the three vertices around each point, and (P, 3) its barycentric coordinates.
     """
-    seen = np.zeros(len(vertices), bool)
-    seen[faces] = True
-    used = np.flatnonzero(seen)
-    at = np.stack([used, used, used], 1).astype(np.int64)
-    whole = np.tile(np.array([1.0, 0.0, 0.0]), (len(used), 1))
+    is_used = np.zeros(len(vertices), bool)
+    is_used[faces] = True
+    used_vertices = np.flatnonzero(is_used)
+    face_corners = np.stack([used_vertices, used_vertices, used_vertices], 1).astype(np.int64)
+    unit_shares = np.tile(np.array([1.0, 0.0, 0.0]), (len(used_vertices), 1))
     longest = edge_lengths(vertices, faces).max(1)
-    parts = np.ceil(longest / spacing).astype(np.int64)
-    large = np.flatnonzero(parts > 1)
-    share = min(1.0, np.sqrt(_MAX_SAMPLES / max(1.0, float((parts[large].astype(float) ** 2).sum() / 2))))
-    rows, shares = [at], [whole]
-    for count in np.unique(parts[large]):
+    edge_parts = np.ceil(longest / spacing).astype(np.int64)
+    large = np.flatnonzero(edge_parts > 1)
+    share = min(
+        1.0, np.sqrt(_MAX_SAMPLES / max(1.0, float((edge_parts[large].astype(float) ** 2).sum() / 2)))
+    )
+    rows, shares = [face_corners], [unit_shares]
+    for count in np.unique(edge_parts[large]):
         grid = _barycentric_grid(max(2, int(count * share)))
-        own = faces[large[parts[large] == count]].astype(np.int64)
-        rows.append(np.repeat(own, len(grid), axis=0))
-        shares.append(np.tile(grid, (len(own), 1)))
+        face_shares = faces[large[edge_parts[large] == count]].astype(np.int64)
+        rows.append(np.repeat(face_shares, len(grid), axis=0))
+        shares.append(np.tile(grid, (len(face_shares), 1)))
     return np.concatenate(rows), np.concatenate(shares)
 
 
 def _barycentric_grid(count: int) -> Float:
-    """Returns (P, 3) the points of a triangle split into ``count`` parts along each edge, without its
-    corners.
+    """Returns (P, 3) the barycentric coordinates of a grid on a triangle with ``count`` parts along each
+    edge. The corners are excluded.
     """
     i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
     inside = i + j <= count
@@ -179,27 +187,28 @@ def _interpolated_values(values: Float, rows: Int, shares: Float) -> Float:
 
 
 def _strongest_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:
-    """Returns (S, 4) nodes and weights of points between vertices: the strongest four of up to twelve."""
+    """Returns (S, 4) nodes and weights of points between vertices: the four with the largest weights of up to
+    twelve."""
     indices = np.zeros((len(rows), 4), np.uint16)
-    kept = np.zeros((len(rows), 4))
-    for s in range(len(rows)):
+    largest = np.zeros((len(rows), 4))
+    for sphere in range(len(rows)):
         total: dict[int, float] = {}
-        for corner, share in zip(rows[s], shares[s], strict=True):
+        for corner, share in zip(rows[sphere], shares[sphere], strict=True):
             for node, weight in zip(nodes[corner], weights[corner], strict=True):
                 total[int(node)] = total.get(int(node), 0.0) + float(share * weight)
         best = sorted(total.items(), key=lambda item: (-item[1], item[0]))[:4]
         for k, (node, weight) in enumerate(best):
-            indices[s, k], kept[s, k] = node, weight
-        kept[s] /= kept[s].sum() or 1.0
-    return indices, kept
+            indices[sphere, k], largest[sphere, k] = node, weight
+        largest[sphere] /= largest[sphere].sum() or 1.0
+    return indices, largest
 
 
 @njit(cache=True, nogil=True)
 def _greedy_cover(points, inner, order, radius, most):
-    """Returns the indices of the points that get a sphere; empty if ``most`` spheres are too few.
+    """Returns the indices of the points that get a sphere, or none if ``most`` spheres are too few.
 
-    Each sphere covers the points inside it. Spheres are found through a hash table of cells with their radius
-    as size.
+    Each sphere covers the points inside it. A hash table finds spheres by grid cells that are as large as
+    their radius.
     """
     size = 64
     while size < 4 * most:
@@ -236,7 +245,7 @@ def _greedy_cover(points, inner, order, radius, most):
 
 @njit(cache=True, nogil=True)
 def _hash_slot(x, y, z, size):
-    """Returns the slot of a cell in a hash table of ``size``, a power of two."""
+    """Returns the slot of a cell in a hash table. Its ``size`` is a power of two."""
     mixed = np.int64(x) * 73856093 ^ np.int64(y) * 19349663 ^ np.int64(z) * 83492791
     return mixed & (size - 1)
 

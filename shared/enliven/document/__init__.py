@@ -1,7 +1,7 @@
 """The document: skeletons, clips, layers, rigged, possessed and example-driven characters, and the project.
 
-All are immutable values: an edit is a function from one project to the next, and undo restores the previous
-one.
+All are immutable values: an edit is a function that takes a project and returns a new one, and undo restores
+the previous project.
 """
 
 import lazy_loader

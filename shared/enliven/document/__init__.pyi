@@ -32,17 +32,14 @@ from .layers import (
 )
 from .locomotion import Kind as Kind, LocomotionSettings as LocomotionSettings, Switch as Switch
 from .pin import ContactSettings as ContactSettings, Pin as Pin
-from .graph import (
-    GraphLayer as GraphLayer,
-    GraphPart as GraphPart,
+from .graph.layers import GraphLayer as GraphLayer, GraphPart as GraphPart, Ride as Ride
+from .graph.shape import (
     GraphShape as GraphShape,
-    PoseStream as PoseStream,
-    Ride as Ride,
     character_of_graph as character_of_graph,
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
-    keyed_stream as keyed_stream,
 )
+from .graph.stream import PoseStream as PoseStream, keyed_stream as keyed_stream
 from .keys import (
     EASES as EASES,
     CurveKey as CurveKey,
@@ -72,7 +69,12 @@ from .puppet import (
     character_of_puppet as character_of_puppet,
 )
 from .rig import RigBase as RigBase
-from .rigged import Shape as Shape, character_of as character_of, still_shape as still_shape
+from .rigged import (
+    Shape as Shape,
+    character_of as character_of,
+    drawn_edges as drawn_edges,
+    still_shape as still_shape,
+)
 from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
 from .smoothing import smoothed as smoothed

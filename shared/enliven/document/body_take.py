@@ -1,4 +1,6 @@
-"""The tracked bodies of performers: the take of a possession."""
+"""Takes of tracked performer bodies, and the record of how performers possessed (attached to and moved) a
+mesh.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from enliven.person import Body, Joint
 HoldMode = Literal["alone", "join", "extend", "release", "take over", "remove"]
 """Effect of a change on the attachments (holds) of a character."""
 _MAX_TAKE_S = 1e7
-"""Maximum duration of a take in seconds, 115 days. Later times come from a damaged clock."""
+"""Maximum duration of a take in seconds: 115 days. A later time indicates a damaged clock."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,8 @@ class BodyTake:
         joints: (F, B, 20, 3) float64 metres, world frame; 0 for a performer that is not in view.
         confidence: (F, B, 20) float64 in [0, 1].
         present: (F, B) bool, true for performers in view.
-        stature: (F, B) metres from soles to crown, 0 if it was not measured; None if it was never measured.
+        stature: (F, B) body height from soles to crown, metres; 0 where it was not measured. None if it was
+            never measured.
 
     Raises:
         InputError: if the arrays do not fit together or are not finite.
@@ -51,7 +54,7 @@ class BodyTake:
                 object.__setattr__(self, name, array)
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where=f"take {self.id!r}", mend="Record it again.")
+            raise InputError(problem, where=f"take {self.id!r}", remedy="Record it again.")
 
     @property
     def duration(self) -> float:
@@ -74,18 +77,19 @@ class BodyTake:
 
 @dataclass(frozen=True)
 class HoldChange:
-    """A performer attaches to a character, or releases it, at a moment of a take.
+    """An event of a take: a performer attaches to a character, or releases it.
 
-    A change follows the frame of its moment, except for "take over", which comes before it.
+    A change is applied after the frame at its time. Only "take over" is applied before this frame.
 
     Attributes:
-        seconds: of the take.
-        performer: the id; None means the first in view, and for "release" all performers.
+        seconds: time of the event in the take.
+        performer: the id of the performer. None means the first performer in view or, for "release", all
+            performers.
         parts: the parts of the body that attach: "all", "legs", "upper body", ...
         mode: "alone" ends all other attachments. "join" keeps those of other performers. "extend" also keeps
             the performer's own. "release" ends them. "take over" continues the attachments of ``former``.
-            "remove" takes the character from the stage.
-        former: for "take over", the id of the performer that has been away for long.
+            "remove" removes the character from the stage.
+        former: for "take over", the id of the absent performer.
     """
 
     seconds: float
@@ -97,20 +101,21 @@ class HoldChange:
 
 @dataclass(frozen=True, eq=False)
 class Possession:
-    """How performers moved a mesh: all inputs for solving its motion, on this mesh or on another.
+    """A record of how performers moved a mesh: all inputs for solving the motion again, for this mesh or
+    another one.
 
     Attributes:
         take: the id of the performers' take.
-        holds: when performers attached and released, in the order of time.
-        settings: of the actor, as JSON.
-        height: height in metres of the mesh at rest when it was possessed, which determined its placement; 0:
-            its current height.
+        holds: the events of attaching and releasing, in the order of time.
+        settings: the settings of the actor, as JSON.
+        height: height of the mesh at rest during the recording, metres, which determined its placement; 0:
+            use its current height.
         size: metres of the mesh as modelled for one metre of its rest space.
-        place: its waiting position: scale, radians about +Y, x, y, z in metres; empty: according to the
-            settings.
-        start, end: seconds of the played part of the take; an end of 0 is the take's.
+        place: placement of the waiting mesh: scale, radians about +Y, x, y, z in metres. Empty: the settings
+            determine it.
+        start, end: range of the take that is played, seconds; an end of 0 means the end of the take.
         rest: (N, 3) metres, the nodes at rest when the motion was solved or recorded.
-        solved: a checksum of the inputs of the solution; empty: it has to be solved.
+        solved: a checksum of the inputs of the solution. Empty if the motion was not solved yet.
     """
 
     take: str
@@ -129,13 +134,13 @@ class Possession:
         rest.setflags(write=False)
         object.__setattr__(self, "rest", rest)
         sizes = [self.size, *self.place[:1]]
-        good = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
-        if not (good and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
+        is_valid = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
+        if not (is_valid and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
             problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
-            raise InputError(problem, where=f"take {self.take!r}", mend="Record it again.")
+            raise InputError(problem, where=f"take {self.take!r}", remedy="Record it again.")
 
     def last(self, take: BodyTake) -> float:
-        """Returns the second of the take at which it ends."""
+        """Returns the time of the take, in seconds, at which the played part ends."""
         return self.end if self.end > 0.0 else take.duration
 
 

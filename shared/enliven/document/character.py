@@ -1,9 +1,10 @@
-"""A character and its poses: a mesh and its transforms. Each vertex follows at most four of them.
+"""A character and its poses: a mesh and the transforms that move it. Each vertex follows at most four
+transforms.
 
 A bone of a rig and a node of a deformation graph are equivalent for network, shader and export: a transform
-about a pivot that moves the vertices around it. So there is one pose, one shader and one message for both. A
-control point of a puppet is a transform too. The program that shows the puppet solves the surface between
-them (:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
+about a pivot that moves the vertices around it. So both use the same pose, shader and message. A control
+point of a puppet is a transform too. The program that displays the puppet solves the surface between the
+control points (:class:`enliven.deformation.arap.solver.ArapSolver`), in the frame of transform 0.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ class Character:
         edges: (E, 2) int32 pairs of pivots to draw: graph edges, or bones.
         kind: "graph", "bones" or "points".
         colours: (V, 3) uint8 sRGB, or None.
-        held: (J - 1,) int32, for kind "points" the vertex that each transform except the first positions.
-        pulls: (J - 1,) float32, strength of each as a soft handle, 0 for a hard one; None: all are hard.
-        surface: settings for how the surface follows them; None: the defaults.
-        names: (J,) unique names of the joints that the bones end at; None if they have none.
+        held: (J - 1,) int32, for kind "points": the vertex that each transform except the first one moves.
+        pulls: (J - 1,) float32, the strength of each of these handles if it is soft, 0 if it is hard. None:
+            all are hard.
+        surface: settings for how the surface follows the handles. None: the defaults.
+        names: (J,) unique names of the joints at the ends of the bones. None if they have no names.
         materials: the materials of the faces with their textures, or None for colours only.
         stiffness: (V,) float32 as in :class:`enliven.meshes.Mesh`, for kind "graph"; None: 1 everywhere.
     """
@@ -68,7 +70,7 @@ class Character:
     def __post_init__(self) -> None:
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where=f"character {self.id!r}", mend="Build the character again.")
+            raise InputError(problem, where=f"character {self.id!r}", remedy="Build the character again.")
 
     def rest_pose(self, time_ns: int = 0) -> Pose:
         """Returns the pose that leaves every vertex at rest."""
@@ -92,8 +94,10 @@ def _problem_of(character: Character) -> str:
         return f"{len(character.materials.of)} faces have materials, expected {len(character.faces)}"
     if character.colours is not None and character.colours.shape != (vertices, 3):
         return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
-    if character.stiffness is not None and (wrong := stiffness_error(character.stiffness, vertices)):
-        return wrong
+    if character.stiffness is not None and (
+        stiffness_problem := stiffness_error(character.stiffness, vertices)
+    ):
+        return stiffness_problem
     if (character.kind == "points") != (character.held is not None):
         return f"its kind is {character.kind!r}, and the vertices that are held are {character.held}"
     if character.held is not None and (
@@ -119,12 +123,12 @@ def _problem_of(character: Character) -> str:
 
 @dataclass(frozen=True)
 class Pose:
-    """The transforms of a character at a moment: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
+    """The transforms of a character at a time: v' = sum_k w_k (linear_k (v - pivot_k) + position_k).
 
     Attributes:
         character: the id of the character.
-        time_ns: the sensor's clock.
-        linear: (J, 3, 3) float32; a rotation for a bone, nearly one for a graph node.
+        time_ns: time of the sensor's clock, nanoseconds.
+        linear: (J, 3, 3) float32 linear maps: a rotation for a bone, and nearly a rotation for a graph node.
         positions: (J, 3) float32 metres, the positions of the moved pivots, world frame.
     """
 

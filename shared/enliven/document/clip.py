@@ -1,7 +1,7 @@
 """A clip: the motion of a skeleton over time, as world rotations of its bones relative to the rest pose.
 
-A clip is a recorded or imported performance, or it is made from keys. A clip of keys has one bone, and its
-frames are computed from the keys.
+A clip is a recorded or imported performance, or an animation of one bone by keyframes. In the latter case,
+its frames are computed from the keyframes.
 
     keyed_clip("arm keys", "arm", [MotionKey(0.5, (0.0, 40.0, 0.0)), MotionKey(1.0, ease="linear")])
 """
@@ -20,18 +20,19 @@ from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_from_strain
 
 _SAME_KEY = 1e-6
-"""Seconds within which two keys count as one: rounding of float32 over a minute."""
+"""Two keys within this time, in seconds, count as one. It is the rounding error of float32 after a minute."""
 _KEY_INTERVAL_S = 1 / 120
-"""Seconds between the new keys of a cut piece of a cubic curve. The error of the curve is then below 1e-6."""
+"""Seconds between the additional keys of a cubic curve piece that was cut. The error of the curve is then
+below 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
 class FineFrames:
-    """A clip's motion at uneven times, for clips in which even frames would lose keys or jumps.
+    """A clip's motion at uneven times. It is used if evenly spaced frames would lose keys or jumps.
 
     Attributes:
         seconds: (K,) increasing times from the clip's first frame to its last.
-        turns, root, offsets, strains, mirrors: as in the clip, K frames each.
+        turns, root, offsets, strains, mirrors: tracks of K frames each, in the format of :class:`Clip`.
 
     Raises:
         InputError: if the arrays do not fit together, or the times do not rise.
@@ -45,12 +46,12 @@ class FineFrames:
     mirrors: Float | None = None
 
     def __post_init__(self) -> None:
-        given = ("seconds", "turns", "root", "offsets", "strains", "mirrors")
-        freeze(self, *(name for name in given if getattr(self, name) is not None))
-        rows = [getattr(self, name) for name in given if getattr(self, name) is not None]
+        track_names = ("seconds", "turns", "root", "offsets", "strains", "mirrors")
+        freeze(self, *(name for name in track_names if getattr(self, name) is not None))
+        rows = [getattr(self, name) for name in track_names if getattr(self, name) is not None]
         rising = self.seconds.ndim == 1 and len(self.seconds) > 1 and bool((np.diff(self.seconds) > 0).all())
         if not rising or not all(len(r) == len(self.seconds) and np.isfinite(r).all() for r in rows):
-            raise InputError("its fine frames do not fit together", where="clip", mend="Import it again.")
+            raise InputError("its fine frames do not fit together", where="clip", remedy="Import it again.")
 
     def scaled(self, scale: float, by: Float) -> FineFrames:
         """Returns the motion for a skeleton that was scaled, then moved by ``by`` (3,) metres."""
@@ -63,8 +64,8 @@ class FineFrames:
         inside = (self.seconds > start - 1e-9) & (self.seconds < stop + 1e-9)
         if inside.sum() < 2:
             return None
-        given = (self.turns, self.root, self.offsets, self.strains, self.mirrors)
-        rows = (None if track is None else track[inside] for track in given)
+        tracks = (self.turns, self.root, self.offsets, self.strains, self.mirrors)
+        rows = (None if track is None else track[inside] for track in tracks)
         return FineFrames(self.seconds[inside] - start, *rows)  # type: ignore[arg-type]
 
 
@@ -95,20 +96,24 @@ class CubicKeys:
         fits = self.values.shape == (count, width) and self.slopes.shape == (count, 2, width) and count > 0
         finite = all(np.isfinite(array).all() for array in (self.seconds, self.values, self.slopes))
         if not (fits and finite and (np.diff(self.seconds) > 0).all()):
-            raise InputError("its cubic keys do not fit together", where="clip", mend="Import it again.")
+            raise InputError("its cubic keys do not fit together", where="clip", remedy="Import it again.")
 
     @property
     def turns(self) -> bool:
-        """True if it rotates a bone. Otherwise it moves the root."""
+        """True if the curve rotates a bone. Otherwise it moves the root."""
         return bool(self.values.shape[1] == 4)
 
     def at(self, seconds: Float) -> Float:
-        """Returns unit quaternions (T, 4) or metres (T, 3). Values are held beyond the first and last key."""
+        """Returns the values at times (T,): unit quaternions (T, 4) or metres (T, 3). Before the first and
+        after the last key, values are constant.
+        """
         values, _ = self._cubic_values(np.clip(seconds, self.seconds[0], self.seconds[-1]))
         return normalized(values) if self.turns else values
 
     def slope(self, seconds: Float) -> Float:
-        """Returns the derivative (T, 4 or 3) of :meth:`at` per second, between the first and last key."""
+        """Returns the time derivative (T, 4 or 3) of :meth:`at`, per second, at times between the first and
+        last key.
+        """
         values, slope = self._cubic_values(seconds)
         if not self.turns:
             return slope
@@ -123,44 +128,50 @@ class CubicKeys:
         k = np.clip(np.searchsorted(self.seconds, seconds, "right") - 1, 0, len(self.seconds) - 2)
         gap = (self.seconds[k + 1] - self.seconds[k])[:, None]
         s = (seconds - self.seconds[k])[:, None] / gap
-        p, out = self.values[k], self.slopes[k, 1] * gap
-        q, into = self.values[k + 1], self.slopes[k + 1, 0] * gap
-        curve = (2 * s**3 - 3 * s**2 + 1) * p + (s**3 - 2 * s**2 + s) * out
-        curve += (3 * s**2 - 2 * s**3) * q + (s**3 - s**2) * into
-        slope = (6 * s**2 - 6 * s) * (p - q) + (3 * s**2 - 4 * s + 1) * out + (3 * s**2 - 2 * s) * into
+        start_value, out_tangent = self.values[k], self.slopes[k, 1] * gap
+        end_value, in_tangent = self.values[k + 1], self.slopes[k + 1, 0] * gap
+        curve = (2 * s**3 - 3 * s**2 + 1) * start_value + (s**3 - 2 * s**2 + s) * out_tangent
+        curve += (3 * s**2 - 2 * s**3) * end_value + (s**3 - s**2) * in_tangent
+        slope = (
+            (6 * s**2 - 6 * s) * (start_value - end_value)
+            + (3 * s**2 - 4 * s + 1) * out_tangent
+            + (3 * s**2 - 2 * s) * in_tangent
+        )
         return np.asarray(curve), np.asarray(slope / gap)
 
     def between(self, start: float, stop: float) -> CubicKeys:
-        """Returns the curve from ``start`` to ``stop`` seconds, with a new key at each cut end.
+        """Cuts the curve to the range from ``start`` to ``stop`` seconds, with a new key at each cut end.
 
-        All keys between are kept. A cut piece gets additional keys, because a part of a normalised cubic is
-        not a normalised cubic itself.
+        All keys in between are kept. A piece that was cut gets additional keys, because a part of a
+        normalised cubic is not exactly a normalised cubic.
         """
         first, last = max(start, float(self.seconds[0])), min(stop, float(self.seconds[-1]))
         if first >= last:
-            # All keys are before or after this time, so the curve holds its last or first value.
-            at = np.array([start])
-            return CubicKeys(self.bone, at, self.at(at), np.zeros((1, 2, self.values.shape[1])))
-        more = list[Float]()
+            # All keys are before or after this range, so the curve is constant.
+            key_index = np.array([start])
+            return CubicKeys(self.bone, key_index, self.at(key_index), np.zeros((1, 2, self.values.shape[1])))
+        extra_times = list[Float]()
         for cut in (first, last):
             nearest = int(np.abs(self.seconds - cut).argmin())
             if abs(self.seconds[nearest] - cut) > _SAME_KEY:
                 k = int(np.searchsorted(self.seconds, cut)) - 1
                 low, high = max(first, self.seconds[k]), min(last, self.seconds[k + 1])
-                more.append(np.linspace(low, high, int((high - low) / _KEY_INTERVAL_S) + 2))
-        own = self.seconds[(self.seconds > first - _SAME_KEY) & (self.seconds < last + _SAME_KEY)]
-        seconds = np.unique(np.concatenate([own, *more]))
+                extra_times.append(np.linspace(low, high, int((high - low) / _KEY_INTERVAL_S) + 2))
+        own_times = self.seconds[(self.seconds > first - _SAME_KEY) & (self.seconds < last + _SAME_KEY)]
+        seconds = np.unique(np.concatenate([own_times, *extra_times]))
         seconds = seconds[np.diff(seconds, prepend=-np.inf) > _SAME_KEY]
         slopes = np.repeat(self.slope(seconds)[:, None], 2, 1)
-        at = np.minimum(np.searchsorted(self.seconds, seconds - _SAME_KEY), len(self.seconds) - 1)
-        is_own = np.abs(self.seconds[at] - seconds) <= _SAME_KEY
+        key_index = np.minimum(np.searchsorted(self.seconds, seconds - _SAME_KEY), len(self.seconds) - 1)
+        is_own = np.abs(self.seconds[key_index] - seconds) <= _SAME_KEY
         for side, step in ((0, -1), (1, 1)):
-            own_slopes = self.slopes[at, side]
-            slopes[is_own, side] = _tangential_slopes(self.values[at], own_slopes)[is_own]
-            # On the side of an uncut piece, a key of the file keeps its exact slope.
-            beside = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
-            whole = is_own & is_own[beside] & (np.abs(at[beside] - at) == 1)
-            slopes[whole, side] = own_slopes[whole]
+            own_slopes = self.slopes[key_index, side]
+            slopes[is_own, side] = _tangential_slopes(self.values[key_index], own_slopes)[is_own]
+            # If the piece next to an original key was not cut, the key keeps its exact slope on that side.
+            neighbour_index = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
+            is_uncut = (
+                is_own & is_own[neighbour_index] & (np.abs(key_index[neighbour_index] - key_index) == 1)
+            )
+            slopes[is_uncut, side] = own_slopes[is_uncut]
         return CubicKeys(self.bone, seconds, self.at(seconds), slopes)
 
     def timed(self, speed: float, begin: float) -> CubicKeys:
@@ -175,7 +186,7 @@ class CubicKeys:
 
 
 def _tangential_slopes(values: Float, slopes: Float) -> Float:
-    """Returns slopes without the part that changes the length of unit quaternions (K, 4).
+    """Removes the component of slopes that would change the length of unit quaternions (K, 4).
 
     Slopes of positions (K, 3) are returned unchanged.
     """
@@ -186,11 +197,11 @@ def _tangential_slopes(values: Float, slopes: Float) -> Float:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A take of a skeleton. It is immutable: edits never change the performance.
+    """A take of a skeleton. It is immutable, so edits never change the recorded performance.
 
     Attributes:
         id: its name in the project.
-        skeleton: the performer's, at rest.
+        skeleton: the performer's skeleton at rest.
         turns: (F, N, 4) float64 unit quaternions D_j in world axes. The bone that ends at joint j points
             along D_j @ (its direction at rest), and everything rigidly attached to it is rotated by D_j.
             Entry 0 is the rotation of the whole character.
@@ -201,13 +212,13 @@ class Clip:
         strains: (F, N, 6) the Hencky strain log U_j of each bone in the rest axes, in the format of
             :func:`enliven.rotation.hencky_strain`. Everything rigidly attached to bone j is moved by D_j U_j,
             and joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only
-            turn.
+            rotate.
         mirrors: (F, N) 1, or -1 for a bone that is also reflected through its start joint, which negates U_j.
             None: no bone is reflected.
         keys: the keys that the frames were computed from, in order of time. Empty for a performance.
         fine: the motion at more times, for players and exporters; None if the frames contain everything.
         cubic: the file's own cubic keys of bones and of the root's position. A glTF export contains them
-            again if nothing else moves the character. The frames contain their motion, too.
+            again if nothing else moves the character. The frames contain this motion, too.
 
     Raises:
         InputError: if the arrays do not fit the skeleton or are not finite.
@@ -253,7 +264,7 @@ class Clip:
         elif not 0.0 < self.step <= 10.0:
             problem = f"a frame lasts {self.step} s"
         if problem:
-            raise InputError(problem, where=f"clip {self.id!r}", mend="Record or import it again.")
+            raise InputError(problem, where=f"clip {self.id!r}", remedy="Record or import it again.")
 
     @property
     def duration(self) -> float:
@@ -262,9 +273,9 @@ class Clip:
 
     @property
     def tracks(self) -> tuple[tuple[str, Float], ...]:
-        """Its existing tracks, offsets (F, N, 3) and strains (F, N, 6), each with its name."""
-        both = (("offsets", self.offsets), ("strains", self.strains))
-        return tuple((name, track) for name, track in both if track is not None)
+        """The optional tracks that exist, each with its name: offsets (F, N, 3) and strains (F, N, 6)."""
+        candidates = (("offsets", self.offsets), ("strains", self.strains))
+        return tuple((name, track) for name, track in candidates if track is not None)
 
     def mapped(self, change: Callable[[Float], Float]) -> Clip:
         """Returns the clip with ``change`` applied to turns, root, offsets and strains."""
@@ -275,24 +286,26 @@ class Clip:
 
     @property
     def finest(self) -> Clip | FineFrames:
-        """The object that contains the turns, root, offsets and strains with all their keys."""
+        """The object with the most complete motion: :attr:`fine` if it exists, otherwise the clip itself."""
         return self if self.fine is None else self.fine
 
     @property
     def links(self) -> Float:
-        """(F or 1, N, 3) metres, the vector from each joint's parent to the joint before its bone rotates."""
+        """(F or 1, N, 3) the vectors from each joint's parent to the joint before the bone rotates,
+        metres.
+        """
         links = self.skeleton.vectors[None]
         links = links if self.offsets is None else links + self.offsets
         return links if self.stretch is None else stretched(self.stretch, links)
 
     @property
     def deforms(self) -> bool:
-        """True if bones do more than rotate."""
+        """True if bones also stretch, move or are reflected, instead of only rotating."""
         return bool(self.tracks) or self.mirrors is not None
 
     @property
     def stretch(self) -> Float | None:
-        """(F, N, 3, 3) stretch and reflection of each bone before it rotates, or None without both."""
+        """(F, N, 3, 3) stretch and reflection of each bone before it rotates. None if there is neither."""
         if self.strains is None and self.mirrors is None:
             return None
         matrices = np.eye(3) if self.strains is None else stretch_from_strain(self.strains)
@@ -303,29 +316,32 @@ def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
     """Returns the world positions (F, N, 3) of a clip's joints in metres.
 
     Args:
-        only: the required joints; others have undefined values. None for all.
+        only: the required joints. The values of all other joints are undefined. None computes all joints.
     """
     skeleton = clip.skeleton
-    wanted = range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
+    needed_joints = (
+        range(len(skeleton)) if only is None else {j for end in only for j in skeleton.path(0, end)}
+    )
     places, links = np.zeros((len(clip.turns), len(skeleton), 3)), clip.links
     places[:, 0] = clip.root
-    for j in sorted(wanted):
+    for j in sorted(needed_joints):
         if j:
-            turned = rotate(clip.turns[:, j], links[:, j])
-            places[:, j] = places[:, skeleton.parents[j]] + turned
+            rotated_links = rotate(clip.turns[:, j], links[:, j])
+            places[:, j] = places[:, skeleton.parents[j]] + rotated_links
     return places
 
 
 def stretched(stretch: Float, vectors: Float) -> Float:
-    """Returns vectors (..., 3) after applying stretches (..., 3, 3)."""
+    """Applies stretches (..., 3, 3) to vectors (..., 3)."""
     return np.asarray(np.einsum("...ab,...b->...a", stretch, vectors))
 
 
 def keyed_clip(clip_id: str, bone: str, keys: Sequence[MotionKey]) -> Clip:
-    """Builds a clip of one bone, or of a whole character, through keys. The keys are rounded to its frames.
+    """Builds a clip of one bone, or of a whole character, that interpolates keys. Key times are rounded to
+    frames.
 
     Raises:
-        InputError: without a key, or if two are on one frame.
+        InputError: without a key, or if two keys are on the same frame.
     """
     ordered_keys = placed_keys(keys, f"clip {clip_id!r}")
     seconds = np.arange(round(ordered_keys[-1].second / KEY_STEP) + 1) * KEY_STEP

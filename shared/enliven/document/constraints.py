@@ -53,6 +53,6 @@ class Coupling:
 Constraint = Position | Velocity | Coupling
 
 
-def names_in(one: Constraint) -> tuple[str, ...]:
-    """Returns the control points of a constraint."""
-    return (one.point, one.other) if isinstance(one, Coupling) else (one.point,)
+def names_in(constraint: Constraint) -> tuple[str, ...]:
+    """Returns the names of the control points in a constraint."""
+    return (constraint.point, constraint.other) if isinstance(constraint, Coupling) else (constraint.point,)

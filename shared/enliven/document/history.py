@@ -36,11 +36,11 @@ class _Step:
 
 
 class History:
-    """A project and its values before each edit.
+    """A project and its earlier values, one before each edit.
 
-    Every ``do`` is one step with a name. Consecutive steps of one ``drag`` form one step, until ``end_drag``.
-    Equal arrays are stored once, so a step only costs the memory of its changes. The memory is bounded: the
-    oldest steps are dropped, never the project itself.
+    Every call of :meth:`do` adds one named step. Consecutive steps of one ``drag`` are combined to one step,
+    until :meth:`end_drag`. Equal arrays are stored once, so a step needs memory only for its changes. The
+    memory is limited: the oldest steps are dropped, but never the current project.
     """
 
     def __init__(self, project: Project, settings: HistorySettings | None = None) -> None:
@@ -89,7 +89,7 @@ class History:
         """
         if not 0 <= step < len(self._steps):
             raise InputError(
-                f"step {step} does not exist", where="history", mend=f"The last is {len(self._steps) - 1}."
+                f"step {step} does not exist", where="history", remedy=f"The last is {len(self._steps) - 1}."
             )
         self.end_drag()
         self._at = step
@@ -97,23 +97,23 @@ class History:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the arrays of all steps, each array counted once."""
+        """Memory of the arrays of all steps in megabytes. Each array counts once."""
         return self._bytes / 1e6
 
     def do(self, name: str, project: Project, *, drag: str | None = None) -> Project:
         """Records the project after an edit. Undone steps can no longer be redone.
 
         Args:
-            name: of the step, for the menu.
-            drag: a name for a mouse drag that makes many edits; its edits form one step.
+            name: name of the step, for the menu.
+            drag: identifies a mouse drag that makes many edits. All its edits form one step.
         """
         for step in self._steps[self._at + 1 :]:
             self._let_go(step.project)
         del self._steps[self._at + 1 :]
         top = self._steps[-1]
         going_on = drag is not None and top.drag == drag and self._at > 0
-        before = self._steps[-2].project if going_on else top.project
-        project = shared_with(project, before)
+        previous = self._steps[-2].project if going_on else top.project
+        project = shared_with(project, previous)
         if going_on:
             self._let_go(self._steps.pop().project)
         self._steps.append(_Step(name, project, drag))
@@ -123,7 +123,7 @@ class History:
         return project
 
     def end_drag(self) -> None:
-        """Ends a drag: the next edit is a step of its own."""
+        """Ends a drag. The next edit becomes a separate step."""
         self._steps[self._at] = replace(self._steps[self._at], drag=None)
 
     def undo(self) -> Project:
@@ -163,14 +163,16 @@ class History:
                 del self._count[id(array)]
 
     def _forget_oldest(self) -> None:
-        """Drops the oldest steps that exceed the memory, but never the project."""
+        """Drops the oldest steps while the memory limit is exceeded, but never the current project."""
         while self._at > 0 and self._bytes > self._settings.megabytes * 1e6:
             self._let_go(self._steps.pop(0).project)
             self._at -= 1
 
 
 def shared_with(project: Project, before: Project) -> Project:
-    """Returns the project with parts of ``before`` reused wherever they are equal bit for bit."""
+    """Returns the project, with all parts that are bit-identical to those of ``before`` replaced by the
+    latter, to save memory.
+    """
     maps = {}
     for part in fields(project):
         old: Mapping[str, Any] = getattr(before, part.name)
@@ -181,7 +183,9 @@ def shared_with(project: Project, before: Project) -> Project:
 
 
 def _shared_parts(new: Any, old: Any) -> Any:
-    """Returns ``old`` if it equals ``new``. For characters of one kind, reuses equal attributes."""
+    """Returns ``old`` if it equals ``new``. For two characters of the same kind, equal attributes are
+    reused.
+    """
     if old is None or new is old:
         return new
     if same(new, old):

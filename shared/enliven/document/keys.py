@@ -1,4 +1,6 @@
-"""Keyframes: rotations and displacements that an artist sets at moments, and curves through them."""
+"""Keyframes: rotations and displacements that an artist sets at certain times, and the curves that
+interpolate them.
+"""
 
 from __future__ import annotations
 
@@ -13,24 +15,25 @@ from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 
 KEY_STEP = 1.0 / 30.0
-"""Frame duration in seconds of takes that are made from keys. Keys lie on these frames."""
+"""Frame duration, in seconds, of takes that are computed from keys. Key times are rounded to these frames."""
 _MAX_KEY_S = 3600.0
-"""Maximum time of a key in seconds: an hour has about 100,000 frames."""
+"""Maximum time of a key in seconds: one hour, or about 100,000 frames."""
 EASES: tuple[str, ...] = ("smooth", "linear", "step")
-"""Interpolation from a key to the next: smooth (continuous speed, without overshoot), linear, or a step."""
+"""Kinds of interpolation from a key to the next: smooth (continuous speed, no overshoot), linear, or step."""
 _BISECTION_STEPS = 60
-"""Number of bisection steps for finding a time: they reduce a thousand seconds to rounding error."""
+"""Number of bisection steps for finding a time. They reduce an interval of a thousand seconds to the rounding
+error."""
 
 
 @dataclass(frozen=True)
 class MotionKey:
-    """The rotation and displacement of a bone, a node or a whole character at a moment.
+    """A keyframe: the rotation and displacement of a bone, a node or a whole character at a time.
 
     Attributes:
-        second: of the take.
-        degrees: a rotation vector, in the axes of the rest pose.
+        second: time in the take.
+        degrees: rotation vector in degrees, in the axes of the rest pose.
         ease: interpolation to the next key.
-        metres: displacement, in the same axes; a bone is only rotated.
+        metres: displacement, in the same axes. A bone is only rotated, so it has none.
     """
 
     second: float
@@ -47,25 +50,27 @@ class MotionKey:
         elif self.ease not in EASES or len(self.degrees) != 3 or len(self.metres) != 3:
             problem = f"{self.degrees} degrees, {self.metres} m, {self.ease!r} are not a key"
         if problem:
-            mend = f"Give seconds from 0 on, three angles, three metres, and one of {', '.join(EASES)}."
-            raise InputError(problem, where="key", mend=mend)
+            advice = f"Give seconds from 0 on, three angles, three metres, and one of {', '.join(EASES)}."
+            raise InputError(problem, where="key", remedy=advice)
 
 
 def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
-    """Returns the keys in the order of time, each rounded to a frame of its own.
+    """Returns the keys in the order of time, with times rounded to frames.
 
     Raises:
-        InputError: without a key, or if two are on one frame.
+        InputError: without a key, or if two keys are on the same frame.
     """
-    placed = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
-    if not placed or len({frame for frame, _ in placed}) < len(placed):
-        problem = "two keys are on one frame" if placed else "no key was given"
-        raise InputError(problem, where=where, mend="Give each key a frame of its own.")
-    return tuple(replace(key, second=frame * KEY_STEP) for frame, key in placed)
+    frame_keys = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
+    if not frame_keys or len({frame for frame, _ in frame_keys}) < len(frame_keys):
+        problem = "two keys are on one frame" if frame_keys else "no key was given"
+        raise InputError(problem, where=where, remedy="Give each key a frame of its own.")
+    return tuple(replace(key, second=frame * KEY_STEP) for frame, key in frame_keys)
 
 
 def key_values(keys: Sequence[MotionKey], seconds: AnyArray) -> Float:
-    """Returns (T, 6) degrees and metres at seconds (T,), interpolated by :func:`through_keys`."""
+    """Returns the values (T, 6) at seconds (T,): a rotation vector in degrees, and a displacement in
+    metres.
+    """
     values = np.array([(*key.degrees, *key.metres) for key in keys], np.float64)
     return through_keys([key.second for key in keys], values, [key.ease for key in keys], seconds)
 
@@ -80,18 +85,18 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
     seconds = np.clip(np.asarray(seconds, np.float64), times[0], times[-1])
     if len(times) == 1:
         return np.repeat(values, len(seconds), axis=0)
-    # Treat a frame as lying on a key if their times differ only by rounding errors.
-    left = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
-    wide = np.diff(times)[:, None]
-    slopes = _key_slopes(wide, np.diff(values, axis=0) / wide)
-    u = np.clip((seconds - times[left]) / wide[left, 0], 0.0, 1.0)[:, None]
-    ease = np.array(eases)[left][:, None]
-    value_before, value_after, span = values[left], values[left + 1], wide[left]
+    # If the times of a frame and a key differ only by rounding errors, the frame is on the key.
+    piece = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
+    durations = np.diff(times)[:, None]
+    slopes = _key_slopes(durations, np.diff(values, axis=0) / durations)
+    u = np.clip((seconds - times[piece]) / durations[piece, 0], 0.0, 1.0)[:, None]
+    ease = np.array(eases)[piece][:, None]
+    value_before, value_after, span = values[piece], values[piece + 1], durations[piece]
     cubic = (
         (2 * u**3 - 3 * u**2 + 1) * value_before
-        + (u**3 - 2 * u**2 + u) * span * slopes[left]
+        + (u**3 - 2 * u**2 + u) * span * slopes[piece]
         + (3 * u**2 - 2 * u**3) * value_after
-        + (u**3 - u**2) * span * slopes[left + 1]
+        + (u**3 - u**2) * span * slopes[piece + 1]
     )
     step = np.where(u < 1.0, value_before, value_after)
     return np.select(
@@ -99,25 +104,28 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
     )
 
 
-def _key_slopes(wide: Float, steep: Float) -> Float:
-    """Computes (K, C) slopes at K keys for pieces with durations (K - 1, 1) and gradients (K - 1, C).
+def _key_slopes(durations: Float, steep: Float) -> Float:
+    """Computes the slopes (K, C) at K keys from the durations (K - 1, 1) and gradients (K - 1, C) of the
+    pieces between them.
 
     The slope is 0 at the ends, and where a channel changes direction.
     """
-    before, after = steep[:-1], steep[1:]
-    first, second = 2 * wide[1:] + wide[:-1], wide[1:] + 2 * wide[:-1]
-    on = before * after > 0.0
-    mean = (first + second) / (first / np.where(on, before, 1.0) + second / np.where(on, after, 1.0))
-    ends = np.zeros((1, steep.shape[1]))
-    return np.concatenate([ends, np.where(on, mean, 0.0), ends])
+    previous_gradients, next_gradients = steep[:-1], steep[1:]
+    first, second = 2 * durations[1:] + durations[:-1], durations[1:] + 2 * durations[:-1]
+    on = previous_gradients * next_gradients > 0.0
+    mean = (first + second) / (
+        first / np.where(on, previous_gradients, 1.0) + second / np.where(on, next_gradients, 1.0)
+    )
+    zero_slopes = np.zeros((1, steep.shape[1]))
+    return np.concatenate([zero_slopes, np.where(on, mean, 0.0), zero_slopes])
 
 
 @dataclass(frozen=True)
 class CurveKey:
-    """The value of an attribute of a layer at a moment.
+    """A keyframe of a layer attribute.
 
     Attributes:
-        second: of the project, relative to the start of the layer's lane.
+        second: time of the project, relative to the start of the layer's lane.
         value: a weight from 0 to 1, or a speed factor.
         ease: interpolation to the next key.
     """
@@ -129,41 +137,45 @@ class CurveKey:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.second) and math.isfinite(self.value) and self.ease in EASES):
             problem = f"{self.value} at {self.second} s, {self.ease!r}, is not a key"
-            raise InputError(problem, where="key", mend=f"Give two numbers, and one of {', '.join(EASES)}.")
+            raise InputError(problem, where="key", remedy=f"Give two numbers, and one of {', '.join(EASES)}.")
 
 
 class Curve:
-    """A curve through keys, and its integral. Before the first and after the last key it is constant.
+    """A curve through keys, and its integral. Before the first and after the last key, the curve is constant.
 
     Args:
-        keys: at least one, in the order of time.
+        keys: at least one key, in the order of time.
     """
 
     def __init__(self, keys: Sequence[CurveKey]) -> None:
         self._at = np.array([key.second for key in keys])
         self._values = np.array([key.value for key in keys])
         self._eases = [key.ease for key in keys]
-        wide = np.diff(self._at)
-        steep = np.diff(self._values) / wide
-        self._slopes = _key_slopes(wide[:, None], steep[:, None])[:, 0] if len(wide) else np.zeros(1)
-        ends = [self._integrals_within(piece, np.ones(1))[0] for piece in range(len(wide))]
-        self._sums = np.concatenate([[0.0], np.cumsum(ends)])
+        durations = np.diff(self._at)
+        steep = np.diff(self._values) / durations
+        self._slopes = (
+            _key_slopes(durations[:, None], steep[:, None])[:, 0] if len(durations) else np.zeros(1)
+        )
+        piece_integrals = [self._integrals_within(piece, np.ones(1))[0] for piece in range(len(durations))]
+        self._sums = np.concatenate([[0.0], np.cumsum(piece_integrals)])
 
     def __call__(self, seconds: AnyArray | Sequence[float]) -> Float:
         """Returns (T,) values at seconds (T,)."""
-        at = np.asarray(seconds, np.float64)
-        return through_keys(self._at.tolist(), self._values[:, None], self._eases, at)[:, 0]
+        times = np.asarray(seconds, np.float64)
+        return through_keys(self._at.tolist(), self._values[:, None], self._eases, times)[:, 0]
 
     def area(self, seconds: AnyArray | Sequence[float]) -> Float:
         """Returns (T,) the integrals from 0 to seconds (T,)."""
         seconds = np.asarray(seconds, np.float64)
-        both = self._from_first(np.append(seconds, 0.0))
-        return np.asarray(both[:-1] - both[-1])
+        integrals = self._from_first(np.append(seconds, 0.0))
+        return np.asarray(integrals[:-1] - integrals[-1])
 
     def reached(self, area: float) -> float:
-        """Returns the second at which the integral from 0 equals ``area``, for a curve above 0 everywhere."""
-        reach = abs(area) / float(self._values.min()) + 1e-9
-        low, high = -reach, reach
+        """Returns the time, in seconds, at which the integral from 0 equals ``area``. The curve must be above
+        0 everywhere.
+        """
+        bound = abs(area) / float(self._values.min()) + 1e-9
+        low, high = -bound, bound
         for _ in range(_BISECTION_STEPS):
             middle = (low + high) / 2.0
             low, high = (middle, high) if self.area(np.array([middle]))[0] < area else (low, middle)
@@ -171,31 +183,33 @@ class Curve:
 
     def _from_first(self, seconds: Float) -> Float:
         """Returns (T,) the integrals from the first key to seconds (T,)."""
-        before = self._values[0] * np.minimum(seconds - self._at[0], 0.0)
-        after = self._values[-1] * np.maximum(seconds - self._at[-1], 0.0)
-        out = before + after
-        inside = np.clip(seconds, self._at[0], self._at[-1])
-        piece = np.clip(np.searchsorted(self._at, inside, side="right") - 1, 0, max(len(self._at) - 2, 0))
+        integral_before = self._values[0] * np.minimum(seconds - self._at[0], 0.0)
+        integral_after = self._values[-1] * np.maximum(seconds - self._at[-1], 0.0)
+        outside = integral_before + integral_after
+        clamped = np.clip(seconds, self._at[0], self._at[-1])
+        piece = np.clip(np.searchsorted(self._at, clamped, side="right") - 1, 0, max(len(self._at) - 2, 0))
         if len(self._at) > 1:
-            share = (inside - self._at[piece]) / np.diff(self._at)[piece]
-            each = [
-                self._integrals_within(int(k), np.array([u]))[0] for k, u in zip(piece, share, strict=True)
+            fraction = (clamped - self._at[piece]) / np.diff(self._at)[piece]
+            within_pieces = [
+                self._integrals_within(int(k), np.array([u]))[0] for k, u in zip(piece, fraction, strict=True)
             ]
-            out = out + self._sums[piece] + np.array(each)
-        return np.asarray(out)
+            outside = outside + self._sums[piece] + np.array(within_pieces)
+        return np.asarray(outside)
 
     def _integrals_within(self, piece: int, u: Float) -> Float:
-        """Computes the integrals of a piece from its key to the fraction u (T,) of it (Hermite cubics)."""
-        wide = self._at[piece + 1] - self._at[piece]
+        """Computes the integral of a piece from its first key to the fraction u (T,) of the piece (Hermite
+        cubics).
+        """
+        duration = self._at[piece + 1] - self._at[piece]
         value_before, value_after = self._values[piece], self._values[piece + 1]
         if self._eases[piece] == "step":
-            return np.asarray(wide * value_before * u)
+            return np.asarray(duration * value_before * u)
         if self._eases[piece] == "linear":
-            return np.asarray(wide * (value_before * u + (value_after - value_before) * u**2 / 2))
-        slopes = self._slopes[piece : piece + 2] * wide
+            return np.asarray(duration * (value_before * u + (value_after - value_before) * u**2 / 2))
+        slopes = self._slopes[piece : piece + 2] * duration
         values = (u**4 / 2 - u**3 + u) * value_before + (u**3 - u**4 / 2) * value_after
         return np.asarray(
-            wide
+            duration
             * (values + (u**4 / 4 - 2 * u**3 / 3 + u**2 / 2) * slopes[0] + (u**4 / 4 - u**3 / 3) * slopes[1])
         )
 

@@ -1,10 +1,10 @@
-"""Layers: references to takes. A bone stores spans of them; nothing is baked before export.
+"""Layers: references to takes. A bone stores spans of layers. Nothing is baked before export.
 
-A layer states which chain of a take's skeleton drives bones, in which basis, and when. A bone has *spans*:
-fractions of its length, each with the interval [start, end] of every layer's arc length that falls on it.
-Inserting a node splits a span in proportion. Removing a node concatenates the spans of two bones. So a bone
-between two different takes keeps both of them, exactly. AniMesh drops them in that case (section 8, Figure
-13).
+A layer defines which joint chain of a take's skeleton drives bones, in which basis, and when. A bone has
+*spans*: fractions of its length, each with the interval [start, end] of every layer's arc length that falls
+on it. Inserting a node splits a span in proportion. Removing a node concatenates the spans of two bones. So a
+bone between two bones with different takes keeps both takes exactly. AniMesh drops them in that case (section
+8, Figure 13).
 """
 
 from __future__ import annotations
@@ -27,28 +27,29 @@ above the floor."""
 
 @dataclass(frozen=True, eq=False)
 class Layer(LayerBase):
-    """A take with the chain, basis and timing that it drives bones with.
+    """A layer: a take that drives bones, with its chain, its basis and its timing.
 
     Attributes:
         id: its name in the project.
         take: the id of a clip.
-        chain: joints of the take's skeleton, neighbours in its tree. Arc length s runs from 0 at the first to
-            1 at the last. The rotations are relative to the bone that ends at the first joint. A chain of one
-            joint means the rotation of that entry itself (the root's: (0,)), from nothing at s = 0 to the
-            whole at s = 1.
+        chain: consecutive joints of the take's skeleton. Arc length s runs from 0 at the first to 1 at the
+            last. The rotations are relative to the bone that ends at the first joint. A chain of one joint
+            means the rotation of this entry itself (for the root: (0,)), from none at s = 0 to the full
+            rotation at s = 1.
         basis: (4,) unit quaternion target_from_source: a rotation Q of the source becomes basis Q basis^-1.
-        weight: 0 to leave the bone as modeled, 1 for the whole rotation; scales the rotation of each source
-            bone.
-        muted: true leaves the layer out.
+        weight: factor on the rotation of each source bone. 0 leaves the bone as modeled, and 1 applies the
+            full rotation.
+        muted: True leaves the layer out.
         mirrored: reflects the source in the plane x = 0, before the basis: its rotations q = (w, x, y, z)
             become (w, x, -y, -z) and its displacements (x, y, z) become (-x, y, z).
-        mode: "turns": the bones turn like the take's polyline (AniMesh, 5). "end": the end of the bones'
-            chain, relative to its start, follows the end of the take's chain, scaled by the lengths; see
-            :mod:`enliven.motion.layers.end_effector`.
-        stretch: whether the bones also take the lengths and stretches of the take, and not only its
-            rotations. A model's own clip uses this. A take of another body leaves the model's proportions
-            unchanged.
-        feet: foot lock mode of the pinned feet while it plays; see :mod:`enliven.motion.layers.footing`.
+        mode: "turns": the bones rotate like the polyline of the take (AniMesh, 5). "end": the end of the
+            bones' chain, relative to its start, follows the end of the take's chain, scaled by the lengths;
+            see :mod:`enliven.motion.layers.end_effector`.
+        stretch: True if the bones also get the lengths and stretches of the take, not only its rotations. A
+            model's own clip uses this. It is False for a take of another body, so that the model keeps its
+            proportions.
+        feet: foot lock mode of the pinned feet while the layer plays; see
+            :mod:`enliven.motion.layers.footing`.
     """
 
     id: str
@@ -78,7 +79,7 @@ class Layer(LayerBase):
         elif self.feet not in FEET:
             problem = f"feet cannot stand {self.feet!r} (known: {', '.join(FEET)})"
         if problem:
-            raise InputError(problem, where=f"layer {self.id!r}", mend="Give the layer again.")
+            raise InputError(problem, where=f"layer {self.id!r}", remedy="Give the layer again.")
         self.check_time(f"layer {self.id!r}")
 
 
@@ -86,16 +87,17 @@ class Layer(LayerBase):
 class RootLayer(LayerBase):
     """A clip that rotates and moves a whole character in the world, on top of its other layers.
 
-    Let r be the clip's rotation and d its position at a time. Then x in the world becomes R (x - about) +
-    about + m, with R = L r L^-1 and m = size L d. L is basis S if it is mirrored, with S = diag(-1, 1, 1),
-    else basis. If there are several, the first is the innermost.
+    Let r be the clip's rotation and d its position at a time. Then a point x in the world becomes R (x -
+    about) + about + m, with R = L r L^-1 and m = size L d. If the layer is mirrored, L = basis S with S =
+    diag(-1, 1, 1), and otherwise L = basis. If there are several root layers, the first is the innermost.
 
     Attributes:
-        take: the id of a clip, which provides the rotation of the whole and the position of joint 0.
+        take: the id of a clip, which provides the rotation of the whole character and the position of joint
+            0.
         about: (3,) metres in the world, centre of the rotation.
-        basis, size, mirrored: how the character was rotated, scaled and mirrored since.
-        weight: from 0 to 1, its strength.
-        muted: true leaves it out.
+        basis, size, mirrored: rotation, scale and reflection of the character since the layer was added.
+        weight: strength of the layer, 0 to 1.
+        muted: True leaves the layer out.
     """
 
     take: str
@@ -113,23 +115,24 @@ class RootLayer(LayerBase):
         unit = self.basis.shape == (4,) and np.isclose(np.linalg.norm(self.basis), 1.0, atol=1e-6)
         if not (unit and self.about.shape == (3,) and np.isfinite(self.about).all()):
             problem = f"it cannot be turned by {self.basis} about {self.about}"
-            raise InputError(problem, where=where, mend="Set its keys again.")
+            raise InputError(problem, where=where, remedy="Set its keys again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
             problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
-            raise InputError(problem, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
+            raise InputError(problem, where=where, remedy="Give a size above 0, and a weight from 0 to 1.")
 
     @property
     def id(self) -> str:
-        """Its name: the id of its clip."""
+        """The name of the layer: the id of its clip."""
         return self.take
 
 
 @dataclass(frozen=True)
 class Ref:
-    """The part of a layer's arc length that falls on a span: from ``start`` to ``end``, within [0, 1].
+    """A reference to the interval of a layer's arc length, from ``start`` to ``end`` within [0, 1], that
+    falls on a span.
 
-    A reference with equal start and end causes no rotation. A bone that rigidly continues another uses it to
-    take the stretches at that position.
+    A reference with equal start and end causes no rotation. A bone that rigidly continues another bone uses
+    it to apply the stretch at this position.
     """
 
     layer: str
@@ -139,17 +142,18 @@ class Ref:
 
 @dataclass(frozen=True)
 class Span:
-    """A part of a bone: its ``share`` of the bone's length, and the layers that turn it, the first outermost.
+    """A part of a bone: its fraction (``share``) of the bone's length, and the layers that rotate it, the
+    first outermost.
 
     Its own rotation is C(0)^-1 C(1), with C(u) the product, in order, of every layer's q(start + u (end -
-    start)). Such a product telescopes along a chain, so inserted nodes never change the total rotation, for
+    start)). Such a product telescopes along a chain, so inserting nodes never changes the total rotation, for
     any number of layers. The rotation of a bone is the product over its spans of ``before`` and the span's
     own rotation: a_j = before_0 turn_0 before_1 turn_1 ...
 
     Attributes:
-        share: of the bone's length, in [0, 1]; the shares of a bone sum to one. A share of 0 is a rotation at
-            the joint itself: that of a root that was grafted onto another shape.
-        refs: the parts of layers that fall on it.
+        share: fraction of the bone's length, in [0, 1]. The shares of a bone sum to one. A share of 0 is a
+            rotation at the joint itself, for example that of a root that was grafted onto another shape.
+        refs: the intervals of layers that fall on the span.
         before: unit quaternion (w, x, y, z), a fixed rotation at the start of the span. It is the modeling
             rotation of a bone that was joined to its parent when the node between them was removed.
     """

@@ -12,10 +12,10 @@ def unused(stem: str, taken: Container[str], between: str = " ") -> str:
     """
     if stem not in taken:
         return stem
-    before, _, last = stem.rpartition(between)
-    number = int(last) if before and last.isdecimal() else 1
-    plain, name = (before if number > 1 else stem), stem
+    stem_before, _, last = stem.rpartition(between)
+    number = int(last) if stem_before and last.isdecimal() else 1
+    base_name, name = (stem_before if number > 1 else stem), stem
     while name in taken:
         number += 1
-        name = f"{plain}{between}{number}"
+        name = f"{base_name}{between}{number}"
     return name

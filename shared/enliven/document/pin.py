@@ -56,12 +56,12 @@ class ContactSettings:
 
 @dataclass(frozen=True)
 class Pin:
-    """A joint that stays in place while it is in contact; the limb above follows by two-bone IK.
+    """A joint that stays in place while it touches the floor. The limb above it follows by two-bone IK.
 
     Attributes:
         joint: the name of the foot's joint. A pin is ignored if an edit removed one of its joints.
         start: the name of the joint at which the limb starts (a hip), above the foot.
-        settings: when it is in contact.
+        settings: criteria for contact.
     """
 
     joint: str

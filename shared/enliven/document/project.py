@@ -12,7 +12,8 @@ import numpy as np
 
 from enliven.document.body_take import BodyTake
 from enliven.document.clip import Clip
-from enliven.document.graph import GraphShape, PoseStream
+from enliven.document.graph.shape import GraphShape
+from enliven.document.graph.stream import PoseStream
 from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
@@ -26,11 +27,11 @@ R = TypeVar("R", bound=RigBase)
 
 @dataclass(frozen=True)
 class Marker:
-    """A named moment of the project.
+    """A named time of the project.
 
     Attributes:
         id: its name.
-        seconds: of the project's time.
+        seconds: time in the project, seconds.
     """
 
     id: str
@@ -39,7 +40,7 @@ class Marker:
     def __post_init__(self) -> None:
         if not (self.id and 0.0 <= self.seconds < float("inf")):
             problem = f"a marker {self.id!r} cannot be at {self.seconds} s"
-            raise InputError(problem, where="project", mend="Give a name, and seconds from 0 on.")
+            raise InputError(problem, where="project", remedy="Give a name, and seconds from 0 on.")
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class CameraMark:
     def __post_init__(self) -> None:
         numbers = (*self.target, self.azimuth, self.elevation, self.distance)
         if not (all(abs(number) < float("inf") for number in numbers) and self.distance > 0.0):
-            raise InputError("the view is not valid", where=f"view {self.id!r}", mend="Store it again.")
+            raise InputError("the view is not valid", where=f"view {self.id!r}", remedy="Store it again.")
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,8 @@ class DisplayState:
     Attributes:
         hidden: the window does not draw it.
         locked: it can be neither selected nor edited.
-        size: its scale on a stage relative to its own size, as set by performers' gestures.
-        exaggeration: strength with which its soft parts overshoot the motion there; None: the stage's
+        size: display scale on a stage relative to its own size, which performers set by gestures.
+        exaggeration: strength with which its soft parts overshoot the motion on a stage. None: the stage's
             setting.
     """
 
@@ -85,10 +86,10 @@ class DisplayState:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.size < float("inf"):
-            raise InputError(f"its size is {self.size}", where="handling", mend="Give one above 0.")
+            raise InputError(f"its size is {self.size}", where="handling", remedy="Give one above 0.")
         if self.exaggeration is not None and not 0.0 <= self.exaggeration < float("inf"):
             problem = f"its exaggeration is {self.exaggeration}"
-            raise InputError(problem, where="handling", mend="Give 0 or more.")
+            raise InputError(problem, where="handling", remedy="Give 0 or more.")
 
 
 FREE = DisplayState()
@@ -97,18 +98,18 @@ FREE = DisplayState()
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """All characters by id, with any rig, and the takes and streams that they play. Takes and streams are
-    immutable.
+    """A project: all characters by id, with any rig, and the takes and streams that they play. Takes and
+    streams are immutable.
 
     Attributes:
         characters: rigged shapes, possessed meshes, puppets, and other characters with a rig.
         takes: performances as motion of a skeleton.
         streams: motion of the nodes of possessed meshes.
         bodies: tracked performers, from which the motion of possessed meshes is solved.
-        markers: named moments, in the order in which they were created.
-        handling: the characters that are hidden or locked, and how.
+        markers: named times, in the order in which they were created.
+        handling: the display states (hidden, locked, ...) of characters, by id.
         views: camera bookmarks.
-        sounds: audio to perform to.
+        sounds: audio that is played during a performance.
 
     Raises:
         InputError: if a character plays a take that does not exist.
@@ -141,7 +142,7 @@ class Project:
         )
 
     def without(self, character_id: str) -> Project:
-        """Returns the project without a character; the takes that it played stay.
+        """Returns the project without a character. The takes that it played stay in the project.
 
         Raises:
             InputError: if it does not exist; the message lists the existing ids.
@@ -169,17 +170,17 @@ class Project:
         """Returns the character with an id.
 
         Args:
-            rig: the required kind; any, by default.
+            rig: the required kind of rig; by default any kind.
 
         Raises:
-            InputError: if none of that kind has the id; the message lists the existing ids.
+            InputError: if no character of this kind has the id. The message lists the existing ids.
         """
         candidate = self.characters.get(character_id)
         if isinstance(candidate, rig):
             return candidate
         names, word = ", ".join(self.of(rig)), getattr(rig, "word", "character")
-        mend = f"Known: {names}." if names else "Add one first."
-        raise InputError(f"there is no {word} {character_id!r}", where="project", mend=mend)
+        advice = f"Known: {names}." if names else "Add one first."
+        raise InputError(f"there is no {word} {character_id!r}", where="project", remedy=advice)
 
     def of(self, rig: type[R]) -> dict[str, R]:
         """Returns the characters of one kind, by id."""
@@ -226,8 +227,10 @@ class Project:
         return smoothed(self._recorded_clip(layer), layer.smooth)
 
     def _recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
-        held: Mapping[str, Clip | PoseStream] = self.streams if layer.source == "streams" else self.takes
-        return held[layer.take]
+        collection: Mapping[str, Clip | PoseStream] = (
+            self.streams if layer.source == "streams" else self.takes
+        )
+        return collection[layer.take]
 
     def end_of(self, character: RigBase) -> float:
         """Returns the time at which all unmuted layers of a character have been played once, or 0 without

@@ -1,4 +1,4 @@
-"""Props: the loose boxes and balls of a scene, which are not attached to a performer."""
+"""Props: boxes and balls in a scene that move independently of the performers."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ BALL = 1
 
 @dataclass(frozen=True)
 class Props:
-    """All P loose objects at one moment.
+    """All P props at one time.
 
     Attributes:
-        time_ns: the sensor's clock.
-        ids: (P,) stable while the object exists.
+        time_ns: time of the sensor's clock, nanoseconds.
+        ids: (P,) ids that stay the same while an object exists.
         shapes: (P,) uint8, BOX or BALL.
-        sizes: (P, 3) float32 metres: half edges of a box, the radius three times for a ball.
+        sizes: (P, 3) float32 metres: the half edge lengths of a box; for a ball, its radius in all three
+            columns.
         colours: (P, 3) uint8 sRGB.
         positions: (P, 3) metres, world frame.
         turns: (P, 4) unit quaternions (w, x, y, z), world_from_prop.
-        note: one line of text for the users, such as the score; or empty.
+        note: one line of text for users, such as a score. May be empty.
     """
 
     time_ns: int

@@ -1,9 +1,9 @@
 """A puppet: a mesh driven by control points, with example poses that pair a performer's poses with its own.
 
-A mesh may have no counterpart of a skeleton (a cactus that directs traffic). The user then pairs joints of a
-performer with control points of the mesh and poses a few examples. They determine how the mesh follows every
-motion of that kind (Celikcan, Yaz and Capin, "Example-based retargeting of human motion to arbitrary mesh
-models", 2015). :mod:`enliven.examples` computes the trajectories of the points, and
+A mesh may have no part that corresponds to a skeleton, like a cactus that directs traffic. The user then
+pairs joints of a performer with control points of the mesh, and poses a few examples. The examples determine
+how the mesh follows all similar motions (Celikcan, Yaz and Capin, "Example-based retargeting of human motion
+to arbitrary mesh models", 2015). :mod:`enliven.examples` computes the trajectories of the points, and
 :mod:`enliven.deformation.arap.solver` the surface between them. Nothing is baked: a puppet stores its
 examples, and layers that refer to takes.
 """
@@ -27,6 +27,9 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
 
+MIN_EXAMPLES = 2
+"""Minimum number of key poses that the solver needs to move a puppet."""
+
 
 @dataclass(frozen=True)
 class ControlPoint:
@@ -34,10 +37,10 @@ class ControlPoint:
 
     Attributes:
         name: unique on the puppet.
-        vertex: of the mesh.
-        joint: the performer's joint that it is paired with; empty if none.
-        foot: whether the puppet can stand on it.
-        weight: strength as a soft handle; None is hard (``Handle``).
+        vertex: number of the vertex in the mesh.
+        joint: the performer's joint that is paired with the point; empty if there is none.
+        foot: True if the puppet can stand on the point.
+        weight: strength of the point as a soft handle; None for a hard handle (see ``Handle``).
     """
 
     name: str
@@ -49,11 +52,12 @@ class ControlPoint:
 
 @dataclass(frozen=True, eq=False)
 class KeyPose:
-    """An example: the positions of the control points for the performer's pose at a time of a take.
+    """An example pose: the positions of the control points that correspond to the performer's pose at a time
+    of a take.
 
     Attributes:
-        take: its id.
-        time: seconds since its start.
+        take: id of the take.
+        time: seconds since the start of the take.
         places: (P, 3) metres in the mesh's own frame, one row per control point of the puppet.
     """
 
@@ -67,7 +71,7 @@ class KeyPose:
 
 @dataclass(frozen=True)
 class Plane:
-    """The mesh's symmetry plane: one of its points (3,), metres, and its normal (3,)."""
+    """The mesh's symmetry plane: a point on it (3,), metres, and its normal (3,)."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
@@ -78,15 +82,17 @@ class PuppetLayer(LayerBase):
     """A take that the puppet plays, like an animation layer of a shape: the first is at the bottom.
 
     Attributes:
-        take: its id; it contains the joints that the control points are paired with.
-        points: names of the control points that it moves; empty: all.
-        weight: 0..1, interpolation from the positions given by the layers below (0) to its own (1).
-        travel: whether the puppet moves through the world with it (``locomotion``). The first unmuted layer
+        take: id of the take, which contains the joints that are paired with the control points.
+        points: names of the control points that the layer moves; empty for all.
+        weight: interpolation weight, 0 to 1, from the positions of the layers below (0) to those of this
+            layer (1).
+        travel: True if the layer moves the puppet through the world (``locomotion``). The first unmuted layer
             with ``travel`` determines the path. Otherwise the puppet stays in place.
-        level_feet: couple the heights of two feet at the frame at which the anchor changes between them.
+        level_feet: True constrains two feet to equal heights at the frame at which the anchor changes from
+            one to the other.
         switches: frames of the take at which contact and flight begin, or None to detect them.
-        positions, velocities, couplings: hard constraints; their frames are the take's.
-        mirrored: reverses its rotations as in a mirror, which a mirrored puppet needs.
+        positions, velocities, couplings: hard constraints. Their frames are frames of the take.
+        mirrored: True reverses rotations as in a mirror, which a mirrored puppet needs.
     """
 
     take: str
@@ -105,7 +111,7 @@ class PuppetLayer(LayerBase):
         where = f"layer of {self.take!r}"
         self.check_time(where)
         if not 0.0 <= self.weight <= 1.0:
-            raise InputError(f"the weight is {self.weight}", where=where, mend="Give one from 0 to 1.")
+            raise InputError(f"the weight is {self.weight}", where=where, remedy="Give one from 0 to 1.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +127,14 @@ class Puppet(RigBase):
         points: its control points.
         poses: its example poses, in the order in which they were created.
         layers: the layers that it plays, the first at the bottom.
-        symmetry: the mesh's symmetry plane if it should add mirrored examples, or None.
-        place: (3,) metres.
-        turn: (4,) unit quaternion.
+        symmetry: the mesh's symmetry plane, if mirrored examples are to be added; otherwise None.
+        place: (3,) position in the world, metres.
+        turn: (4,) rotation in the world, unit quaternion.
         surface, examples, locomotion: settings of the three solvers.
 
     Raises:
-        InputError: if the parts do not fit together. An unfinished puppet, with too few examples or points
-            without a joint, is accepted. It is refused only when it should move.
+        InputError: if the parts do not fit together. An unfinished puppet, with too few examples or with
+            points that have no joint, is accepted. An error is raised only when its motion is solved.
     """
 
     id: str
@@ -149,7 +155,7 @@ class Puppet(RigBase):
         freeze(self, "place", "turn")
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where=f"puppet {self.id!r}", mend="Build the puppet again.")
+            raise InputError(problem, where=f"puppet {self.id!r}", remedy="Build the puppet again.")
 
     kind = "points"
     word = "puppet"
@@ -160,20 +166,31 @@ class Puppet(RigBase):
         """The names of its control points."""
         return tuple(point.name for point in self.points)
 
+    @property
+    def possessable(self) -> bool:
+        """True if performers can attach to its surface: it has a mesh, but fewer example poses than its
+        solver needs.
+        """
+        return self.mesh is not None and len(self.poses) < MIN_EXAMPLES
+
+    def examples_of(self, layer: LayerBase) -> list[tuple[int, KeyPose]]:
+        """Returns the key poses in the layer's take, each with its number."""
+        return [(number, pose) for number, pose in enumerate(self.poses) if pose.take == layer.take]
+
     def needed(self) -> Mapping[str, set[str]]:
-        """Returns the ids of its takes, including those of its key poses."""
+        """Returns the ids of all takes that the puppet refers to, also in its key poses."""
         ids = super().needed()
         ids["takes"].update(pose.take for pose in self.poses)
         return ids
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Puppet:
-        """Returns the puppet with other ids of its takes, in layers and key poses."""
+        """Returns the puppet with renamed ids of takes in layers and key poses."""
         poses = tuple(replace(pose, take=names["takes", pose.take]) for pose in self.poses)
         return super().with_takes_named(names).with_changes(poses=poses)
 
     @property
     def rest(self) -> Float:
-        """(P, 3) metres, the control points at rest, in the mesh's frame."""
+        """(P, 3) the control points at rest in the mesh's frame, metres."""
         return np.asarray(self.mesh.vertices[[point.vertex for point in self.points]])
 
     def index(self, name: str) -> int:
@@ -187,21 +204,22 @@ class Puppet(RigBase):
                 return number
         names = ", ".join(point.name for point in self.points) or "none"
         problem = f"the control point {name!r} does not exist"
-        raise InputError(problem, where=f"puppet {self.id!r}", mend=f"Known: {names}.")
+        raise InputError(problem, where=f"puppet {self.id!r}", remedy=f"Known: {names}.")
 
 
 def character_of_puppet(puppet: Puppet) -> Character:
-    """Returns the puppet for viewers: kind "points", with its frame as transform 0 and control point k - 1 as
-    transform k.
+    """Converts the puppet to a character for viewers, of kind "points". Its frame is transform 0, and control
+    point k - 1 is transform k.
 
-    Viewers solve the surface. Without a solver it moves as one rigid piece: all vertices follow transform 0.
+    Viewers solve the surface. In a viewer without a solver, the puppet moves as one rigid piece, because all
+    vertices follow transform 0.
 
     Raises:
         InputError: if the puppet has no control points.
     """
     if not puppet.points:
-        mend = "Put one on the mesh."
-        raise InputError("it has no control points", where=f"puppet {puppet.id!r}", mend=mend)
+        advice = "Put one on the mesh."
+        raise InputError("it has no control points", where=f"puppet {puppet.id!r}", remedy=advice)
     vertices, count = puppet.mesh.vertices, len(puppet.points)
     indices = np.zeros((len(vertices), 4), np.uint16)
     weights = np.zeros((len(vertices), 4), np.float32)

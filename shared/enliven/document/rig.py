@@ -1,17 +1,17 @@
 """The rig of a character: the common part of all kinds of rigs.
 
-A character is one value, and its rig is its class. It is not composed of a mesh, a rig, layers and a
-placement, since only the mesh could be separated in all three kinds. The layers of a skeleton are referenced
-by the spans of its bones, and removed with the last reference. The layers of a deformation graph are its
-nodes; each part has its own placement in the world and its own carrier. So neither is complete without the
-other. The placement of a skeleton is the first of its modeling rotations, and that of a graph is in every
-part. This module contains the common part, and the edits are written once against
+A character is a single value, and its class is its kind of rig. It is not composed of separate objects for
+mesh, rig, layers and placement, because only the mesh could be separated in all three kinds. The layers of a
+skeleton are referenced by the spans of its bones, and removed with the last reference. The layers of a
+deformation graph are its nodes; each part has its own placement in the world and its own carrier. So neither
+is complete without the other. The placement of a skeleton is the first of its modeling rotations, and that of
+a graph is in every part. This module contains the common part, and the edits are written once against
 :class:`enliven.modeling.rig.RigEdits`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -35,13 +35,15 @@ class RigBase:
 
     Attributes:
         kind: identifies the rig in files and on the network: "bones", "graph" or "points".
-        word: its name in messages.
-        played: the attribute that contains its layers.
-        drawn_by: the attributes that its surface at rest depends on.
-        kinds: all rigs by kind; each class registers itself.
+        word: name of the rig kind in messages.
+        played: name of the attribute that contains the layers.
+        drawn_by: names of the attributes that determine the surface at rest.
+        kinds: all rig classes by kind. Each class registers itself.
+        jointed: True if the handles are joints. A joint is rotated by its bone, and cannot be moved by
+            itself.
         id: its name in the project.
         mesh: the surface at rest, or None.
-        root_layers: layers that rotate and move the whole character on top of the others, the innermost
+        root_layers: layers that rotate and move the whole character on top of all other layers, the innermost
             first.
     """
 
@@ -50,6 +52,7 @@ class RigBase:
     played: ClassVar[str] = "layers"
     drawn_by: ClassVar[tuple[str, ...]] = ("mesh",)
     kinds: ClassVar[dict[str, type[RigBase]]] = {}
+    jointed: ClassVar[bool] = False
     root_layers: tuple[RootLayer, ...] = ()
     if TYPE_CHECKING:
 
@@ -64,17 +67,17 @@ class RigBase:
 
     @property
     def where(self) -> str:
-        """Its name in messages."""
+        """The name of the character in messages."""
         return f"{self.word} {self.id!r}"
 
     @property
     def handles(self) -> tuple[str, ...]:
-        """The names of its handles: joints or control points. Nodes of a graph only have numbers."""
+        """The names of the handles: joints or control points. Graph nodes have only numbers."""
         return ()
 
     @property
     def keyable(self) -> int:
-        """The number of handles, or nodes, that can have keys of their own on top of its motion."""
+        """The number of handles or nodes that can get keyframes on top of the motion."""
         return 0
 
     @property
@@ -83,8 +86,21 @@ class RigBase:
         return np.full(len(self.handles), -1, np.int32)
 
     @property
+    def possessable(self) -> bool:
+        """True if the character can be moved on a stage only by performers that attach to its surface,
+        because it has no bones and too few examples.
+        """
+        return False
+
+    def examples_of(self, layer: LayerBase) -> Sequence[tuple[int, Any]]:
+        """Returns the example poses in the take of one of its layers, each with its number. Only
+        example-driven characters have example poses.
+        """
+        return ()
+
+    @property
     def playing(self) -> tuple[LayerBase, ...]:
-        """Its layers, each a take with a time map. The root layers come last."""
+        """All layers of the character, each with a take and a time map. The root layers come last."""
         return (*getattr(self, self.played), *self.root_layers)
 
     def with_playing(self, *layers: LayerBase) -> Self:
@@ -94,7 +110,7 @@ class RigBase:
         return self.with_changes(**{self.played: own_layers, "root_layers": root})
 
     def without_layer(self, number: int) -> Self:
-        """Returns the character without a layer. The take stays."""
+        """Returns the character without a layer. The take stays in the project."""
         return self.with_playing(*self.playing[:number], *self.playing[number + 1 :])
 
     def with_changes(self, **changes: object) -> Self:
@@ -106,12 +122,15 @@ class RigBase:
         return self.with_playing(*(layer.later(delay) for layer in self.playing))
 
     def at_rest(self, mesh: Mesh | None) -> tuple[Self, tuple[Any, ...]]:
-        """Returns the character without motion, with another mesh with the same vertex count, and the streams
-        that it needs."""
+        """Returns the character without motion and with another mesh of the same vertex count, and the
+        streams that it needs.
+        """
         return self.with_playing().with_changes(mesh=mesh), ()
 
     def needed(self) -> Mapping[str, set[str]]:
-        """Returns the ids that it refers to in the project's collections "takes", "streams" and "bodies"."""
+        """Returns the ids to which the character refers in the project's collections "takes", "streams" and
+        "bodies".
+        """
         ids: dict[str, set[str]] = {"takes": set(), "streams": set(), "bodies": set()}
         for layer in self.playing:
             for collection, name in layer.needs():
@@ -119,8 +138,9 @@ class RigBase:
         return ids
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """Returns the character with other ids of its takes, by the name of the project's collection and the
-        old id."""
+        """Returns the character with renamed ids of takes. The new names are given by the project's
+        collection and the old id.
+        """
         return self.with_playing(*(layer.with_takes_named(names) for layer in self.playing))
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
@@ -130,13 +150,14 @@ class RigBase:
             held: the collections of the project, by name.
 
         Raises:
-            InputError: names the missing take.
+            InputError: if a take is missing. The message names it.
         """
-        for kind, names in self.needed().items():
-            missing = names - set(held[kind])
+        for collection, names in self.needed().items():
+            missing = names - set(held[collection])
             if missing:
-                first = min(missing)
-                problem = f"the {kind[:-1]} {first!r} does not exist"
+                first_missing = min(missing)
+                problem = f"the {collection[:-1]} {first_missing!r} does not exist"
                 raise InputError(
-                    f"the bodies {first!r} do not exist" if kind == "bodies" else problem, where=self.where
+                    f"the bodies {first_missing!r} do not exist" if collection == "bodies" else problem,
+                    where=self.where,
                 )

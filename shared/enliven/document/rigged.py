@@ -1,4 +1,4 @@
-"""A shape: a skeleton that takes drive, with its skinned mesh."""
+"""A rigged shape: a skeleton with a skinned mesh. Takes drive its bones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from enliven.rotation import IDENTITY
 
 @dataclass(frozen=True, eq=False)
 class Shape(RigBase):
-    """A skeleton with its rest shape, its modeling rotations, and the takes that move it.
+    """A skeleton with its skinned mesh, its modeling rotations, and the layers that move it.
 
     The world rotation of bone j is D_j = D_parent m_j a_j(t). m_j is the *modeling rotation*, which posing,
     cutting and merging change. a_j(t) is the *animation rotation* that the layers give (AniMesh, section 6).
@@ -33,14 +33,14 @@ class Shape(RigBase):
         modeling: (N, 4) unit quaternions m_j.
         spans: (N,) the parts of takes that move each bone; see :mod:`enliven.document.layers`.
         place: (3,) metres, displacement of the root joint from its rest position.
-        travel: the id of the layer with a take that also moves this root, or None. A looped take continues
-            where it ended.
+        travel: the id of the layer that also moves the root, or None. Each loop of the take continues where
+            the previous one ended.
         mesh: the surface at rest, in the skeleton's frame, or None.
         skin: the bones that each vertex follows, or None without a mesh.
-        travel_scale: metres that this root moves per metre of the take's root, or None for the ratio of their
-            sizes; see :mod:`enliven.motion.layers.travel`.
+        travel_scale: metres that the root moves per metre of the take's root, or None for the ratio of the
+            body sizes; see :mod:`enliven.motion.layers.travel`.
         pins: the feet that are locked while they stand; see :mod:`enliven.motion.contact.pin`.
-        layers: the layers that spans and travel refer to; others are dropped.
+        layers: the layers to which spans and ``travel`` refer. Unreferenced layers are dropped.
 
     Raises:
         InputError: if the parts do not fit together.
@@ -61,15 +61,15 @@ class Shape(RigBase):
     def __post_init__(self) -> None:
         freeze(self, "modeling", "place")
         object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
-        named = names_of_layers(self)
-        layers = {layer.id: layer for layer in self.layers if layer.id in named}
+        layer_ids = names_of_layers(self)
+        layers = {layer.id: layer for layer in self.layers if layer.id in layer_ids}
         object.__setattr__(self, "layers", tuple(layers.values()))
         problem = _problem_of(self)
-        missing = [] if problem else [name for name in named if name not in layers]
+        missing = [] if problem else [name for name in layer_ids if name not in layers]
         if missing:
             problem = f"the layer {missing[0]!r} does not exist"
         if problem:
-            raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
+            raise InputError(problem, where=f"shape {self.id!r}", remedy="Build the shape again.")
 
     def at_rest(self, mesh: Mesh | None) -> tuple[Shape, tuple[()]]:
         """Returns the shape without motion, travel and pins."""
@@ -77,6 +77,7 @@ class Shape(RigBase):
         return self.with_changes(mesh=mesh, spans=spans, layers=(), travel=None, pins=(), root_layers=()), ()
 
     kind = "bones"
+    jointed = True
     word = "shape"
     drawn_by = ("mesh", "skin", "skeleton")
 
@@ -119,8 +120,8 @@ class Shape(RigBase):
             if layer.id == layer_id:
                 return layer
         names = ", ".join(layer.id for layer in self.layers)
-        mend = f"Known: {names}." if names else "Bind a chain first."
-        raise InputError(f"the layer {layer_id!r} does not exist", where=self.where, mend=mend)
+        advice = f"Known: {names}." if names else "Bind a chain first."
+        raise InputError(f"the layer {layer_id!r} does not exist", where=self.where, remedy=advice)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Raises an error if a take does not exist or does not fit."""
@@ -131,12 +132,13 @@ class Shape(RigBase):
 
 
 def names_of_layers(shape: Shape) -> tuple[str, ...]:
-    """Returns the layers that the spans of a shape refer to, without repetition. The travel layer comes
-    last."""
-    named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
+    """Returns the ids of the layers to which the spans of a shape refer, without repetition. The travel layer
+    comes last.
+    """
+    layer_ids = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
     if shape.travel is not None:
-        named[shape.travel] = None
-    return tuple(named)
+        layer_ids[shape.travel] = None
+    return tuple(layer_ids)
 
 
 def still_shape(
@@ -148,24 +150,25 @@ def still_shape(
 
 
 def character_of(shape: Shape) -> Character:
-    """Returns the shape for viewers: transform j is bone j, about the rest position of its parent joint.
+    """Converts the shape to a character for viewers. Transform j is bone j, about the rest position of its
+    parent joint.
 
     Raises:
         InputError: if the shape has no mesh.
     """
     if shape.mesh is None or shape.skin is None:
         raise InputError(
-            "it has no mesh", where=f"shape {shape.id!r}", mend="Give it one, or draw its bones."
+            "it has no mesh", where=f"shape {shape.id!r}", remedy="Give it one, or draw its bones."
         )
     skeleton = shape.skeleton
-    above = np.maximum(skeleton.parents, 0)
+    parent_joints = np.maximum(skeleton.parents, 0)
     return Character(
         id=shape.id,
         vertices=shape.mesh.vertices.astype(np.float32),
         faces=shape.mesh.faces,
         skin=shape.skin,
-        pivots=skeleton.positions[above].astype(np.float32),
-        edges=_drawn_edges(skeleton),
+        pivots=skeleton.positions[parent_joints].astype(np.float32),
+        edges=drawn_edges(skeleton),
         kind="bones",
         colours=shape.mesh.colours,
         names=skeleton.names,
@@ -173,9 +176,9 @@ def character_of(shape: Shape) -> Character:
     )
 
 
-def _drawn_edges(skeleton: Skeleton) -> Int32:
+def drawn_edges(skeleton: Skeleton) -> Int32:
     """Returns (E, 2) pairs of transforms with pivots at the two ends of a bone."""
-    # The pivot of transform j is its parent joint. So a bone is drawn from its own pivot to the pivot of its
+    # The pivot of transform j is the parent joint. So a bone is drawn from its own pivot to the pivot of its
     # first child.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
     return np.array(pairs, np.int32).reshape(-1, 2)

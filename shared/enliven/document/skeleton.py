@@ -1,8 +1,9 @@
 """A skeleton: a tree of joints at rest, and the bones between them.
 
-Bone ``j`` is the link from ``parents[j]`` to joint ``j``. It turns about ``parents[j]`` and carries joint
-``j`` and all its descendants. Entry 0, the root, has no link: its rotation is that of the whole. So there is
-one rotation per joint, and two arms at one chest turn independently, like AniMesh's bones.
+Bone ``j`` is the link from ``parents[j]`` to joint ``j``. It rotates about ``parents[j]``, and moves joint
+``j`` and all its descendants. Entry 0, the root, has no link: its rotation is that of the whole skeleton. So
+there is one rotation per joint, and two arms at the same chest joint rotate independently, like AniMesh's
+bones.
 """
 
 from __future__ import annotations
@@ -44,20 +45,22 @@ class Skeleton:
         object.__setattr__(self, "positions", frozen(self.positions))
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where="skeleton", mend="Build it with skeleton_of, or repair the file.")
+            raise InputError(
+                problem, where="skeleton", remedy="Build it with skeleton_of, or repair the file."
+            )
 
     def __len__(self) -> int:
         return len(self.names)
 
     @cached_property
     def vectors(self) -> Float:
-        """(N, 3) from each joint's parent to the joint, at rest, zero at the root."""
+        """(N, 3) vectors from each joint's parent to the joint at rest, metres; zero at the root."""
         parents = np.maximum(self.parents, 0)
         return frozen(np.where(self.parents[:, None] < 0, 0.0, self.positions - self.positions[parents]))
 
     @cached_property
     def lengths(self) -> Float:
-        """(N,) metres of each bone, zero at the root."""
+        """(N,) lengths of the bones, metres; zero at the root."""
         return frozen(np.linalg.norm(self.vectors, axis=1))
 
     @cached_property
@@ -78,7 +81,7 @@ class Skeleton:
         if name not in self.names:
             first_names = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
             raise InputError(
-                f"the joint {name!r} does not exist", where="skeleton", mend=f"Known: {first_names}."
+                f"the joint {name!r} does not exist", where="skeleton", remedy=f"Known: {first_names}."
             )
         return self.names.index(name)
 
@@ -91,12 +94,13 @@ class Skeleton:
         return tuple(sorted(inside))
 
     def path(self, start: int, end: int) -> tuple[int, ...]:
-        """Returns the joints from ``start`` to ``end``, both included: up to their common ancestor, and
-        down."""
-        up = self._to_root(start)
-        down = self._to_root(end)
-        meeting = next(joint for joint in up if joint in set(down))
-        return (*up[: up.index(meeting) + 1], *reversed(down[: down.index(meeting)]))
+        """Returns the joints on the path from ``start`` to ``end``, both included: up to their common
+        ancestor, then down.
+        """
+        path_up = self._to_root(start)
+        path_down = self._to_root(end)
+        meeting = next(joint for joint in path_up if joint in set(path_down))
+        return (*path_up[: path_up.index(meeting) + 1], *reversed(path_down[: path_down.index(meeting)]))
 
     def _to_root(self, joint: int) -> list[int]:
         chain = [joint]
@@ -126,28 +130,30 @@ def skeleton_of(
     """
     where = "skeleton"
     if not names:
-        raise InputError("it has no joints", where=where, mend="Give at least one.")
-    beside: list[list[int]] = [[] for _ in names]
+        raise InputError("it has no joints", where=where, remedy="Give at least one.")
+    neighbours: list[list[int]] = [[] for _ in names]
     for a, b in links:
         if not (0 <= a < len(names) and 0 <= b < len(names)):
             raise InputError(f"a link joins {a} and {b} of {len(names)} joints", where=where)
-        beside[a].append(b)
-        beside[b].append(a)
-    order, parents = _depth_first_order(names, beside, root or 0)
-    apart = [name for i, name in enumerate(names) if i not in parents]
-    if apart:
-        mend = "Link them, or load them as a shape of their own."
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    order, parents = _depth_first_order(names, neighbours, root or 0)
+    unlinked = [name for i, name in enumerate(names) if i not in parents]
+    if unlinked:
+        advice = "Link them, or load them as a shape of their own."
         raise InputError(
-            f"these joints are not linked to the root: {', '.join(apart)}", where=where, mend=mend
+            f"these joints are not linked to the root: {', '.join(unlinked)}", where=where, remedy=advice
         )
     number = {old: new for new, old in enumerate(order)}
-    above = [-1 if parents[old] < 0 else number[parents[old]] for old in order]
-    at = np.array(positions, np.float64)[order]
-    return Skeleton(tuple(names[i] for i in order), np.array(above, np.int32), at), tuple(order)
+    parent_numbers = [-1 if parents[old] < 0 else number[parents[old]] for old in order]
+    ordered_positions = np.array(positions, np.float64)[order]
+    return Skeleton(
+        tuple(names[i] for i in order), np.array(parent_numbers, np.int32), ordered_positions
+    ), tuple(order)
 
 
 def _depth_first_order(
-    names: Sequence[str], beside: list[list[int]], root: int
+    names: Sequence[str], neighbours: list[list[int]], root: int
 ) -> tuple[list[int], dict[int, int]]:
     """Returns joints in depth-first order from the root, and the parent of each. Raises an error for a
     cycle."""
@@ -155,15 +161,15 @@ def _depth_first_order(
     while waiting:
         joint = waiting.pop()
         order.append(joint)
-        fresh = list(beside[joint])
+        fresh = list(neighbours[joint])
         if parents[joint] >= 0:
             fresh.remove(parents[joint])
         for other in reversed(fresh):
             if other in parents:
                 cycle = _closed_cycle(parents, joint, other)
-                called = ", ".join(names[i] for i in cycle)
-                mend = "A skeleton is a tree: remove one of the links."
-                raise InputError(f"these joints form a cycle: {called}", where="skeleton", mend=mend)
+                cycle_names = ", ".join(names[i] for i in cycle)
+                advice = "A skeleton is a tree: remove one of the links."
+                raise InputError(f"these joints form a cycle: {cycle_names}", where="skeleton", remedy=advice)
             parents[other] = joint
             waiting.append(other)
     return order, parents
@@ -192,10 +198,10 @@ def _problem_of(skeleton: Skeleton) -> str:
         return f"these names occur more than once: {', '.join(twice[:5])}"
     if skeleton.parents[0] != -1 or (skeleton.parents[1:] < 0).any():
         return "entry 0 must be the one root (parent -1)"
-    late = np.flatnonzero(skeleton.parents >= np.arange(count))
-    if len(late):
-        return f"joint {skeleton.names[late[0]]!r} comes before its parent"
+    misplaced = np.flatnonzero(skeleton.parents >= np.arange(count))
+    if len(misplaced):
+        return f"joint {skeleton.names[misplaced[0]]!r} comes before its parent"
     if not np.isfinite(skeleton.positions).all():
-        bad = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
-        return f"the position of joint {skeleton.names[bad]!r} is not finite"
+        bad_joint = int(np.flatnonzero(~np.isfinite(skeleton.positions).all(1))[0])
+        return f"the position of joint {skeleton.names[bad_joint]!r} is not finite"
     return ""

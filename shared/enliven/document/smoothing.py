@@ -1,4 +1,4 @@
-"""Smooths takes while they are played. The recording stays unchanged."""
+"""Smooths takes when they are played. The recording stays unchanged."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.document.clip import Clip
-from enliven.document.graph import PoseStream
+from enliven.document.graph.stream import PoseStream
 from enliven.rotation import normalized
 
 T = TypeVar("T", bound=Clip | PoseStream)
@@ -40,6 +40,6 @@ def _smoothed_take(take: Any, seconds: float) -> Any:
         return replace(take, linear=mixed(take.linear), positions=mixed(take.positions))
     # Each rotation has two quaternions, q and -q. Choose the one that is nearer to the previous frame.
     signs = np.where(np.sum(take.turns[1:] * take.turns[:-1], axis=2) < 0.0, -1.0, 1.0)
-    along = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
-    even = replace(take, turns=take.turns * along[..., None]).mapped(mixed)
+    accumulated_signs = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
+    even = replace(take, turns=take.turns * accumulated_signs[..., None]).mapped(mixed)
     return replace(even, turns=normalized(even.turns))

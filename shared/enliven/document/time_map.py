@@ -1,4 +1,4 @@
-"""The time map of a layer: maps seconds of the project to seconds of its take."""
+"""The time map of a layer: converts times of the project to times of the layer's take."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ MAX_SPEED = 50.0
 _MIN_KEY_INTERVAL_S = 1e-3
 """Minimum time in seconds between two keys of a weight or a speed. A shorter interval contains no frame."""
 _MAX_LOOP_TIME_RATIO = 4.0
-"""Maximum time until all loops start together again, as a multiple of the required minimum."""
+"""Maximum time after which all loops must start together again, as a multiple of the required minimum
+duration."""
 _MAX_LOOP_MISMATCH = 0.02
-"""Maximum mismatch of loops at that time, as a fraction of a loop: too small to be visible as a jump."""
+"""Maximum mismatch between loops at this time, as a fraction of a loop. A smaller mismatch is not visible as
+a jump."""
 _SHORTEST_ROUND = 0.05
 """Minimum duration of a loop in seconds. A shorter one counts as a static pose and is ignored."""
 _TOUCHING_CLIPS_S = 1e-9
@@ -29,13 +31,13 @@ _TOUCHING_CLIPS_S = 1e-9
 
 @dataclass(frozen=True)
 class Segment:
-    """A part of a lane that plays a part of a take: one clip on a timeline.
+    """A segment of a lane, shown as one clip on the timeline. It plays a part of a take.
 
     Attributes:
-        begin, end: seconds of the lane.
-        first: the second of the take that plays at ``begin``. Before its first and after its last frame, the
-            take holds that frame.
-        speed: seconds of the take per second of the lane; below 0 backwards.
+        begin, end: start and end of the segment, seconds of the lane.
+        first: time of the take, in seconds, that plays at ``begin``. Before its first and after its last
+            frame, a take is constant.
+        speed: seconds of the take per second of the lane. A negative speed plays backwards.
     """
 
     begin: float
@@ -45,19 +47,20 @@ class Segment:
 
     @property
     def last(self) -> float:
-        """The second of the take that plays at :attr:`end`."""
+        """The time of the take, in seconds, that plays at :attr:`end`."""
         return self.first + (self.end - self.begin) * self.speed
 
     def second(self, at: float) -> float:
-        """Returns the second of the take at a second of the lane."""
+        """Converts a time of the lane to a time of the take, seconds."""
         return self.first + (at - self.begin) * self.speed
 
 
 class Moment(NamedTuple):
-    """The state of a layer at one time: ``(1 - share)`` of one second of its take and ``share`` of another.
+    """The state of a layer at one time: a blend of two times of its take.
 
-    ``rounds`` is the number of completed loops of the lane. ``weight``, from 0 to 1, is the layer's strength:
-    0 if it plays nothing and does not hold.
+    The take at ``second`` has the weight 1 - ``share``, and the take at ``other`` has the weight ``share``.
+    ``rounds`` is the number of completed loops of the lane. ``weight``, from 0 to 1, is the layer's strength.
+    It is 0 if no segment plays and no frame is held.
     """
 
     second: float
@@ -69,26 +72,27 @@ class Moment(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimeMap:
-    """The timing of a take; the layers of all rigs are time maps.
+    """The timing of a take. The layers of all rigs are subclasses of it.
 
-    A layer plays a lane of segments, one after another. Two overlapping segments are blended over the
+    A layer plays a lane: a sequence of segments of its take. Two overlapping segments are blended over the
     overlap. A lane without segments plays the take once. At t seconds of the project, the lane is at (t -
-    offset) speed seconds, counted from its end if the speed is below 0. Outside its segments a layer holds
-    the last frame, plays nothing, or loops.
+    offset) speed seconds, counted from its end if the speed is below 0. After its segments, a layer holds the
+    last frame, plays nothing, or loops.
 
     Attributes:
-        offset: seconds of the project's time at which the lane begins.
-        speed: 1 as recorded; 0.5 at half speed; below 0 backwards from the end.
-        loop: start again at the end; otherwise the last frame is held, or nothing plays.
-        segments: of the lane, the first from 0 on; empty: the whole take.
-        hold: whether the frame at an end is held beyond it; otherwise nothing plays there, as if muted.
+        offset: time of the project at which the lane begins, seconds.
+        speed: 1 plays as recorded, 0.5 at half speed, and negative values backwards from the end.
+        loop: True starts again at the end. Otherwise the last frame is held, or nothing plays.
+        segments: the segments of the lane. The first begins at 0. Empty: the whole take.
+        hold: True holds the first and last frame before and after the lane. Otherwise nothing plays there, as
+            if the layer was muted.
         ease: seconds of the lane over which a layer that does not hold fades in and out.
-        smooth: seconds over which the take is smoothed; 0 plays it as recorded.
-        recorded: the name of the recording that it came from; empty for none.
-        alternatives: the name of the group of alternative takes that the recording belongs to. One of the
-            group plays, on all characters.
-        weights: keys of its weight, from 0 to 1, in the order of time; empty: full weight.
-        speeds: keys of the lane's speed factor, above 0, so that time never stops or reverses; empty: 1.
+        smooth: duration over which the take is smoothed, seconds; 0 plays it as recorded.
+        recorded: the name of the recording that created the layer; empty if there is none.
+        alternatives: the name of the group of alternative takes to which the recording belongs. Only one take
+            of a group plays, on all characters. Empty without a group.
+        weights: keyframes of the layer's weight, from 0 to 1, in the order of time. Empty: full weight.
+        speeds: keyframes of the lane's speed factor, above 0, so that time never stops or reverses. Empty: 1.
     """
 
     offset: float = 0.0
@@ -112,25 +116,25 @@ class TimeMap:
         for name in ("segments", "weights", "speeds"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if problem := _problem_of_keys(self.weights, self.speeds):
-            mend = (
+            advice = (
                 f"Give weights from 0 to 1, speeds of at least {MIN_SPEED}, and each key a time of its own."
             )
-            raise InputError(problem, where=where, mend=mend)
+            raise InputError(problem, where=where, remedy=advice)
         if self.speed == 0.0 or not (math.isfinite(self.offset) and math.isfinite(self.speed)):
             message = f"offset {self.offset}, speed {self.speed} cannot be played"
-            raise InputError(message, where=where, mend="Give seconds, and a speed that is not 0.")
+            raise InputError(message, where=where, remedy="Give seconds, and a speed that is not 0.")
         if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
             message = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
-            raise InputError(message, where=where, mend="Give seconds from 0 on.")
+            raise InputError(message, where=where, remedy="Give seconds from 0 on.")
         if problem := _problem_of(self.segments):
-            raise InputError(problem, where=where, mend="Move a clip away, or trim it.")
+            raise InputError(problem, where=where, remedy="Move a clip away, or trim it.")
 
     def lane(self, length: float) -> tuple[Segment, ...]:
-        """Returns the segments that are played of a take of ``length`` seconds, at least one."""
+        """Returns the segments of the lane for a take of ``length`` seconds, at least one."""
         return self.segments or (Segment(0.0, length),)
 
     def ends(self, length: float) -> tuple[float, float]:
-        """Returns the seconds of a take of ``length`` seconds at the lane's start and end."""
+        """Returns the times, in seconds, of a take of ``length`` seconds at the lane's start and end."""
         lane = self.lane(length)
         return _limited_second(lane[0].first, length), _limited_second(lane[-1].last, length)
 
@@ -148,7 +152,7 @@ class TimeMap:
         rounds = math.floor(lane_time / extent) if self.loop and extent > 0.0 else 0
         lane_time -= rounds * extent
         number = max((k for k, segment in enumerate(lane) if segment.begin <= lane_time), default=0)
-        current, before = lane[number], lane[max(number - 1, 0)]
+        current, previous = lane[number], lane[max(number - 1, 0)]
         weight = 1.0
         if not self.hold:
             weight = self._weight_within(lane_time, rounds, lane, number)
@@ -156,26 +160,28 @@ class TimeMap:
             weight *= float(curve_of(self.weights)([time - self.offset])[0])
         # After its end, a clip holds its last frame until the next clip begins.
         second = _limited_second(current.second(min(max(lane_time, current.begin), current.end)), length)
-        if number and lane_time < before.end:
-            share = eased((lane_time - current.begin) / (before.end - current.begin))
-            return Moment(_limited_second(before.second(lane_time), length), second, share, rounds, weight)
+        if number and lane_time < previous.end:
+            fraction = eased((lane_time - current.begin) / (previous.end - current.begin))
+            return Moment(
+                _limited_second(previous.second(lane_time), length), second, fraction, rounds, weight
+            )
         return Moment(second, second, 0.0, rounds, weight)
 
     def even(self, time: float) -> float:
-        """Removes the effect of speed keys: returns the time at which the same would play without them.
+        """Converts a time of the project to the time at which the same frame would play without speed keys.
 
-        It increases with the time, and both are equal at the offset.
+        The result increases with the time. At the offset, both times are equal.
         """
         if not self.speeds:
             return time
         return self.offset + float(curve_of(self.speeds).area([time - self.offset])[0])
 
     def uneven(self, time: float) -> float:
-        """Returns the inverse of :meth:`even`."""
+        """Converts a time without speed keys to a time of the project. It is the inverse of :meth:`even`."""
         return self.offset + curve_of(self.speeds).reached(time - self.offset) if self.speeds else time
 
     def _weight_within(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
-        """Returns the weight of a layer that does not hold at a second of its lane, within a loop."""
+        """Returns the weight of a layer without ``hold`` at a time of its lane, within a loop."""
         begin, end = run_of(lane, number)
         if self.loop:
             # A gapless loop fades in only before its first round. The layer has no effect before its first
@@ -189,32 +195,34 @@ class TimeMap:
         return eased(min((at - begin) / self.ease, (end - at) / self.ease, 1.0)) if self.ease > 0.0 else 1.0
 
     def played(self, time: float, length: float) -> tuple[float, int]:
-        """Returns the second of a take of ``length`` seconds with the largest share at a time of the project.
+        """Returns the time of a take of ``length`` seconds that has the largest weight at a time of the
+        project.
 
         Returns:
-            The second, within [0, length]; and the number of completed loops of the lane, 0 without a loop.
+            The time of the take in seconds, within [0, length], and the number of completed loops of the lane
+            (0 without a loop).
         """
         moment = self.moment(time, length)
         return (moment.other if moment.share > 0.5 else moment.second), moment.rounds
 
     def time_of(self, second: float, length: float) -> float:
-        """Returns the time of the project at which a second of the take first plays.
+        """Returns the time of the project at which a time of the take first plays.
 
-        If no segment contains it, the first segment is extrapolated.
+        If no segment contains the time, the first segment is extrapolated.
         """
         lane = self.lane(length)
-        places = [segment.begin + (second - segment.first) / segment.speed for segment in lane]
-        inside = [
+        lane_times = [segment.begin + (second - segment.first) / segment.speed for segment in lane]
+        playing_times = [
             lane_time
-            for lane_time, segment in zip(places, lane, strict=True)
+            for lane_time, segment in zip(lane_times, lane, strict=True)
             if segment.begin <= lane_time <= segment.end
         ]
-        lane_time = min(inside) if inside else places[0]
+        lane_time = min(playing_times) if playing_times else lane_times[0]
         lane_time -= self.extent(length) if self.speed < 0.0 else 0.0
         return self.uneven(self.offset + lane_time / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
-        """Returns True if a second of the take plays at any time. It may have been trimmed off."""
+        """Returns True if a time of the take plays at all. It may have been trimmed off."""
         ends = (sorted((segment.first, segment.last)) for segment in self.lane(length))
         return any(low - _TOUCHING_CLIPS_S <= second <= high + _TOUCHING_CLIPS_S for low, high in ends)
 
@@ -235,7 +243,7 @@ class TimeMap:
     def clips(self, length: float) -> tuple[Segment, ...]:
         """Returns the segments in seconds of the project, in the order of time.
 
-        Speed keys change the speed within them; their own speed is the mean.
+        Speed keys may change the speed within a segment. The speed of a returned segment is the mean.
         """
         extent, speed = self.extent(length), self.speed
         start = self.offset - (extent / speed if speed < 0.0 else 0.0)
@@ -251,14 +259,14 @@ class TimeMap:
         return tuple(sorted(segments, key=lambda one: one.begin))
 
     def with_clips(self, clips: Sequence[Segment], length: float) -> Self:
-        """Returns the time map with other segments, in seconds of the project. A segment of the whole take is
-        simplified away.
+        """Returns the time map with other segments, which are given in seconds of the project. A single
+        segment that plays the whole take is replaced by an empty list.
 
         Raises:
-            InputError: if there are none, or they are not in sequence.
+            InputError: without segments, or if they are not in sequence.
         """
         if not clips:
-            raise InputError("nothing is left to be played", where="clip", mend="Remove the layer instead.")
+            raise InputError("nothing is left to be played", where="clip", remedy="Remove the layer instead.")
         ordered = sorted(clips, key=lambda one: one.begin)
         first, start = ordered[0], ordered[0].begin
         low, high = sorted((first.first, first.last))
@@ -273,29 +281,32 @@ class TimeMap:
         """Changes the lane by an edit that does not handle keys of weight or speed.
 
         Args:
-            change: receives the layer without these keys, on the time of :meth:`even`.
+            change: receives the layer without these keys. Its times are those of :meth:`even`.
         """
         changed = change(self._without_keys())
         if not (self.weights or self.speeds):
             return changed
-        begin = self.uneven(changed.offset)
-        late = begin - self.offset
+        new_begin = self.uneven(changed.offset)
+        shift = new_begin - self.offset
 
         def shifted(keys: Sequence[CurveKey]) -> tuple[CurveKey, ...]:
-            return tuple(replace(key, second=key.second - late) for key in keys)
+            return tuple(replace(key, second=key.second - shift) for key in keys)
 
-        return replace(changed, offset=begin, weights=shifted(self.weights), speeds=shifted(self.speeds))
+        return replace(changed, offset=new_begin, weights=shifted(self.weights), speeds=shifted(self.speeds))
 
     def _without_keys(self) -> Self:
         return replace(self, weights=(), speeds=())
 
     def when(self) -> tuple[object, ...]:
-        """Returns all values that determine when and how its take plays: layers with equal values share a
-        bar."""
+        """Returns all values that determine when and how the take plays. Layers with equal values share a bar
+        on the timeline.
+        """
         return tuple(getattr(self, field.name) for field in fields(TimeMap))
 
     def timeless(self) -> Self:
-        """Returns the layer with default timing: from 0 on, once, at recorded speed, and not smoothed."""
+        """Returns the layer with default timing: it starts at 0, plays once at recorded speed, and is not
+        smoothed.
+        """
         return replace(self, **{field.name: field.default for field in fields(TimeMap)})
 
 
@@ -304,8 +315,8 @@ class LayerBase(TimeMap):
 
     Attributes:
         source: the collection of the project that contains its take: "takes" or "streams".
-        take: the id there.
-        muted: true leaves the layer out.
+        take: the id of the take in this collection.
+        muted: True leaves the layer out.
     """
 
     source: ClassVar[str] = "takes"
@@ -322,7 +333,7 @@ class LayerBase(TimeMap):
         return ((self.source, self.take),)
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """Returns the layer with other ids of its references."""
+        """Returns the layer with renamed ids."""
         return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]
 
 
@@ -330,7 +341,8 @@ def closing_time(rounds: Sequence[float], least: float) -> float:
     """Returns the time, at least ``least``, at which loops of these lengths all start together again, or
     nearly.
 
-    It is ``least`` if that would take four times as long, and without loops. All times are in seconds.
+    It returns ``least`` without loops, or if this would take more than four times ``least``. All times are in
+    seconds.
     """
     rounds = [seconds for seconds in rounds if seconds > _SHORTEST_ROUND]
     if not rounds:

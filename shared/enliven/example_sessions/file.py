@@ -31,11 +31,15 @@ class SessionFile:
         self._found: Mapping[str, Any] = read_toml(path)
         for name in self._found:
             if name not in _TABLE_NAMES:
-                near = difflib.get_close_matches(name, _TABLE_NAMES, n=1)
-                mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(_TABLE_NAMES)}."
-                raise InputError(f"unknown table {name}", where=str(path), mend=mend)
+                similar_names = difflib.get_close_matches(name, _TABLE_NAMES, n=1)
+                remedy = (
+                    f"Did you mean {similar_names[0]}?"
+                    if similar_names
+                    else f"Known: {', '.join(_TABLE_NAMES)}."
+                )
+                raise InputError(f"unknown table {name}", where=str(path), remedy=remedy)
         if "mesh" not in self._found:
-            raise InputError("it has no [mesh]", where=str(path), mend='Add [mesh] file = "...".')
+            raise InputError("it has no [mesh]", where=str(path), remedy='Add [mesh] file = "...".')
 
     def has(self, name: str) -> bool:
         """Returns True if the file has a table of that name."""
@@ -45,8 +49,8 @@ class SessionFile:
         """Returns a table that may occur at most once. If it is missing, returns its default values."""
         value = self._found.get(name, {})
         if not isinstance(value, Mapping):
-            mend = f"Write [{name}], once."
-            raise InputError(f"{name} must be one table", where=str(self._path), mend=mend)
+            remedy = f"Write [{name}], once."
+            raise InputError(f"{name} must be one table", where=str(self._path), remedy=remedy)
         return self.parse_table(f"[{name}]", kind, value)
 
     def read_tables(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
@@ -64,7 +68,7 @@ class SessionFile:
         ]
 
     def parse_table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
-        """Returns a table's values as an instance of the settings class ``kind``."""
+        """Converts a table's values to an instance of the settings class ``kind``."""
         return load_settings(kind, value, where=f"{self._path}, {where}")
 
     def locate_errors(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
@@ -74,11 +78,11 @@ class SessionFile:
             step(*values, **named)
         except InputError as error:
             problem = f"{error.where}: {error.what}" if error.where else error.what
-            raise InputError(problem, where=f"{self._path}, {where}", mend=error.mend) from None
+            raise InputError(problem, where=f"{self._path}, {where}", remedy=error.remedy) from None
 
     def beside(self, file: str) -> Path:
-        """Returns the path of a file named in the session, relative to the session's folder. Replaces $NAME
-        by that environment variable.
+        """Returns the absolute path of a file that the session names relative to its own folder. Replaces
+        $NAME by the value of that environment variable.
 
         Raises:
             InputError: if the environment variable is not set.
@@ -86,14 +90,14 @@ class SessionFile:
         text = os.path.expandvars(file)
         unknown = re.search(r"\$\{?(\w+)", text)
         if unknown:
-            mend = f"Set {unknown[1]} to a folder, or write its path."
-            raise InputError(f"{unknown[0].replace('{', '')} is not set", where=file, mend=mend)
+            remedy = f"Set {unknown[1]} to a folder, or write its path."
+            raise InputError(f"{unknown[0].replace('{', '')} is not set", where=file, remedy=remedy)
         return self._path.parent / Path(text).expanduser()
 
-    def _table_list(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
+    def _table_list(self, tables: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
         """Returns the tables of an array of tables, or an empty list if it is missing."""
-        value = found.get(name, [])
+        value = tables.get(name, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
-            mend = f"Write [[{name}]] for each."
-            raise InputError(f"{name} must be tables", where=f"{self._path}{where}", mend=mend)
+            remedy = f"Write [[{name}]] for each."
+            raise InputError(f"{name} must be tables", where=f"{self._path}{where}", remedy=remedy)
         return value

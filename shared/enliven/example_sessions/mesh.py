@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.example_sessions.tables import MeshTable
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 from enliven.meshes import Mesh, fit_height, load_mesh
 from enliven.rotation import from_rotation_vector, rotate
 
@@ -45,12 +45,12 @@ def fit_mesh(mesh: Mesh, table: MeshTable) -> Mesh:
         height = table.height or float(np.ptp(mesh.vertices[:, axis]))
         mesh = fit_height(mesh, height, table.up)
     if table.turned:
-        turn = from_rotation_vector(np.array([0.0, np.radians(table.turned), 0.0]))
-        mesh = replace(mesh, vertices=rotate(turn, mesh.vertices))
+        rotation = from_rotation_vector(np.array([0.0, np.radians(table.turned), 0.0]))
+        mesh = replace(mesh, vertices=rotate(rotation, mesh.vertices))
     return mesh
 
 
 def nearest_vertex(mesh: Mesh, place: Float) -> int:
     """Returns the vertex nearest to a position (3,). Only vertices that belong to a face count."""
-    used = np.unique(mesh.faces)
-    return int(used[np.linalg.norm(mesh.vertices[used] - place, axis=1).argmin()])
+    used_vertices = np.unique(mesh.faces)
+    return int(used_vertices[np.linalg.norm(mesh.vertices[used_vertices] - place, axis=1).argmin()])

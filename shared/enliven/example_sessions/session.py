@@ -57,16 +57,11 @@ from enliven.example_sessions.tables import (
     SymmetryTable,
     TakeTable,
 )
-from enliven.modeling.mesh import plane_of_symmetry
-from enliven.modeling.puppet import (
-    add_key_pose,
-    add_point,
-    change_point,
-    make_puppet,
-    play_take,
-    set_symmetry,
-)
-from enliven.takes import read_take
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point, change_point
+from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
+from enliven.takes.files import read_take
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +151,8 @@ class _Reader:
         clip, notes = read_take(path, table.animation, table.start, table.end)
         name = table.name or clip.id
         if name in self._takes:
-            mend = "Give it another name."
-            raise InputError(f"there is a take {name!r} already", where=str(path), mend=mend)
+            remedy = "Give it another name."
+            raise InputError(f"there is a take {name!r} already", where=str(path), remedy=remedy)
         self._project = self._project.with_takes(replace(clip, id=name))
         self._takes[name] = replace(table, name=name)
         self._notes += notes
@@ -165,7 +160,7 @@ class _Reader:
     def _read_point(self, table: PointTable) -> None:
         vertex = table.vertex
         if (vertex is None) == (table.at is None):
-            raise InputError("it needs a vertex or a place", mend="Give vertex = 4711 or at = [x, y, z].")
+            raise InputError("it needs a vertex or a place", remedy="Give vertex = 4711 or at = [x, y, z].")
         if vertex is None:
             vertex = nearest_vertex(self._puppet.mesh, np.array(table.at))
         self._project = add_point(self._project, self._name, vertex, table.name, table.joint, table.foot)
@@ -175,9 +170,9 @@ class _Reader:
     def _read_pose(self, table: PoseTable) -> None:
         take = self._take_named(table.take)
         if (table.time is None) == (table.frame is None):
-            raise InputError("it needs a time or a frame", mend="Give time = 3.2 or frame = 96.")
+            raise InputError("it needs a time or a frame", remedy="Give time = 3.2 or frame = 96.")
         if table.places is not None and table.moves is not None:
-            raise InputError("it has places and moves", mend="Give one of them.")
+            raise InputError("it has places and moves", remedy="Give one of them.")
         step = self._project.takes[take].step
         time = table.time if table.time is not None else (table.frame or 0) * step
         places = self._puppet.rest.copy()
@@ -192,8 +187,8 @@ class _Reader:
         if table.find:
             plane = plane_of_symmetry(self._puppet.mesh)
             if plane is None:
-                mend = "Give a point and a normal, or leave [symmetry] out."
-                raise InputError("the mesh has no plane of symmetry", mend=mend)
+                remedy = "Give a point and a normal, or leave [symmetry] out."
+                raise InputError("the mesh has no plane of symmetry", remedy=remedy)
         self._project = set_symmetry(self._project, self._name, plane)
 
     def _read_settings(self) -> None:
@@ -213,14 +208,14 @@ class _Reader:
         )
 
     def _read_root(self, table: RootTable, asked: dict[str, Any]) -> None:
-        keys, named = asked.pop("keys", ()), [root.take for root in self._puppet.root_layers]
+        keys, known_takes = asked.pop("keys", ()), [root.take for root in self._puppet.root_layers]
         name = table.take
         if keys:
             name = name or unused(f"{self._name} keys", self._project.takes)
             if name in self._project.takes:
-                raise InputError(f"there is a take {name!r} already", mend="Give it another name.")
+                raise InputError(f"there is a take {name!r} already", remedy="Give it another name.")
             self._project = self._project.with_takes(keyed_clip(name, "root", keys))
-        elif name not in named:
+        elif name not in known_takes:
             name = self._take_named(name)
         values = {field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"}
         values |= {key: np.array(values[key]) for key in ("about", "basis")}
@@ -240,9 +235,9 @@ class _Reader:
     def _take_named(self, name: str) -> str:
         """Returns the ID of the take with that name; the first take if the name is empty."""
         if not self._takes:
-            raise InputError("the session has no take", mend='Add [[take]] file = "..." first.')
+            raise InputError("the session has no take", remedy='Add [[take]] file = "..." first.')
         if name and name not in self._takes:
-            raise InputError(f"the take {name!r} does not exist", mend=f"Known: {', '.join(self._takes)}.")
+            raise InputError(f"the take {name!r} does not exist", remedy=f"Known: {', '.join(self._takes)}.")
         return name or next(iter(self._takes))
 
     @property

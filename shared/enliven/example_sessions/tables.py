@@ -25,7 +25,7 @@ Vector3 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class MeshTable:
-    """[mesh]"""
+    """The table [mesh]: the mesh's file and how it is fitted."""
 
     file: str = setting(doc="Path of the mesh, or of an .enliven project that contains the puppet.")
     height: float | None = setting(
@@ -42,7 +42,7 @@ class MeshTable:
 
 @dataclass(frozen=True)
 class TakeTable:
-    """[[take]]"""
+    """The table [[take]]: a motion file."""
 
     file: str = setting(doc="Path of the motion file.")
     name: str = setting("", "Name of the take in the session. Empty: the file's name.")
@@ -53,7 +53,7 @@ class TakeTable:
 
 @dataclass(frozen=True)
 class PuppetTable:
-    """[puppet]"""
+    """The table [puppet]: name and pose of the puppet."""
 
     name: str = setting("", "Name of the puppet. Empty: the mesh's name.")
     place: Vector3 = setting((0.0, 0.0, 0.0), "Position of the puppet in the world.", unit="m")
@@ -64,7 +64,7 @@ class PuppetTable:
 
 @dataclass(frozen=True)
 class PointTable:
-    """[[point]]"""
+    """The table [[point]]: a control point."""
 
     name: str = setting("", "Name of the control point.")
     vertex: int | None = setting(None, "Vertex number of the control point in the mesh.", low=0)
@@ -78,7 +78,7 @@ class PointTable:
 
 @dataclass(frozen=True)
 class PoseTable:
-    """[[pose]]"""
+    """The table [[pose]]: a key pose."""
 
     take: str = setting("", "Take with the performer's pose. Empty: the first take.")
     time: float | None = setting(None, "Time of the performer's pose.", unit="s")
@@ -93,7 +93,7 @@ class PoseTable:
 
 @dataclass(frozen=True)
 class SymmetryTable:
-    """[symmetry]"""
+    """The table [symmetry]: the symmetry plane of the mesh."""
 
     find: bool = setting(False, "Detects the mesh's own symmetry plane.")
     point: Vector3 = setting((0.0, 0.0, 0.0), "Point on the symmetry plane.", unit="m")
@@ -102,7 +102,7 @@ class SymmetryTable:
 
 @dataclass(frozen=True)
 class LayerTable:
-    """[[layer]]"""
+    """The table [[layer]]: how a take is played."""
 
     take: str = setting("", "Take that the layer plays. Empty: the first take.")
     points: tuple[str, ...] = setting((), "Control points that the layer moves. Empty: all.")
@@ -138,19 +138,23 @@ INNER_TABLES: dict[str, tuple[str, type]] = {
     "weight_key": ("weights", CurveKey),
     "speed_key": ("speeds", CurveKey),
 }
-"""[[layer.clip]] and the other tables inside a layer: the attribute that each one sets, and its type."""
+"""The tables inside a layer, such as [[layer.clip]]: the attribute of the layer that each one sets, and its
+type.
+"""
 
 
 ROOT_INNER_TABLES: dict[str, tuple[str, type]] = {
     "key": ("keys", MotionKey),
     **{name: INNER_TABLES[name] for name in ("clip", "weight_key", "speed_key")},
 }
-"""[[root.key]] and the other tables inside a root layer. The keys belong to the layer's take."""
+"""The tables inside a root layer, such as [[root.key]]. The keys belong to the layer's take."""
 
 
 @dataclass(frozen=True)
 class RootTable:
-    """[[root]]: a layer that rotates and moves the whole puppet, applied after its other layers."""
+    """The table [[root]]: a layer that rotates and moves the whole puppet. It is applied after the other
+    layers.
+    """
 
     take: str = setting(
         "", "Name of the take with the root's keys. Without keys: the take that moves the root."
@@ -179,7 +183,7 @@ class RootTable:
 
 @dataclass(frozen=True)
 class SettingsTable:
-    """[settings]"""
+    """The table [settings]: settings of the solvers."""
 
     surface: ArapSettings = setting(ArapSettings)
     examples: ExampleSettings = setting(ExampleSettings)

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
-import msgspec
 import numpy as np
 
 from enliven.document import Project, Puppet, character_of_puppet
-from enliven.examples import pose_of_state, state_of
+from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.recording import Recorder
-from enliven.wire import PoseCodec, character_to_message, pose_to_message
+from enliven.wire import PoseCodec, character_to_message, pack_recorded, pose_to_message
 
 _CHARACTER_REVISION = 1
 """Revision of the take's only character. The character never changes, so its revision stays at 1."""
@@ -37,15 +35,7 @@ def write_puppet_take(
         pose_of_state(puppet, state_of(project, puppet, start + time), round(time * 1e9)) for time in times
     ]
     with Recorder(path, sync_seconds=math.inf, overwrite=True) as take:
-        _write_message(take, "character", character_to_message(character, _CHARACTER_REVISION), 0)
+        take.write(*pack_recorded(character_to_message(character, _CHARACTER_REVISION)), 0)
         for sequence, pose in enumerate(poses):
             message = pose_to_message(pose, codec, revision=_CHARACTER_REVISION, sequence=sequence)
-            _write_message(take, "pose", message, pose.time_ns)
-
-
-def _write_message(take: Recorder, topic: str, message: Any, time_ns: int) -> None:
-    """Writes a wire message together with its JSON schema."""
-    kind = type(message)
-    schema = msgspec.json.encode(msgspec.json.schema(kind)).decode()
-    data = msgspec.msgpack.encode(message)
-    take.write(topic, f"enliven.{kind.__name__}", schema, "jsonschema", "msgpack", data, time_ns)
+            take.write(*pack_recorded(message), pose.time_ns)

@@ -29,7 +29,7 @@ from enliven.example_sessions.tables import (
     TakeTable,
 )
 from enliven.files import write_file
-from enliven.formats.project import write_project
+from enliven.formats.project.file import write_project
 from enliven.settings import refuse_later_toml
 
 _FILE_HEADER = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
@@ -58,22 +58,22 @@ def write_session(
     """
     path, takes = Path(path), dict(takes or {})
     if path.suffix.lower() == ".enliven":
-        mend = "Give it a name that ends in .toml; its project file gets the same name."
-        raise InputError("a session is not a project", where=str(path), mend=mend)
+        remedy = "Give it a name that ends in .toml; its project file gets the same name."
+        raise InputError("a session is not a project", where=str(path), remedy=remedy)
     refuse_later_toml(path)
     puppet = project.puppet(puppet_id)
     roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}
-    used = list(
+    used_names = list(
         dict.fromkeys([*used_takes(puppet), *(name for name, clip in roots.items() if not clip.keys)])
     )
-    beside = path.with_suffix(".enliven")
-    if mesh is None or not set(used) <= set(takes):
-        kept = {name: project.takes[name] for name in used}
+    project_path = path.with_suffix(".enliven")
+    if mesh is None or not set(used_names) <= set(takes):
+        kept_takes = {name: project.takes[name] for name in used_names}
         # Leave out the root layers, because the session file itself contains them.
         bare = puppet.with_changes(root_layers=())
-        write_project(beside, Project(takes=kept, characters={puppet.id: bare}))
-    mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
-    files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
+        write_project(project_path, Project(takes=kept_takes, characters={puppet.id: bare}))
+    mesh = mesh or MeshTable(project_path.name, puppet=puppet.id)
+    files = {name: takes.get(name) or TakeTable(project_path.name, animation=name) for name in used_names}
     keys = {name: clip.keys for name, clip in roots.items()}
     write_file(path, session_text(puppet, mesh, files, keys), "Save it elsewhere.")
 
@@ -120,11 +120,11 @@ def used_takes(puppet: Puppet) -> list[str]:
 
 def _pose_lines(pose: KeyPose, puppet: Puppet) -> list[str]:
     lines = ["[[pose]]", f"take = {_as_toml(pose.take)}", f"time = {_as_toml(pose.time)}"]
-    # If a control point was not moved, write its rest position, which is easier to edit than a displacement
-    # of zero.
-    still = np.array_equal(pose.places, puppet.rest)
-    lines += [f"[pose.{'moves' if still else 'places'}]"] if puppet.points else []
-    rows = np.zeros_like(pose.places) if still else pose.places
+    # If a control point was not moved, write its rest position, which is easier to edit than a zero
+    # displacement.
+    is_at_rest = np.array_equal(pose.places, puppet.rest)
+    lines += [f"[pose.{'moves' if is_at_rest else 'places'}]"] if puppet.points else []
+    rows = np.zeros_like(pose.places) if is_at_rest else pose.places
     for point, place in zip(puppet.points, rows.tolist(), strict=True):
         lines.append(f"{_as_toml(point.name)} = {_as_toml(place)}")
     return lines

@@ -21,9 +21,9 @@ class Coverage:
 
     Attributes:
         take: id of the take.
-        gap: the largest distance of a pose from its nearest example, in metres (root mean square over the
+        gap: the largest distance between a pose and its nearest example, metres (root mean square over the
             joints).
-        frame, time: frame and time in seconds of that pose in the take.
+        frame, time: frame and time (seconds) of this pose in the take.
         share: the gap divided by the largest distance between two examples.
     """
 
@@ -47,19 +47,22 @@ def measure_coverage(project: Project, puppet: Puppet, layer: int) -> Coverage:
         InputError: if data is missing.
     """
     material = collect_material(project, puppet, puppet.layers[layer])
-    examples, took = convert_to_reference(material)
-    away = distance_to(took.poses, examples.sources)
-    frame = int(away.argmax())
-    apart = max(float(distance_to(examples.sources, pose[None]).max()) for pose in examples.sources)
-    gap = float(away[frame])
-    return Coverage(puppet.layers[layer].take, gap, frame, frame * took.step, gap / apart)
+    examples, performance = convert_to_reference(material)
+    distances = distance_to(performance.poses, examples.sources)
+    frame = int(distances.argmax())
+    largest_distance = max(
+        float(distance_to(examples.sources, pose[None]).max()) for pose in examples.sources
+    )
+    gap = float(distances[frame])
+    return Coverage(puppet.layers[layer].take, gap, frame, frame * performance.step, gap / largest_distance)
 
 
 def describe_unposed(puppet: Puppet) -> tuple[str, ...]:
-    """Returns a sentence if all key poses are equal, because none has been posed yet. Otherwise the result is
-    empty."""
+    """Returns a sentence for the user if all key poses are equal, because none has been edited yet. Otherwise
+    returns an empty text.
+    """
     if len(puppet.poses) < 2:
         return ()
-    near = _SAME_POSE_DISTANCE * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
-    same = all(np.abs(pose.places - puppet.poses[0].places).max() <= near for pose in puppet.poses)
-    return ("All key poses are alike: set the places of the control points.",) if same else ()
+    tolerance = _SAME_POSE_DISTANCE * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
+    are_equal = all(np.abs(pose.places - puppet.poses[0].places).max() <= tolerance for pose in puppet.poses)
+    return ("All key poses are alike: set the places of the control points.",) if are_equal else ()

@@ -1,9 +1,9 @@
 """Example-based retargeting during a live performance: frame by frame, with a fixed small lag.
 
-Each new pose is solved together with the frames that are not shown yet. Shown frames are held fixed, so that
-the motion never jumps back. The control points of a frame are returned ``lag`` frames after its pose, because
-still later poses hardly change them. If a motion ends within the lag, its frames are exactly those of the
-batch solution.
+Each new pose is solved together with the frames that were not returned yet. Frames that were already returned
+are fixed, so that the motion never jumps back. The control points of a frame are returned ``lag`` frames
+after its pose. Later poses would hardly change them. If a motion ends within the lag, its frames are exactly
+those of the batch solution.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.spacetime import Conditions
+from enliven.examples.spacetime.constraints import Conditions
 
 _AFFECTED_FRAMES = 2
-"""Number of shown frames that still affect an acceleration."""
+"""Number of already returned frames that affect the accelerations of later frames."""
 
 
 class LiveExamples:
-    """A solver that returns the control points while the performer moves.
+    """An incremental solver that returns control points while the performer moves.
 
     Args:
         mapping: the retargeting by the examples.
         step: seconds between frames.
-        lag: number of frames from a pose to the return of its control points. 0 returns them at once.
+        lag: number of frames between a pose and the return of its control points. With 0 they are returned at
+            once.
     """
 
     def __init__(self, mapping: ExampleMap, step: float, lag: int = 3) -> None:
@@ -38,8 +39,8 @@ class LiveExamples:
         self._out = np.empty((pairs, 0, 3))
 
     def push(self, pose: Float) -> Float | None:
-        """Adds a pose (P, 3) in the body frame. Returns control points (P, 3), metres, of the pose ``lag``
-        frames before.
+        """Adds a pose (P, 3) in the body frame, and returns the control points (P, 3), metres, of the pose
+        ``lag`` frames earlier.
 
         Returns None while too few poses have arrived.
 
@@ -47,22 +48,22 @@ class LiveExamples:
             InputError: if the pose has a wrong shape or is not finite. The pose is then ignored.
         """
         poses = np.concatenate([self._poses, self.mapping.checked(np.asarray(pose, np.float64)[None])])
-        held = self._out.shape[1]
-        if len(poses) - held <= self.lag:
+        fixed_count = self._out.shape[1]
+        if len(poses) - fixed_count <= self.lag:
             self._poses = poses
             return None
         places = self._solve_points(poses)
-        out = np.concatenate([self._out, places[:, held : held + 1]], axis=1)
-        # Drop the oldest frames: no acceleration that is still to be solved depends on them.
-        old = max(out.shape[1] - _AFFECTED_FRAMES, 0)
-        self._poses, self._out = poses[old:], out[:, old:]
-        return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])
+        solved = np.concatenate([self._out, places[:, fixed_count : fixed_count + 1]], axis=1)
+        # Drop the oldest frames, because no acceleration that is still to be solved depends on them.
+        obsolete_count = max(solved.shape[1] - _AFFECTED_FRAMES, 0)
+        self._poses, self._out = poses[obsolete_count:], solved[:, obsolete_count:]
+        return np.asarray(self.mapping.in_metres(places[:, fixed_count : fixed_count + 1])[0])
 
     def finish(self) -> Float:
-        """Returns (L, P, 3) metres, the control points of the remaining frames, and resets the state."""
-        held = self._out.shape[1]
+        """Returns the control points (L, P, 3) of the remaining frames, metres, and resets the state."""
+        fixed_count = self._out.shape[1]
         due = (
-            self.mapping.in_metres(self._solve_points(self._poses)[:, held:])
+            self.mapping.in_metres(self._solve_points(self._poses)[:, fixed_count:])
             if len(self._poses)
             else self._poses
         )
@@ -70,12 +71,13 @@ class LiveExamples:
         return due
 
     def _solve_points(self, poses: Float) -> Float:
-        """Solves (P, F, 3) control points, in sizes of the mesh, for the frames that still affect an
-        answer."""
-        held = np.zeros((poses.shape[1], len(poses), 3), np.bool_)
-        values = np.zeros(held.shape)
-        held[:, : self._out.shape[1]] = True
+        """Solves the control points (P, F, 3) of the frames that affect later results. The unit is the size
+        of the mesh.
+        """
+        is_fixed = np.zeros((poses.shape[1], len(poses), 3), np.bool_)
+        values = np.zeros(is_fixed.shape)
+        is_fixed[:, : self._out.shape[1]] = True
         values[:, : self._out.shape[1]] = self._out
         none = np.zeros((0, 3), np.int64)
-        conditions = Conditions(held, values, none, none, np.zeros(0))
+        conditions = Conditions(is_fixed, values, none, none, np.zeros(0))
         return self.mapping.solution(poses, conditions, self._step).places

@@ -16,7 +16,10 @@ from enliven.arrays import Float
 from enliven.document import Constraint, ExampleSettings, names_in
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime import Conditions, Nearest, Nodes, Solution, convert_constraints, solve
+from enliven.examples.spacetime.bounded import Nodes
+from enliven.examples.spacetime.constraints import Conditions, convert_constraints
+from enliven.examples.spacetime.nearest import Nearest
+from enliven.examples.spacetime.spacetime import Solution, solve
 
 _ERROR_PLACE = "poses"
 
@@ -43,27 +46,29 @@ class ExampleMap:
             step: seconds between frames.
             constraints: hard constraints.
             workers: threads that share the control points.
-            known: (F, P, 3) metres, a solution with fewer constraints. Points without constraints are copied
-                from it and not solved again.
+            known: (F, P, 3) metres, an earlier solution with fewer constraints. Points without constraints
+                are copied from it instead of being solved again.
 
         Returns:
             (F, P, 3) metres in the mesh's own frame.
 
         Raises:
-            InputError: for poses with a wrong shape or that are not finite (the message names the frames),
-                and for constraints that contradict one another.
+            InputError: if poses have a wrong shape or are not finite (the message lists the frames), or if
+                constraints contradict one another.
         """
         poses = self.checked(poses)
         conditions = convert_constraints(constraints, self.examples, len(poses), step)
         if known is None:
             return self.in_metres(self.solution(poses, conditions, step, workers).places)
-        named = sorted(
+        constrained_points = sorted(
             {self.examples.point(name) for constraint in constraints for name in names_in(constraint)}
         )
-        out = self.in_metres(self.solution(poses, conditions, step, workers, named).places)
-        other_points = np.setdiff1d(np.arange(out.shape[1]), named)
-        out[:, other_points] = known[:, other_points]
-        return out
+        solution_m = self.in_metres(
+            self.solution(poses, conditions, step, workers, constrained_points).places
+        )
+        other_points = np.setdiff1d(np.arange(solution_m.shape[1]), constrained_points)
+        solution_m[:, other_points] = known[:, other_points]
+        return solution_m
 
     def checked(self, poses: Float) -> Float:
         """Returns the poses (F, P, 3) after checking their shape and values."""
@@ -71,14 +76,16 @@ class ExampleMap:
         pairs = len(self.examples.points)
         if poses.ndim != 3 or poses.shape[1:] != (pairs, 3) or len(poses) == 0:
             raise InputError(
-                f"there are {poses.shape} for {pairs} pairs", where=_ERROR_PLACE, mend="Give (F, P, 3)."
+                f"there are {poses.shape} for {pairs} pairs", where=_ERROR_PLACE, remedy="Give (F, P, 3)."
             )
-        bad = ~np.isfinite(poses).all((1, 2))
-        if bad.any():
-            which = ", ".join(map(str, np.flatnonzero(bad)[:8])) + (", ..." if bad.sum() > 8 else "")
-            mend = "Leave these frames out, or fill them."
+        is_bad = ~np.isfinite(poses).all((1, 2))
+        if is_bad.any():
+            frames_text = ", ".join(map(str, np.flatnonzero(is_bad)[:8])) + (
+                ", ..." if is_bad.sum() > 8 else ""
+            )
+            advice = "Leave these frames out, or fill them."
             raise InputError(
-                f"{int(bad.sum())} frames are not finite: {which}", where=_ERROR_PLACE, mend=mend
+                f"{int(is_bad.sum())} frames are not finite: {frames_text}", where=_ERROR_PLACE, remedy=advice
             )
         return poses
 
@@ -94,15 +101,19 @@ class ExampleMap:
         workers: Executor | None = None,
         only: Sequence[int] | None = None,
     ) -> Solution:
-        """Solves checked poses. Returns positions in sizes of the mesh, for the points in ``only``, or for
-        all."""
-        # Equal accelerations per second have equal costs at any frame rate.
+        """Solves poses that were already checked. Returns positions in units of the mesh's size, for the
+        points in ``only``, or for all points.
+        """
+        # Scale the weight, so that equal accelerations (per second squared) have equal costs at any frame
+        # rate.
         weight = self.settings.acceleration / (step * self.settings.rate) ** 2
         bounds = -self.settings.margin, 1.0 + self.settings.margin
         nearest = Nearest(self.examples, self.settings, poses)
         return solve(nearest.nodes, conditions, weight, bounds, workers, only)
 
     def in_metres(self, places: Float) -> Float:
-        """Converts positions (P, F, 3) in sizes of the mesh to (F, P, 3) metres in the mesh's frame."""
+        """Converts positions (P, F, 3) in units of the mesh's size to (F, P, 3) metres in the mesh's
+        frame.
+        """
         middle = self.examples.targets.mean(0)
         return np.asarray(np.swapaxes(places, 0, 1) * self.examples.target_size + middle)

@@ -1,4 +1,4 @@
-"""Suggests a performer's joint for each control point, by side, height and amount of motion.
+"""Suggests a performer's joint for each control point. The criteria are side, height and amount of motion.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
 guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers moving joints
@@ -22,11 +22,12 @@ from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import IdentityKey
-from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, rotate_about_y
+from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, anatomy_of
+from enliven.skeletons.facing import rotate_about_y
 
 _LIMB_MIDDLE_COST = 0.65
-"""Cost of a joint in the middle of a limb. Costs are distances, in widths and heights of the body. The end of
-a limb costs nothing."""
+"""Cost of a joint in the middle of a limb. Costs are in the unit of the normalized distances: fractions of
+the body's width and height. The end of a limb has no cost."""
 _TRUNK_COST = 0.5
 """Cost of following the trunk, which moves less than a limb."""
 _OTHER_JOINT_COST = 0.9
@@ -34,33 +35,33 @@ _OTHER_JOINT_COST = 0.9
 _LIMB_END_FRACTION = 0.4
 """Fraction of a limb's length, from its end, that counts as its end."""
 _WIDTH_WEIGHT = 0.5
-"""Weight of width relative to height. Arms held out are wider than legs, which may not hold for those of a
-mesh."""
+"""Weight of width relative to height. Outstretched arms reach farther to the side than legs, but this need
+not be so for a mesh."""
 _DEPTH_WEIGHT = 0.3
 """Weight of depth relative to height."""
 _WRONG_SIDE_COST = 0.3
-"""Cost of following a side joint from the middle, or a middle joint from a side. The opposite side costs
-twice that."""
+"""Cost if a point in the middle follows a joint on a side, or a point on a side follows a joint in the
+middle. The opposite side has twice this cost."""
 _MAX_POST_HALF_WIDTH = 0.1
 """Maximum half width of a mesh that counts as a post without left and right side, as a fraction of its
 height."""
 _BASE_HEIGHT_FRACTION = 0.1
-"""Fraction of the height below which a control point is at the base of a mesh."""
+"""A control point below this fraction of the height is at the base of a mesh."""
 _MIN_DEPTH_RATIO = 1.5
-"""Ratio of depth to width above which a mesh is compared from the side."""
+"""A mesh is compared from the side if its depth divided by its width is above this ratio."""
 _MIN_JOINT_MOTION = 0.01
 """A joint is still if it moves less than this fraction of body height relative to the hips."""
 _MIN_UPRIGHT_RATIO = 0.6
-"""Minimum ratio of height to length of a mesh that stands on a single foot. A fish is longer."""
+"""Minimum ratio of height to length of a mesh that stands on a single foot. A fish has a lower ratio."""
 _LAST_RESORT_COST = 1000.0
 """Cost of a joint that is chosen only if no other joint is left."""
 _SIDE_WIDTH_FRACTION = 0.15
 """Minimum distance of a position on a side from the middle, as a fraction of half the width."""
 _WRONG_GROUND_COST = 0.3
-"""Cost of a foot joint for a point above the ground, and of another joint for a point on it, if the feet
-move."""
+"""Cost of a foot joint for a point above the ground, and of any other joint for a point on the ground, if the
+feet move."""
 _STILL_JOINT_COST = 0.8
-"""Cost of a joint that hardly moves. The joint that moves most costs nothing."""
+"""Cost of a joint that hardly moves. The joint that moves most has no cost."""
 _SAME_END_COST = 5.0
 """Cost of a wrist or a finger relative to the end of the hand, which moves in the same way."""
 _CROSSED_SIDES_COST = 100.0
@@ -72,7 +73,7 @@ _HAND_FRACTION = 0.35
 
 
 _Unit = tuple[int, ...]
-"""Rows or columns that are assigned together: one, or two mirror images."""
+"""Rows or columns of the cost matrix that are assigned together: a single one, or two mirror images."""
 
 
 class _Candidate(NamedTuple):
@@ -87,8 +88,8 @@ class JointMotion:
 
     Attributes:
         still: names of the joints that do not move, including the hips.
-        shares: by name, 0 to 1: the variance of the joint's position, divided by the largest of all joints. A
-            joint and its mirror image both have the larger of their two values.
+        shares: for each joint name, the variance of the joint's position divided by the largest variance of
+            all joints, 0 to 1. A joint and its mirror image share the larger of their two values.
     """
 
     still: frozenset[str]
@@ -96,7 +97,7 @@ class JointMotion:
 
 
 def joint_motion(clip: Clip) -> JointMotion:
-    """Returns how much each joint moves in a take, from a cache if possible."""
+    """Measures how much each joint moves in a take, or returns the cached result."""
     return _take_motion(IdentityKey(clip))
 
 
@@ -105,14 +106,16 @@ def _take_motion(take: IdentityKey[Clip]) -> JointMotion:
     clip = take()
     skeleton = clip.skeleton
     poses = performed(clip, skeleton.names).poses
-    far, tall = np.ptp(poses, axis=0).max(1), float(np.ptp(skeleton.positions, axis=0).max())
+    travel, body_size = np.ptp(poses, axis=0).max(1), float(np.ptp(skeleton.positions, axis=0).max())
     variance = np.var(poses, axis=0).sum(1)
     variance = np.maximum(variance, variance[_mirror_images(anatomy_of(skeleton), len(skeleton))])
-    shares = variance / max(float(variance.max()), 1e-12)
-    still = frozenset(
-        name for name, moved in zip(skeleton.names, far, strict=True) if moved <= _MIN_JOINT_MOTION * tall
+    motion_shares = variance / max(float(variance.max()), 1e-12)
+    still_joints = frozenset(
+        name
+        for name, distance in zip(skeleton.names, travel, strict=True)
+        if distance <= _MIN_JOINT_MOTION * body_size
     )
-    return JointMotion(still, dict(zip(skeleton.names, shares.tolist(), strict=True)))
+    return JointMotion(still_joints, dict(zip(skeleton.names, motion_shares.tolist(), strict=True)))
 
 
 def guess_joints(
@@ -128,23 +131,23 @@ def guess_joints(
     A joint is suggested twice only if there are more control points than joints.
 
     Args:
-        taken: joints that other points already follow.
-        wanted: numbers of the control points that need a joint; None for all. The other points only define
-            the size of the mesh.
+        taken: joints that other control points already follow.
+        wanted: numbers of the control points that need a joint; None for all. The other control points only
+            define the size of the mesh.
         motion: how much the joints move in the take. Joints that move more are preferred. A still joint is
             suggested only for the base of a mesh that stands on one foot.
         partners: (P,) numbers of the control points' mirror images; a point on the symmetry plane has its own
             number. Mirror images follow the corresponding joints of both sides. Points on the plane follow
             middle joints.
     """
-    still = frozenset[str]() if motion is None else motion.still
+    still_joints = frozenset[str]() if motion is None else motion.still
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
         return ()
-    deep = np.ptp(rest, axis=0)
-    # Mirror images define left and right, even for a fish, which is longer than wide. Without them, the
-    # longer horizontal side of the mesh is its side-to-side axis.
-    if partners is None and deep[2] > _MIN_DEPTH_RATIO * deep[0]:
+    extents = np.ptp(rest, axis=0)
+    # If mirror images are known, they define left and right, even for a fish, which is longer than wide.
+    # Otherwise, the longer horizontal extent of the mesh is its left-right axis.
+    if partners is None and extents[2] > _MIN_DEPTH_RATIO * extents[0]:
         rest = rotate_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
@@ -157,7 +160,9 @@ def guess_joints(
     ]
     candidates = candidates or _joint_costs(anatomy, skeleton)
     candidates = [
-        candidate for candidate in candidates if skeleton.names[candidate.joint] not in {*still} - {root}
+        candidate
+        for candidate in candidates
+        if skeleton.names[candidate.joint] not in {*still_joints} - {root}
     ] or candidates
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
     bounds_points, ours = level, _normalize_points(rest, rest[rows_wanted])
@@ -175,24 +180,24 @@ def guess_joints(
             base[ours[:, 1].argmin()] = True
     joints = [candidate.joint for candidate in candidates]
     theirs = _normalize_points(bounds_points, level[joints])
-    away = np.abs(ours[:, None] - theirs[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
+    distances = np.abs(ours[:, None] - theirs[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
     side_difference = np.abs(sides[rows_wanted][:, None] - [candidate.side for candidate in candidates])
     feet = foot_joints(skeleton)
-    unlike = (ours[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
+    base_mismatch = (ours[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
         skeleton.names[joint] in feet for joint in joints
     ]
     acting = 1.0 if motion is None else max((motion.shares[name] for name in feet), default=0.0)
     cost = (
-        away
+        distances
         + [candidate.cost for candidate in candidates]
         + _WRONG_SIDE_COST * side_difference
-        + _WRONG_GROUND_COST * acting * unlike
+        + _WRONG_GROUND_COST * acting * base_mismatch
     )
     if motion is not None:
         quiet = [_STILL_JOINT_COST * (1.0 - motion.shares[skeleton.names[joint]]) for joint in joints]
         cost += np.where(base[:, None], 0.0, quiet)
     for column, joint in enumerate(joints):
-        if skeleton.names[joint] in still:
+        if skeleton.names[joint] in still_joints:
             cost[~base | (ours[:, 1] > _BASE_HEIGHT_FRACTION), column] += _LAST_RESORT_COST
     rows, columns = _point_units(rows_wanted, partners), [(column,) for column in range(len(joints))]
     if partners is not None:
@@ -202,7 +207,7 @@ def guess_joints(
 
 
 def mirror_joint(skeleton: Skeleton, name: str) -> str:
-    """Returns the same joint of the other side, or the joint itself if it is in the middle."""
+    """Returns the corresponding joint of the other side, or the joint itself if it is in the middle."""
     return skeleton.names[int(_mirror_images(anatomy_of(skeleton), len(skeleton))[skeleton.index(name)])]
 
 
@@ -213,7 +218,7 @@ def foot_joints(skeleton: Skeleton) -> frozenset[str]:
 
 
 def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
-    """Selects control points such that only one joint of each hand or foot is followed.
+    """Selects control points such that they follow only one joint of each hand or foot.
 
     Points that share a joint because there are not enough joints are kept.
 
@@ -223,68 +228,74 @@ def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners:
     """
     anatomy = anatomy_of(skeleton)
     parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
-    taken, dropped = dict[int, str](), set[int]()
+    joint_of_part, dropped = dict[int, str](), set[int]()
     for number, joint in enumerate(joints):
         part = parts.get(skeleton.index(joint))
-        if part is not None and taken.get(part, joint) != joint:
+        if part is not None and joint_of_part.get(part, joint) != joint:
             dropped |= {number, partners[number]}
         elif part is not None and number not in dropped:
-            taken[part] = joint
+            joint_of_part[part] = joint
     return [number for number in range(len(joints)) if number not in dropped]
 
 
 def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:
-    """Solves the assignment problem unit by unit. Returns the column of each row of a cost matrix (R, C)."""
-    units, ways = np.empty((len(rows), len(columns))), dict[tuple[int, int], tuple[int, ...]]()
+    """Solves the assignment problem for a cost matrix (R, C). Mirror images are assigned together as units.
+    Returns the column of each row.
+    """
+    units, assignments = np.empty((len(rows), len(columns))), dict[tuple[int, int], tuple[int, ...]]()
     for r, row in enumerate(rows):
         for c, column in enumerate(columns):
-            units[r, c], ways[r, c] = _unit_cost(cost, row, column)
+            units[r, c], assignments[r, c] = _unit_cost(cost, row, column)
     times = max(-(-len(rows) // len(columns)), 1)
     assignment = scipy.optimize.linear_sum_assignment(
         np.concatenate([units + 10.0 * _LAST_RESORT_COST * k for k in range(times)], axis=1)
     )
     chosen = dict[int, int]()
     for r, c in zip(*assignment, strict=True):
-        chosen.update(zip(rows[r], ways[r, c % len(columns)], strict=True))
+        chosen.update(zip(rows[r], assignments[r, c % len(columns)], strict=True))
     return chosen
 
 
 def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int, ...]]:
-    """Returns the cost of a unit of columns for a unit of rows, and the column of each row."""
+    """Returns the lowest cost of assigning a unit of columns to a unit of rows, and the column of each
+    row.
+    """
     if len(row) == len(column) == 1:
         return float(cost[row[0], column[0]]), column
     if len(row) == len(column):
-        ways = [column, column[::-1]]
-        least = min(ways, key=lambda way: cost[row, way].sum())
-        return float(cost[row, least].sum()), least
-    alone = [(single_column,) * len(row) for single_column in column]
-    least = min(alone, key=lambda way: cost[row, way].sum())
-    return float(cost[row, least].sum()) + _CROSSED_SIDES_COST, least
+        pairings = [column, column[::-1]]
+        cheapest = min(pairings, key=lambda way: cost[row, way].sum())
+        return float(cost[row, cheapest].sum()), cheapest
+    single_assignments = [(single_column,) * len(row) for single_column in column]
+    cheapest = min(single_assignments, key=lambda way: cost[row, way].sum())
+    return float(cost[row, cheapest].sum()) + _CROSSED_SIDES_COST, cheapest
 
 
 def _point_units(wanted: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
-    """Returns the rows of the wanted control points, in pairs if both mirror images are wanted."""
+    """Returns the rows of the requested control points. Two mirror images form a pair if both are
+    requested.
+    """
     row = {point: number for number, point in enumerate(wanted)}
     units = list[_Unit]()
     for point, number in row.items():
-        other = row.get(point if partners is None else partners[point], number)
-        if number <= other:
-            units.append((number,) if number == other else (number, other))
+        partner_row = row.get(point if partners is None else partners[point], number)
+        if number <= partner_row:
+            units.append((number,) if number == partner_row else (number, partner_row))
     return units
 
 
 def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) -> list[_Unit]:
-    """Returns the columns of middle joints one by one, and those of the sides in pairs."""
+    """Returns the columns of the joints: middle joints one by one, and side joints in pairs."""
     column = {joint: number for number, joint in enumerate(joints)}
     images = _mirror_images(anatomy, len(skeleton))
-    aside = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
+    side_joints = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
     units = list[_Unit]()
     for joint, number in column.items():
-        other = int(images[joint])
-        if joint not in aside:
+        mirror_joint_number = int(images[joint])
+        if joint not in side_joints:
             units.append((number,))
-        elif other > joint and other in column:
-            units.append((number, column[other]))
+        elif mirror_joint_number > joint and mirror_joint_number in column:
+            units.append((number, column[mirror_joint_number]))
     return units or [(number,) for number in column.values()]
 
 
@@ -305,9 +316,14 @@ def _all_limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
 def _hand_joints(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
     """Returns the joints of the last part of a limb: a hand with its fingers, or a foot with its toes."""
     proper = limb.proper
-    left = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
+    remaining_lengths = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
     first = next(
-        (j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND_FRACTION * left[0]), None
+        (
+            j
+            for j, remaining in zip(proper[1:], remaining_lengths[1:], strict=False)
+            if remaining < _HAND_FRACTION * remaining_lengths[0]
+        ),
+        None,
     )
     return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
 
@@ -318,8 +334,9 @@ def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
 
 
 def _stands_on_feet(points: Float, sides: Float) -> bool:
-    """Returns True if the lowest points (N, 3), in fractions of the size, are on both sides (N,), or if there
-    are none."""
+    """Returns True if the lowest of the points (N, 3), normalized, are on both sides (N,), or if no point is
+    low.
+    """
     low = sides[points[:, 1] < _BASE_HEIGHT_FRACTION]
     return not len(low) or {1.0, -1.0} <= set(low.tolist())
 
@@ -335,19 +352,21 @@ def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: 
 
 
 def _extend_arms(level: Float, anatomy: Anatomy) -> Float:
-    """Returns (N, 3) joints with the arms held out to the sides. In a hanging arm, the hand would be below
-    its elbow."""
-    out = level.copy()
+    """Returns the joints (N, 3) with the arms stretched out to the sides, because the hand of a hanging arm
+    would be below its elbow.
+    """
+    extended = level.copy()
     for left, right in anatomy.arms:
         for limb, side in ((left, 1.0), (right, -1.0)):
-            for joint, before in zip(limb.proper[1:], limb.proper, strict=False):
-                long = float(np.linalg.norm(level[joint] - level[before]))
-                out[joint] = out[before] + [side * long, 0.0, 0.0]
-    return out
+            for joint, parent in zip(limb.proper[1:], limb.proper, strict=False):
+                long = float(np.linalg.norm(level[joint] - level[parent]))
+                extended[joint] = extended[parent] + [side * long, 0.0, 0.0]
+    return extended
 
 
 def _joint_costs(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
-    """Returns each joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
+    """Returns all joints as candidates, with a cost by their kind: end of a limb, middle of a limb, trunk, or
+    other.
 
     Joints near the end, such as a wrist before fingers, have a high cost, since the end moves in the same
     way.
@@ -379,22 +398,24 @@ def _joint_costs(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
 
 
 def _normalize_points(all_points: Float, points: Float) -> Float:
-    """Scales points (N, 3): width to -1..1, height to 0..1, and depth in heights."""
+    """Normalizes points (N, 3): scales the width to -1..1 and the height to 0..1, and expresses the depth as
+    a fraction of the height.
+    """
     low, high = all_points.min(0), all_points.max(0)
-    tall = max(float(high[1] - low[1]), 1e-9)
+    height = max(float(high[1] - low[1]), 1e-9)
     middle = (low + high) / 2
-    wide = float(high[0] - low[0]) / 2
+    half_width = float(high[0] - low[0]) / 2
     # A narrow mesh, such as a post, has no left and right side. Dividing by its width would turn noise into
     # sides.
-    across = 1.0 / wide if wide > _MAX_POST_HALF_WIDTH * tall else 0.0
-    return np.asarray((points - [middle[0], low[1], middle[2]]) * [across, 1.0 / tall, 1.0 / tall])
+    width_scale = 1.0 / half_width if half_width > _MAX_POST_HALF_WIDTH * height else 0.0
+    return np.asarray((points - [middle[0], low[1], middle[2]]) * [width_scale, 1.0 / height, 1.0 / height])
 
 
 def _point_sides(points: Float, partners: Sequence[int] | None) -> Float:
     """Returns (N,) 1 on the left, -1 on the right, 0 in the middle. Known mirror images define the middle
     exactly."""
     if partners is None:
-        aside = np.abs(points[:, 0]) > _SIDE_WIDTH_FRACTION
+        offsets = np.abs(points[:, 0]) > _SIDE_WIDTH_FRACTION
     else:
-        aside = np.asarray(partners) != np.arange(len(points))
-    return np.asarray(np.sign(points[:, 0]) * aside)
+        offsets = np.asarray(partners) != np.arange(len(points))
+    return np.asarray(np.sign(points[:, 0]) * offsets)

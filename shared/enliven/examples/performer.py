@@ -1,7 +1,7 @@
 """Converts a performer's joints to the body frame: relative to the root, without the root's yaw (section 5,
 law 1).
 
-The pose does not depend on the performer's position and heading. Leaning and tumbling are part of it.
+The converted pose does not depend on the performer's position and heading, but contains leaning and tumbling.
 
     performed(clip, joints) -> PerformerClip
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, joint_places
-from enliven.mapping import rotate_about_y
+from enliven.skeletons.facing import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class PerformerClip:
         poses: (F, P, 3) metres in the body frame.
         world: (F, P, 3) metres in the world.
         root: (F, 3) metres, position of the root.
-        yaw: (F,) radians about +Y since rest, continuous.
+        yaw: (F,) rotation about +Y relative to the rest pose, radians, without jumps of 2 pi.
         step: seconds between frames.
     """
 
@@ -50,7 +50,9 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
 
 
 def yaw_of(turns: Float) -> Float:
-    """Returns (...,) radians: the twist of rotations (..., 4) about +Y (swing-twist decomposition)."""
+    """Returns (...,) the yaw angle in radians: the twist of rotations (..., 4) about +Y (swing-twist
+    decomposition).
+    """
     return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))
 
 

@@ -3,7 +3,7 @@
 The key poses and the take may be from different performers, such as an adult and a child. Poses are compared
 by joints in the body frame, so every performer is converted to the reference:
 
-- joints are found by name, or else by their part of the body (:mod:`enliven.mapping.anatomy`),
+- joints are matched by name, or otherwise by body part (:mod:`enliven.skeletons.anatomy`),
 - positions are scaled joint by joint, by the joint's distance from the root along the bones,
 - the facing direction is turned to that of the reference.
 
@@ -21,7 +21,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import Anatomy, anatomy_of, rotate_about_y
+from enliven.skeletons.anatomy import Anatomy, anatomy_of
+from enliven.skeletons.facing import rotate_about_y
 
 _SAME_SKELETON_TOLERANCE = 1e-9
 """Maximum difference between the joints of equal skeletons, as a fraction of the skeleton's size."""
@@ -35,9 +36,9 @@ class Role:
         joints: (P,) names of the corresponding joints of this performer.
         factors: (P,) ratio of the reference's size to the performer's, per joint.
         turn: radians about +Y from the performer's facing direction to the reference's.
-        notes: sentences about the joints that were found by their part of the body.
-        size: the length of the reference's legs over the performer's; without legs, the ratio of overall
-            sizes.
+        notes: sentences about the joints that were matched by body part.
+        size: leg length of the reference divided by that of this performer; without legs, the ratio of
+            overall sizes.
     """
 
     joints: tuple[str, ...]
@@ -47,7 +48,7 @@ class Role:
     size: float = 1.0
 
     def seen(self, poses: Float) -> Float:
-        """Converts (..., P, 3) poses in the body frame to those of the reference."""
+        """Converts poses (..., P, 3) of this performer, in the body frame, to poses of the reference."""
         if self.turn == 0.0 and (self.factors == 1.0).all():
             return poses
         return rotate_about_y(poses * self.factors[:, None], np.asarray(self.turn))
@@ -92,8 +93,8 @@ def match_performer(
             )
             factors[k] = reference_reach / own_reach if reference_reach > 0.0 and own_reach > 0.0 else 1.0
     parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
-    turn, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
-    return Role(tuple(own_joints), factors, turn, tuple(notes), size)
+    heading_change, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
+    return Role(tuple(own_joints), factors, heading_change, tuple(notes), size)
 
 
 def _is_same_performer(a: Skeleton, b: Skeleton) -> bool:
@@ -108,7 +109,9 @@ def _is_same_performer(a: Skeleton, b: Skeleton) -> bool:
 
 
 def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy) -> float:
-    """Returns the reference's size over a performer's: of their legs, or overall if either has none."""
+    """Returns the size ratio of the reference to a performer: the ratio of leg lengths, or of overall sizes
+    if one of them has no legs.
+    """
     legs = _leg_length(reference, theirs), _leg_length(skeleton, ours)
     if min(legs) <= 0.0:
         legs = (
@@ -119,7 +122,7 @@ def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: 
 
 
 def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
-    """Returns the mean length of the legs along the bones in metres, or 0 without legs."""
+    """Returns the mean leg length along the bones, metres; 0 without legs."""
     legs = [skeleton.lengths[list(limb.proper[1:])].sum() for pair in anatomy.legs for limb in pair]
     return float(np.mean(legs)) if legs else 0.0
 
@@ -127,33 +130,34 @@ def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
 def _check_joint(skeleton: Skeleton, name: str, who: str) -> None:
     """Raises an error if a skeleton lacks a joint."""
     if name not in skeleton.names:
-        mend = f"Known: {', '.join(skeleton.names)}."
+        advice = f"Known: {', '.join(skeleton.names)}."
         raise InputError(
-            f"neither the joint {name!r} nor a similar one exists", where=f"take {who!r}", mend=mend
+            f"neither the joint {name!r} nor a similar one exists", where=f"take {who!r}", remedy=advice
         )
 
 
 def _distance_from_root(skeleton: Skeleton, name: str) -> float:
-    """Returns metres along the bones from the root to a joint."""
+    """Returns the distance from the root to a joint along the bones, metres."""
     return float(skeleton.lengths[list(skeleton.path(0, skeleton.index(name)))].sum())
 
 
 def _counterpart_joint(
     reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy, joint: int
 ) -> int | None:
-    """Returns the joint at the same part of the body as ``joint`` in the reference, and equally far along
-    it."""
+    """Returns the joint that corresponds to ``joint`` of the reference: on the same body part, at the same
+    fraction of its length.
+    """
     if joint == 0:
         return 0
     parts, own_chains = _body_chains(theirs), _body_chains(ours)
-    at = joint
-    while at >= 0:
+    ancestor = joint
+    while ancestor >= 0:
         for name, chain in parts.items():
-            if at in chain[1:] and name in own_chains:
-                shares = _chain_positions(skeleton, own_chains[name])
-                arc_position = _chain_positions(reference, chain)[chain.index(at)]
-                return own_chains[name][int(np.abs(shares - arc_position).argmin())]
-        at = int(reference.parents[at])
+            if ancestor in chain[1:] and name in own_chains:
+                fractions = _chain_positions(skeleton, own_chains[name])
+                arc_position = _chain_positions(reference, chain)[chain.index(ancestor)]
+                return own_chains[name][int(np.abs(fractions - arc_position).argmin())]
+        ancestor = int(reference.parents[ancestor])
     return None
 
 
@@ -171,6 +175,6 @@ def _body_chains(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]
 
 
 def _chain_positions(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """Returns (K,) 0 to 1: the position of each joint along a chain, by length."""
+    """Returns (K,) the position of each joint along a chain, as a fraction (0 to 1) of the chain's length."""
     arc_lengths = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
     return np.asarray(arc_lengths / max(float(arc_lengths[-1]), 1e-12))

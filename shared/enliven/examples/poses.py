@@ -15,13 +15,13 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 
 _SAME_POSE_TOLERANCE = 1e-6
-"""Poses that differ by less than this fraction of their size are equal."""
+"""Poses that differ by less than this fraction of their size count as equal."""
 _ERROR_PLACE = "examples"
 
 
 @dataclass(frozen=True, eq=False)
 class Examples:
-    """Pairs of a joint and a control point with n example poses of the P pairs.
+    """P pairs of a joint and a control point, with their positions in n example poses.
 
     Attributes:
         joints: (P,) names of the performer's joints.
@@ -30,8 +30,8 @@ class Examples:
         targets: (n, P, 3) metres, control points in the mesh's own frame.
 
     Raises:
-        InputError: for fewer than two examples, equal examples, or numbers that are not finite. The message
-            names them.
+        InputError: if there are fewer than two examples, equal examples, or numbers that are not finite. The
+            message names the examples.
     """
 
     joints: tuple[str, ...]
@@ -54,12 +54,12 @@ class Examples:
 
     @cached_property
     def source_size(self) -> float:
-        """Metres: root-mean-square distance of the joints from the root."""
+        """Root-mean-square distance of the joints from the root, metres."""
         return _pose_size(self.sources)
 
     @cached_property
     def target_size(self) -> float:
-        """Metres: root-mean-square distance of the control points from their centre."""
+        """Root-mean-square distance of the control points from their centre, metres."""
         return _pose_size(self.targets - self.targets.mean((0, 1)))
 
     def point(self, name: str) -> int:
@@ -69,8 +69,8 @@ class Examples:
             InputError: if it does not exist; the message lists the existing ones.
         """
         if name not in self.points:
-            mend = f"Known: {', '.join(self.points)}."
-            raise InputError(f"the control point {name!r} does not exist", where=_ERROR_PLACE, mend=mend)
+            advice = f"Known: {', '.join(self.points)}."
+            raise InputError(f"the control point {name!r} does not exist", where=_ERROR_PLACE, remedy=advice)
         return self.points.index(name)
 
     def _check_shapes(self) -> None:
@@ -78,42 +78,44 @@ class Examples:
         shape = (count, pairs, 3)
         if pairs == 0 or len(self.joints) != pairs:
             problem = f"{len(self.joints)} joints are paired with {pairs} control points"
-            raise InputError(problem, where=_ERROR_PLACE, mend="Pair each control point with one joint.")
+            raise InputError(problem, where=_ERROR_PLACE, remedy="Pair each control point with one joint.")
         if len(set(self.points)) != pairs:
-            twice = sorted({name for name in self.points if self.points.count(name) > 1})
-            raise InputError(f"control points occur twice: {', '.join(twice)}", where=_ERROR_PLACE)
+            repeated_names = sorted({name for name in self.points if self.points.count(name) > 1})
+            raise InputError(f"control points occur twice: {', '.join(repeated_names)}", where=_ERROR_PLACE)
         if self.sources.shape != shape or self.targets.shape != shape:
             problem = f"poses {self.sources.shape} and {self.targets.shape} of {pairs} pairs"
-            raise InputError(problem, where=_ERROR_PLACE, mend="Give (n, P, 3) of both.")
+            raise InputError(problem, where=_ERROR_PLACE, remedy="Give (n, P, 3) of both.")
         if count < 2:
             raise InputError(
-                f"there is {count} example, two are needed", where=_ERROR_PLACE, mend="Pose one more."
+                f"there is {count} example, two are needed", where=_ERROR_PLACE, remedy="Pose one more."
             )
 
     def _check_values(self) -> None:
-        bad = ~(np.isfinite(self.sources) & np.isfinite(self.targets)).all(2)
-        if bad.any():
-            example, pair = np.argwhere(bad)[0]
+        is_bad = ~(np.isfinite(self.sources) & np.isfinite(self.targets)).all(2)
+        if is_bad.any():
+            example, pair = np.argwhere(is_bad)[0]
             problem = f"example {example} is not finite at {self.points[pair]!r}"
-            raise InputError(problem, where=_ERROR_PLACE, mend="Pose it again.")
+            raise InputError(problem, where=_ERROR_PLACE, remedy="Pose it again.")
         for a in range(len(self)):
             distances = np.sqrt(((self.sources[a + 1 :] - self.sources[a]) ** 2).mean((1, 2)))
-            same = np.flatnonzero(distances <= _SAME_POSE_TOLERANCE * max(self.source_size, 1e-12))
-            if len(same):
-                problem = f"examples {a} and {a + 1 + int(same[0])} have the same pose of the performer"
+            equal_examples = np.flatnonzero(distances <= _SAME_POSE_TOLERANCE * max(self.source_size, 1e-12))
+            if len(equal_examples):
+                problem = (
+                    f"examples {a} and {a + 1 + int(equal_examples[0])} have the same pose of the performer"
+                )
                 raise InputError(
-                    problem, where=_ERROR_PLACE, mend="Remove one, or choose another frame for it."
+                    problem, where=_ERROR_PLACE, remedy="Remove one, or choose another frame for it."
                 )
 
 
 def drop_repeated_poses(sources: Float) -> list[int]:
     """Returns the poses (n, P, 3) that do not repeat an earlier one."""
-    kept: list[int] = []
-    least = _SAME_POSE_TOLERANCE * max(_pose_size(sources), 1e-12)
+    kept_numbers: list[int] = []
+    tolerance = _SAME_POSE_TOLERANCE * max(_pose_size(sources), 1e-12)
     for number, pose in enumerate(sources):
-        if all(np.sqrt(((pose - sources[other]) ** 2).mean()) > least for other in kept):
-            kept.append(number)
-    return kept
+        if all(np.sqrt(((pose - sources[other]) ** 2).mean()) > tolerance for other in kept_numbers):
+            kept_numbers.append(number)
+    return kept_numbers
 
 
 def _pose_size(poses: Float) -> float:

@@ -43,7 +43,7 @@ class IdentityKey(Generic[T]):
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """Returns the referenced object. The creator of the key must keep the object alive."""
+        """Returns the object. The creator of the key must keep the object alive."""
         value = self._value()
         assert value is not None
         return value
@@ -61,12 +61,13 @@ class IdentityKey(Generic[T]):
 
 @dataclass(frozen=True)
 class Material:
-    """The inputs of a layer's motion, by value or by identity: the key of its cache.
+    """The inputs of a layer's motion, compared by value or by identity. It is the cache key of the solved
+    motion.
 
     Attributes:
         points, poses, symmetry: attributes of the puppet.
         mesh: the puppet's mesh.
-        shown: the takes of the key poses.
+        shown: the takes that contain the performer poses of the key poses.
         take: the take that the layer plays.
         layer: the layer without attributes that only affect its timing.
         examples, locomotion: the settings.
@@ -95,8 +96,8 @@ def collect_material(project: Project, puppet: Puppet, layer: PuppetLayer) -> Ma
 
 
 def examples_of(project: Project, puppet: Puppet) -> Examples:
-    """Returns the key poses as examples, with joints in the performer's body frame. Symmetry adds mirrored
-    examples.
+    """Converts the key poses to examples, with joints in the performer's body frame. If the puppet is
+    symmetric, mirrored examples are added.
 
     Raises:
         InputError: if data is missing (see :func:`missing`), or the examples cannot be used.
@@ -113,10 +114,10 @@ def examples_with(
     takes: Sequence[Clip],
     symmetry: Plane | None,
 ) -> Examples:
-    """Returns the examples of these control points, from key poses in these takes."""
+    """Builds the examples of the given control points from the key poses in the given takes."""
     lacking = find_missing(mesh, points, [take.skeleton for take in takes], symmetry)
     if lacking:
-        raise InputError(lacking[0], where=f"puppet {name!r}", mend=" ".join(lacking[1:]))
+        raise InputError(lacking[0], where=f"puppet {name!r}", remedy=" ".join(lacking[1:]))
     joints = tuple(point.joint for point in points)
     names = tuple(point.name for point in points)
     reference = reference_among([take.skeleton for take in takes], joints)
@@ -124,28 +125,33 @@ def examples_with(
     examples = Examples(joints, names, _shown_poses(takes, poses, joints, reference), targets)
     if symmetry is None:
         return examples
-    at, across = np.array(symmetry.point), np.array(symmetry.normal)
+    plane_point, plane_normal = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
-    partners = find_partners(rest, at, across, names=names)
-    return add_mirror_images(examples, partners, rest, across, _left_right_axis(reference, joints, partners))
+    partners = find_partners(rest, plane_point, plane_normal, names=names)
+    return add_mirror_images(
+        examples, partners, rest, plane_normal, _left_right_axis(reference, joints, partners)
+    )
 
 
 def select_pairs(examples: Examples, pairs: Sequence[int]) -> Examples:
-    """Returns the examples of a subset of the pairs. Of examples with equal joints, the first is kept."""
+    """Returns the examples restricted to a subset of the pairs. If several examples have equal joint
+    positions, only the first is kept.
+    """
     joints, points = (tuple(names[k] for k in pairs) for names in (examples.joints, examples.points))
     sources, targets = examples.sources[:, pairs], examples.targets[:, pairs]
-    kept = drop_repeated_poses(sources)
-    return Examples(joints, points, sources[kept], targets[kept])
+    kept_numbers = drop_repeated_poses(sources)
+    return Examples(joints, points, sources[kept_numbers], targets[kept_numbers])
 
 
 def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
-    """Returns (3,) the performer's left-right axis at rest, horizontal. During a stride, feet are farther
-    apart in depth."""
+    """Returns (3,) the performer's horizontal left-right axis. It is measured at rest, because during a
+    stride the feet are farther apart in depth than in width.
+    """
     places = reference.positions[[reference.index(name) for name in joints]]
-    between = (places - places[list(partners)]) * [1.0, 0.0, 1.0]
-    apart = between[int(np.linalg.norm(between, axis=1).argmax())]
-    length = float(np.linalg.norm(apart))
-    return apart / length if length > 1e-6 else None
+    offsets = (places - places[list(partners)]) * [1.0, 0.0, 1.0]
+    widest = offsets[int(np.linalg.norm(offsets, axis=1).argmax())]
+    length = float(np.linalg.norm(widest))
+    return widest / length if length > 1e-6 else None
 
 
 def reference_performer(project: Project, puppet: Puppet) -> Skeleton:
@@ -156,7 +162,7 @@ def reference_performer(project: Project, puppet: Puppet) -> Skeleton:
         InputError: if the puppet has no key poses.
     """
     if not puppet.poses:
-        raise InputError("it has no key pose", where=f"puppet {puppet.id!r}", mend="Pose two examples.")
+        raise InputError("it has no key pose", where=f"puppet {puppet.id!r}", remedy="Pose two examples.")
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
     return reference_among(skeletons, tuple(point.joint for point in puppet.points))
 
@@ -167,7 +173,9 @@ def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Ske
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
-    """Returns sentences about the data that a puppet still lacks, or none if it is ready to move."""
+    """Returns sentences about the data that a puppet still lacks. The list is empty if the puppet is ready to
+    move.
+    """
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
     return find_missing(puppet.mesh, puppet.points, skeletons, puppet.symmetry)
 
@@ -202,12 +210,13 @@ def find_missing(
 
 
 def _similar_names(name: str, known: Sequence[str]) -> str:
-    """Returns the names of the same words in another order, or the most similarly spelt ones, as part of a
-    sentence."""
+    """Returns similar names as part of a sentence: names with the same words in another order, or else the
+    most similarly spelt names.
+    """
     words = sorted(name.split())
     reordered = [other for other in known if sorted(other.split()) == words]
-    alike = reordered or get_close_matches(name, known, n=3, cutoff=0.4)
-    return f" (there are {', '.join(alike)})" if alike else ""
+    matches = reordered or get_close_matches(name, known, n=3, cutoff=0.4)
+    return f" (there are {', '.join(matches)})" if matches else ""
 
 
 def frame_at(clip: Clip, seconds: float) -> int:
@@ -220,20 +229,21 @@ def frame_at(clip: Clip, seconds: float) -> int:
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
         problem = f"{seconds:g} s is outside of the take"
-        raise InputError(problem, where=f"take {clip.id!r}", mend=f"It has 0..{clip.duration:g} s.")
+        raise InputError(problem, where=f"take {clip.id!r}", remedy=f"It has 0..{clip.duration:g} s.")
     return frame
 
 
 def _shown_poses(
     takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
 ) -> Float:
-    """Returns (n, P, 3) metres, the paired joints in the body frame at key poses, converted to the
-    reference."""
-    out = np.empty((len(poses), len(joints), 3))
+    """Returns (n, P, 3) the paired joints at the key poses, in the body frame, converted to the reference
+    performer, metres.
+    """
+    all_poses = np.empty((len(poses), len(joints), 3))
     for take in dict.fromkeys(takes):
-        mine = [n for n, other in enumerate(takes) if other is take]
-        frames = [frame_at(take, poses[n].time) for n in mine]
+        pose_numbers = [n for n, other in enumerate(takes) if other is take]
+        frames = [frame_at(take, poses[n].time) for n in pose_numbers]
         role = match_performer(reference, take.skeleton, joints, take.id)
-        some = take.mapped(itemgetter(frames))
-        out[mine] = role.seen(performed(some, role.joints).poses)
-    return out
+        clip = take.mapped(itemgetter(frames))
+        all_poses[pose_numbers] = role.seen(performed(clip, role.joints).poses)
+    return all_poses

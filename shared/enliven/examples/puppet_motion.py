@@ -1,11 +1,11 @@
-"""The motion of a puppet in the world: the takes of its layers, retargeted by its key poses.
+"""The motion of a puppet in the world. The takes of its layers are retargeted by its key poses.
 
     missing(project, puppet)                  # sentences about missing data; empty if it can move
     state_of(project, puppet, seconds)        # its control points and its position
     motion_of(project, puppet, layer)         # a whole take, solved once (section 5)
 
-The puppet's frame is that of the mesh. The motion starts at the modeled position and facing direction,
-independent of the performer's. A layer that travels adds a yaw and a root position to this start
+The puppet's frame is the mesh's frame. The motion starts at the modeled position and facing direction of the
+mesh, independent of those of the performer. A layer that travels adds a yaw and a root position to this start
 (:mod:`enliven.examples.spacetime.locomotion`).
 """
 
@@ -22,8 +22,8 @@ from enliven.errors import InputError
 from enliven.examples.puppet_examples import Material, collect_material
 from enliven.examples.puppet_solve import solve_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.mapping import rotate_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
+from enliven.skeletons.facing import rotate_about_y
 
 _CACHED_MOTIONS = 64
 """Number of motions in the least-recently-used cache, over all puppets, layers and edits."""
@@ -31,10 +31,10 @@ _CACHED_MOTIONS = 64
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A puppet at one time.
+    """The state of a puppet at one time.
 
     Attributes:
-        places: (P, 3) metres in the mesh's own frame, the control points.
+        places: (P, 3) positions of the control points in the mesh's own frame, metres.
         yaw: radians about +Y.
         root: (3,) metres: x in the mesh's frame maps to yaw(x) + root, before the puppet's own rotation and
             position.
@@ -48,7 +48,7 @@ class State:
 def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     """Returns the solved motion of a layer's whole take, from a cache if possible.
 
-    Equal inputs give the same object. Offset, speed, loop and muting do not affect it.
+    Equal inputs return the same object. Offset, speed, loop and muting of the layer do not affect the result.
 
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
@@ -57,31 +57,40 @@ def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
 
 
 def state_of(project: Project, puppet: Puppet, time: float) -> State:
-    """Returns the control points at a time of the project, with all layers mixed; at rest without layers.
+    """Returns the control points at a time of the project, with all layers mixed. Without layers, the puppet
+    is at rest.
 
     Raises:
-        InputError: as :func:`motion_of`.
+        InputError: in the same cases as :func:`motion_of`.
     """
-    places, yaw, root, free = puppet.rest.copy(), 0.0, np.zeros(3), 1.0
+    places, yaw, root, remaining_weight = puppet.rest.copy(), 0.0, np.zeros(3), 1.0
     for number, layer in enumerate(puppet.layers):
         if layer.muted or layer.weight == 0.0:
             continue
         motion = motion_of(project, puppet, number)
         length = (motion.frames - 1) * motion.step
-        at, ends = layer.moment(time, length), layer.ends(length)
-        moved, frames = list(motion.points), [motion.frame_of(at.second)]
+        loop_moment, ends = layer.moment(time, length), layer.ends(length)
+        moved_points, frames = list(motion.points), [motion.frame_of(loop_moment.second)]
         weights = [1.0]
-        if at.share > 0.0:
-            frames, weights = [*frames, motion.frame_of(at.other)], [1.0 - at.share, at.share]
+        if loop_moment.share > 0.0:
+            frames, weights = (
+                [*frames, motion.frame_of(loop_moment.other)],
+                [1.0 - loop_moment.share, loop_moment.share],
+            )
         played = sum(weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True))
-        places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
+        places[moved_points] += (
+            layer.weight * loop_moment.weight * (np.asarray(played)[moved_points] - places[moved_points])
+        )
         if motion.travels:
             # The path comes from the layers that travel. The first one determines it, in proportion to its
             # weight.
             for weight, frame in zip(weights, frames, strict=True):
-                turned, way = motion.root_at(frame, at.rounds, ends)
-                yaw, root = yaw + free * at.weight * weight * turned, root + free * at.weight * weight * way
-            free *= 1.0 - at.weight
+                layer_yaw, layer_root = motion.root_at(frame, loop_moment.rounds, ends)
+                yaw, root = (
+                    yaw + remaining_weight * loop_moment.weight * weight * layer_yaw,
+                    root + remaining_weight * loop_moment.weight * weight * layer_root,
+                )
+            remaining_weight *= 1.0 - loop_moment.weight
     return State(places, yaw, root)
 
 
@@ -111,8 +120,8 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
 def _layer_numbered(puppet: Puppet, number: int) -> PuppetLayer:
     if not 0 <= number < len(puppet.layers):
         problem = f"layer {number} does not exist"
-        mend = f"It has {len(puppet.layers)}."
-        raise InputError(problem, where=f"puppet {puppet.id!r}", mend=mend)
+        advice = f"It has {len(puppet.layers)}."
+        raise InputError(problem, where=f"puppet {puppet.id!r}", remedy=advice)
     return puppet.layers[number]
 
 

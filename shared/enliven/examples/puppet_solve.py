@@ -1,5 +1,6 @@
-"""Solves the motion of a layer's whole take by a puppet's examples: trajectories, and the path in the world
-(section 5)."""
+"""Solves the motion of a layer's whole take by a puppet's examples: control point trajectories, and the path
+in the world (section 5).
+"""
 
 from __future__ import annotations
 
@@ -23,17 +24,12 @@ from enliven.examples.puppet_examples import (
     select_pairs,
 )
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.examples.spacetime import (
-    PathFollower,
-    PlacedMotion,
-    check_switches,
-    convert_constraints,
-    floor_numbers,
-    floor_positions,
-    lock_feet,
-)
+from enliven.examples.spacetime.constraints import convert_constraints
+from enliven.examples.spacetime.following import PathFollower, floor_numbers, floor_positions
+from enliven.examples.spacetime.locomotion import PlacedMotion, check_switches
+from enliven.examples.spacetime.planting import lock_feet
 from enliven.examples.travel import PerformerFeet, convert_take, layer_travel, performer_feet
-from enliven.mapping import facing_of, rotate_about_y
+from enliven.skeletons.facing import facing_of, rotate_about_y
 
 
 def solve_motion(material: Material) -> PuppetMotion:
@@ -48,14 +44,14 @@ def solve_motion(material: Material) -> PuppetMotion:
         return solve.motion(places, None, np.zeros(len(places)))
     sense = -1.0 if material.layer.mirrored else 1.0
     yaw = sense * material.layer.weight * (solve.converted_take.yaw - solve.converted_take.yaw[0])
-    placed = solve.locate(places, yaw)
-    level = solve.level_constraints(placed)
+    placed_motion = solve.locate(places, yaw)
+    level = solve.level_constraints(placed_motion)
     if level:
         places = solve.places(level, places)
-        placed = solve.locate(places, yaw)
-    placed, held = solve.follow_path(placed)
-    places = solve.plant_feet(solve.displace_feet(places, held, yaw), placed, yaw)
-    return solve.motion(places, placed, yaw)
+        placed_motion = solve.locate(places, yaw)
+    placed_motion, foot_displacements = solve.follow_path(placed_motion)
+    places = solve.plant_feet(solve.displace_feet(places, foot_displacements, yaw), placed_motion, yaw)
+    return solve.motion(places, placed_motion, yaw)
 
 
 def convert_to_reference(material: Material) -> tuple[Examples, PerformerClip]:
@@ -69,7 +65,7 @@ def convert_to_reference(material: Material) -> tuple[Examples, PerformerClip]:
 
 
 def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
-    """Checks, without solving, that the constraints and switches of a layer can be met.
+    """Checks the constraints and contact switches of a layer without solving the motion.
 
     Raises:
         InputError: if data is missing, constraints contradict one another, or switches are out of order.
@@ -82,8 +78,8 @@ class _Solve:
 
     def __init__(self, material: Material) -> None:
         self._material, self._layer, points = material, material.layer, material.points
-        named = self._layer.points
-        self._moved = [k for k, point in enumerate(points) if not named or point.name in named]
+        point_names = self._layer.points
+        self._moved = [k for k, point in enumerate(points) if not point_names or point.name in point_names]
         self._feet = [k for k in self._moved if points[k].foot]
         mesh = material.mesh()
         self._rest = mesh.vertices[[point.vertex for point in points]]
@@ -93,8 +89,8 @@ class _Solve:
         footed = bool(self._feet) or not any(point.foot for point in points)
         self.travels = self._layer.travel and footed and self._layer.weight > 0.0
         shown = [load_clip() for load_clip in material.shown]
-        how = material.puppet, mesh, points, material.poses, shown, material.symmetry
-        self.examples = select_pairs(examples_with(*how), self._moved)
+        example_inputs = material.puppet, mesh, points, material.poses, shown, material.symmetry
+        self.examples = select_pairs(examples_with(*example_inputs), self._moved)
         self._mapping = ExampleMap(self.examples, material.examples)
         take, joints = material.take(), self.examples.joints
         reference = reference_among([clip.skeleton for clip in shown], [point.joint for point in points])
@@ -111,69 +107,81 @@ class _Solve:
         return convert_take(self._take, self._role)
 
     def check(self) -> None:
-        """Checks that constraints and switches can be met."""
+        """Checks that the constraints and contact switches can be met."""
         convert_constraints(self._asked, self.examples, len(self._take.turns), self._take.step)
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))
 
     def places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
-        """Solves (F, P, 3) metres in the mesh's frame. With coupled feet, other points come from the
-        ``known`` solution."""
-        out = np.tile(self._rest, (len(self.converted_take.poses), 1, 1))
-        how = self.converted_take.poses, self.converted_take.step, (*self._asked, *level)
-        before = None if known is None else known[:, self._moved]
-        out[:, self._moved] = self._mapping.solve(*how, known=before)
-        return out
+        """Solves the control points (F, P, 3) in the mesh's frame, metres. If feet are coupled, the other
+        points are copied from the ``known`` solution.
+        """
+        control_points = np.tile(self._rest, (len(self.converted_take.poses), 1, 1))
+        solve_inputs = self.converted_take.poses, self.converted_take.step, (*self._asked, *level)
+        known_points = None if known is None else known[:, self._moved]
+        control_points[:, self._moved] = self._mapping.solve(*solve_inputs, known=known_points)
+        return control_points
 
     def locate(self, places: Float, yaw: Float) -> PlacedMotion:
         """Returns the motion of control points (F, P, 3) in the world, moved only by the mesh's own feet."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._performer_feet is None:
-            still = np.zeros((len(places), 3))
-            return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), still, _no_anchors(places), ())
+            no_root = np.zeros((len(places), 3))
+            return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), no_root, _no_anchors(places), ())
         placed = self._performer_feet.locate(mixed, yaw, self._alternating_stance, self._layer.switches)
         # Keep the control points of the feet as high above the soles as in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
             return placed
-        # Feet that do not step alternately form a base. Keep the centre of this base in place.
-        turned = placed.world - placed.root[:, None]
-        middle = turned[:, self._feet].mean(1) - turned[0, self._feet].mean(0)
-        root = np.where([True, False, True], -middle, placed.root)
-        return replace(placed, root=root, world=turned + root[:, None], anchors=_no_anchors(places))
+        # If the feet do not step alternately, they form a base. Keep the centre of this base in place.
+        rotated = placed.world - placed.root[:, None]
+        base_drift = rotated[:, self._feet].mean(1) - rotated[0, self._feet].mean(0)
+        root = np.where([True, False, True], -base_drift, placed.root)
+        return replace(placed, root=root, world=rotated + root[:, None], anchors=_no_anchors(places))
 
     @cached_property
     def path(self) -> Complex:
-        """The path on the floor that the mesh follows, (F,) metres as x + iz."""
+        """The path on the floor that the mesh follows: (F,) complex numbers x + iz, metres."""
         facing, mirrored = facing_of(self._take.skeleton), self._layer.mirrored
         return self._layer.weight * self._travel.path_of(
             self.converted_take, facing, self._role.size, mirrored
         )
 
     def follow_path(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
-        """Returns the motion kept near the performer's path, and (F, K) metres by which feet are
-        displaced."""
+        """Pulls the motion towards the performer's path. Returns the motion, and (F, K) the displacements of
+        the feet, metres.
+        """
         # The layer's weight scales the whole motion, including the drift limit: half the weight gives half
         # the motion.
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
         following = PathFollower(size, self._material.locomotion, self.converted_take.step, len(feet))
-        how, down = self._material.locomotion.contact, np.zeros((len(placed.root), 0), np.bool_)
+        contact_settings, standing = (
+            self._material.locomotion.contact,
+            np.zeros((len(placed.root), 0), np.bool_),
+        )
         if feet:
-            down = self._alternating_stance | (placed.anchors[:, None] == feet)
-            down &= (placed.anchors >= 0)[:, None]
-        pulls, held, pull = np.empty(len(down), np.complex128), np.empty(down.shape, np.complex128), 0j
-        off = self.path - (floor_numbers(placed.root) - floor_numbers(placed.root[0]))
-        for frame, (wanted, stands) in enumerate(zip(off.tolist(), down.tolist(), strict=True)):
-            pull += following.next(wanted - pull, stands)
+            standing = self._alternating_stance | (placed.anchors[:, None] == feet)
+            standing &= (placed.anchors >= 0)[:, None]
+        pulls, held, pull = (
+            np.empty(len(standing), np.complex128),
+            np.empty(standing.shape, np.complex128),
+            0j,
+        )
+        offsets = self.path - (floor_numbers(placed.root) - floor_numbers(placed.root[0]))
+        for frame, (offset, stands) in enumerate(zip(offsets.tolist(), standing.tolist(), strict=True)):
+            pull += following.next(offset - pull, stands)
             pulls[frame], held[frame] = pull, following.held
-        if self.converted_take.step < how.blend:
-            # Fade the feet's displacements to zero at the end. They begin at zero too, so the take can loop.
-            held *= np.minimum(np.arange(len(held))[::-1] * self.converted_take.step / how.blend, 1.0)[
-                :, None
-            ]
-        by = floor_positions(pulls)
-        placed = replace(placed, root=placed.root + by, world=placed.world + by[:, None])
+        if self.converted_take.step < contact_settings.blend:
+            # Fade the displacements of the feet to zero at the end. They also begin at zero, so the take can
+            # loop.
+            held *= np.minimum(
+                np.arange(len(held))[::-1] * self.converted_take.step / contact_settings.blend, 1.0
+            )[:, None]
+        pull_positions = floor_positions(pulls)
+        placed = replace(
+            placed, root=placed.root + pull_positions, world=placed.world + pull_positions[:, None]
+        )
         placed.world[:, feet] += floor_positions(held)
         return placed, held
 
@@ -181,24 +189,28 @@ class _Solve:
         """Returns control points (F, P, 3) in the mesh's frame, with feet displaced by (F, K) metres."""
         if held.shape[1] == 0 or not held.any():
             return places
-        out = places.copy()
-        out[:, self._held_feet] += rotate_about_y(floor_positions(held), -yaw[:, None]) / self._layer.weight
-        return out
+        displaced = places.copy()
+        displaced[:, self._held_feet] += (
+            rotate_about_y(floor_positions(held), -yaw[:, None]) / self._layer.weight
+        )
+        return displaced
 
     def plant_feet(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:
         """Returns the control points (F, P, 3) with feet locked while they stand."""
-        how, weight = self._material.locomotion, self._layer.weight
-        if how.plant <= 0.0 or not self._travel.feet:
+        locomotion, weight = self._material.locomotion, self._layer.weight
+        if locomotion.plant <= 0.0 or not self._travel.feet:
             return places
         mixed = self._rest + weight * (places - self._rest)
-        still = lock_feet(
-            mixed, yaw, placed, self._feet, self._alternating_stance, self.converted_take.step, how
+        locked = lock_feet(
+            mixed, yaw, placed, self._feet, self._alternating_stance, self.converted_take.step, locomotion
         )
-        return places + (still - mixed) / weight
+        return places + (locked - mixed) / weight
 
     @property
     def _held_feet(self) -> list[int]:
-        """The feet that stay in place while the mesh is pulled back: all of them if it steps, else none."""
+        """The feet that stay in place while the mesh is pulled back to the path: all feet if the mesh steps,
+        otherwise none.
+        """
         return self._feet if self._travel.feet else []
 
     @cached_property
@@ -218,34 +230,35 @@ class _Solve:
         return self._performer_feet.stands() & np.isin(self._feet, self._travel.feet)
 
     def level_constraints(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
-        """Returns constraints for equal heights of feet when the anchor changes, unless they contradict the
-        user's constraints."""
+        """Returns constraints that give two feet equal heights when the anchor changes. Constraints that
+        contradict the user's are left out.
+        """
         if not self._layer.level_feet or not self._travel.feet:
             return ()
         couplings = placed.couplings([point.name for point in self._material.points])
-        room = self.examples, len(self.converted_take.poses), self.converted_take.step
-        if _constraints_agree((*self._asked, *couplings), *room):
+        problem_size = self.examples, len(self.converted_take.poses), self.converted_take.step
+        if _constraints_agree((*self._asked, *couplings), *problem_size):
             return couplings
-        kept: tuple[Coupling, ...] = ()
+        accepted: tuple[Coupling, ...] = ()
         for coupling in couplings:
-            if _constraints_agree((*self._asked, *kept, coupling), *room):
-                kept = (*kept, coupling)
-        return kept
+            if _constraints_agree((*self._asked, *accepted, coupling), *problem_size):
+                accepted = (*accepted, coupling)
+        return accepted
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """Returns the solved motion, with read-only arrays, since all callers share it."""
-        still, path = np.zeros((len(places), 3)), floor_positions(self.path)
-        way = (still, still, _no_anchors(places), ())
+        no_root, path = np.zeros((len(places), 3)), floor_positions(self.path)
+        world_path = (no_root, no_root, _no_anchors(places), ())
         if placed:
-            way = (placed.root, path, placed.anchors, placed.switches)
-        kept = (self.converted_take.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
-        for array in (places, self._rest, yaw, *way[:3]):
+            world_path = (placed.root, path, placed.anchors, placed.switches)
+        common = (self.converted_take.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
+        for array in (places, self._rest, yaw, *world_path[:3]):
             array.setflags(write=False)
-        return PuppetMotion(*kept, *way, self.travels, self._role.notes)
+        return PuppetMotion(*common, *world_path, self.travels, self._role.notes)
 
 
 def _no_anchors(places: Float) -> Int:
-    """Returns (F,) anchors for places (F, P, 3) without a standing foot."""
+    """Returns (F,) anchors of a motion (F, P, 3) in which no foot ever stands: -1."""
     return np.full(len(places), -1, np.int64)
 
 

@@ -1,4 +1,4 @@
-"""The solved motion of a layer: control points frame by frame, the path in the world, and its repetitions."""
+"""The solved motion of a layer: control points per frame, the path in the world, and looping."""
 
 from __future__ import annotations
 
@@ -8,26 +8,28 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.document import Switch
-from enliven.mapping import rotate_about_y
+from enliven.skeletons.facing import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
 class PuppetMotion:
-    """The solved motion of a layer over its whole take, one entry per frame.
+    """The solved motion of a layer over its whole take. Arrays have one entry per frame.
 
     Attributes:
         step: seconds between frames.
-        points: numbers of the control points that it moves.
-        places: (F, P, 3) metres in the mesh's own frame; points that it does not move are at rest.
+        points: numbers of the control points that the layer moves.
+        places: (F, P, 3) control points in the mesh's own frame, metres; points that the layer does not move
+            are at rest.
         rest: (P, 3) metres, the control points at rest.
         weight: weight of the layer.
-        yaw: (F,) radians since the first frame; 0 if it does not travel.
-        root: (F, 3) metres; 0 if it does not travel.
+        yaw: (F,) rotation about +Y since the first frame, radians; 0 if the layer does not travel.
+        root: (F, 3) position of the root, metres; 0 if the layer does not travel.
         path: (F, 3) metres on the floor, the performer's path scaled to the puppet's stride. The root stays
             near it.
-        anchors: (F,) the control point that stands. -1 in flight, and if the puppet does not step.
-        switches: the times at which contact and flight begin, as used; empty if it does not travel.
-        travels: whether it moves through the world.
+        anchors: (F,) the number of the control point that stays in place on the floor. -1 in flight, and if
+            the puppet does not step.
+        switches: the times at which contact and flight begin; empty if the layer does not travel.
+        travels: True if the layer moves the puppet through the world.
         notes: assumptions, as sentences for the user.
     """
 
@@ -67,11 +69,11 @@ class PuppetMotion:
     def root_at(
         self, frame: float, rounds: int = 0, ends: tuple[float, float] | None = None
     ) -> tuple[float, Float]:
-        """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops from the first of ``ends``
-        to the last.
+        """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops of the range ``ends`` of
+        the take.
 
-        The ends are seconds of the take. None uses the start and end of the take. The anchor stays in place
-        at frames and between frames.
+        ``ends`` are two times in seconds. None loops the whole take. The anchor stays in place at frames and
+        between frames.
         """
         before, after, part = self._frames_around(frame)
         yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
@@ -80,41 +82,45 @@ class PuppetMotion:
         if anchor >= 0:
             place_before, place_after = (self._world_position(f, anchor) for f in (before, after))
             anchor_place = (1.0 - part) * place_before + part * place_after
-            turned = [
+            rotated = [
                 _turn_about_y(place - self.root[f], -self.yaw[f])
                 for place, f in ((place_before, before), (place_after, after))
             ]
-            root = anchor_place - _turn_about_y((1.0 - part) * turned[0] + part * turned[1], yaw)
+            root = anchor_place - _turn_about_y((1.0 - part) * rotated[0] + part * rotated[1], yaw)
         return self._after_rounds(yaw, np.asarray(root), frame, rounds, ends)
 
     def _after_rounds(
         self, yaw: float, root: Float, frame: float, rounds: int, ends: tuple[float, float] | None
     ) -> tuple[float, Float]:
-        """Returns the yaw and the root after whole rounds. Each round continues where the previous one ended.
+        """Returns the yaw and the root after whole rounds of the loop. Each round continues where the
+        previous one ended.
 
         Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, where R is the turn of one round. This
-        geometric series also holds for n < 0. The offset is that of the path, so the root's distance from the
-        path does not add up over rounds. The step at the seam that remains is eased out within the round.
+        geometric series also holds for n < 0. The offset is that of the path, so that the root's distance
+        from the path does not accumulate over rounds. The remaining jump at the seam is eased out within the
+        round.
         """
         if rounds == 0 or not self.travels:
             return yaw, root
         a, b = (0, -1) if ends is None else (round(self.frame_of(end)) for end in ends)
-        turn = float(self.yaw[b] - self.yaw[a])
-        offset = self.path[b] - _turn_about_y(self.path[a], turn)
-        half = np.sin(0.5 * turn)
-        series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * turn) / half
-        gone = series * _turn_about_y(offset, 0.5 * (rounds - 1) * turn)
-        off = self._round_offset(a, b, turn) - offset
+        round_yaw = float(self.yaw[b] - self.yaw[a])
+        offset = self.path[b] - _turn_about_y(self.path[a], round_yaw)
+        half = np.sin(0.5 * round_yaw)
+        series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * round_yaw) / half
+        path_offset = series * _turn_about_y(offset, 0.5 * (rounds - 1) * round_yaw)
+        seam_jump = self._round_offset(a, b, round_yaw) - offset
         done = _ease_in_out((frame - a) / max((b % self.frames) - a, 1))
-        back = 1.0 - done if rounds > 0 else -done
-        off = back * _turn_about_y(off, (rounds - 1 if rounds > 0 else rounds) * turn)
-        return yaw + rounds * turn, _turn_about_y(root, rounds * turn) + gone + off
+        remaining_part = 1.0 - done if rounds > 0 else -done
+        seam_jump = remaining_part * _turn_about_y(
+            seam_jump, (rounds - 1 if rounds > 0 else rounds) * round_yaw
+        )
+        return yaw + rounds * round_yaw, _turn_about_y(root, rounds * round_yaw) + path_offset + seam_jump
 
     def _round_offset(self, a: int, b: int, turn: float) -> Float:
         """Returns (3,) the offset of a round that begins at frame ``a``, after the previous round ended at
         frame ``b``.
 
-        The anchor of the last frame stays in place, or the root in flight. Heights stay.
+        The anchor of the last frame (in flight, the root) stays in place. Heights do not change.
         """
         anchor = int(self.anchors[b])
         last, first = self.root[b], self.root[a]
@@ -137,6 +143,6 @@ def _turn_about_y(vector: Float, angle: float) -> Float:
 
 
 def _ease_in_out(part: float) -> float:
-    """Returns 0 to 1 while ``part`` goes from 0 to 1, slowly at both ends."""
+    """Returns the smoothstep of ``part``: 0 to 1 with zero slope at both ends."""
     part = min(max(part, 0.0), 1.0)
     return part * part * (3.0 - 2.0 * part)

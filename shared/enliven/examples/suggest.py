@@ -1,4 +1,5 @@
-"""Suggests the frames of a motion to pose (those farthest from one another), and how many of them are enough.
+"""Suggests which frames of a motion to use as key poses, and how many are enough. The frames are those that
+differ most from one another.
 
 suggested = suggest_poses(performed(clip, joints).poses)      # frames, and remaining distances
 """
@@ -65,17 +66,17 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
             where="key poses",
         )
     frames = [int(_pose_distance(poses, np.median(poses, axis=0)).argmin())]
-    away, gaps = _pose_distance(poses, poses[frames[0]]), list[float]()
-    away[_is_outlier(poses, settings.slip * float(np.median(away)))] = 0.0
+    distances, gaps = _pose_distance(poses, poses[frames[0]]), list[float]()
+    distances[_is_outlier(poses, settings.slip * float(np.median(distances)))] = 0.0
     while True:
-        farthest = int(away.argmax())
-        gaps.append(float(away[farthest]))
+        farthest = int(distances.argmax())
+        gaps.append(float(distances[farthest]))
         if gaps[-1] <= 1e-6 * gaps[0] or len(frames) == settings.most:
             break
         frames.append(farthest)
-        away = np.minimum(away, _pose_distance(poses, poses[farthest]))
+        distances = np.minimum(distances, _pose_distance(poses, poses[farthest]))
     if len(frames) < 2:
-        raise InputError("the performer never moves", where="key poses", mend="Choose another part of it.")
+        raise InputError("the performer never moves", where="key poses", remedy="Choose another part of it.")
     few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
     return SuggestedPoses(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
 
@@ -84,44 +85,50 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
     """Suggests key poses in addition to existing examples (n, P, 3), all in the body frame.
 
     Returns:
-        The frames, the most important first. ``gaps[k]`` is the remaining distance with the first k frames,
-        so ``gaps`` has one entry more than ``frames``. ``count`` frames are enough, 0 if none is needed.
+        The suggested frames, the most important first. ``gaps[k]`` is the remaining distance with the first k
+        frames, so ``gaps`` has one entry more than ``frames``. ``count`` is the number of frames that are
+        enough, 0 if none is needed.
 
     Raises:
-        InputError: as :func:`suggest_poses`.
+        InputError: in the same cases as :func:`suggest_poses`.
     """
     settings = settings or SuggestSettings()
     poses = np.array(poses, np.float64)
-    alone = suggest_poses(poses, settings)
-    away = distance_to(poses, known)
-    away[
-        _is_outlier(poses, settings.slip * float(np.median(_pose_distance(poses, poses[alone.frames[0]]))))
+    is_outlier = suggest_poses(poses, settings)
+    distances = distance_to(poses, known)
+    distances[
+        _is_outlier(
+            poses, settings.slip * float(np.median(_pose_distance(poses, poses[is_outlier.frames[0]])))
+        )
     ] = 0.0
-    frames, gaps = list[int](), [float(away.max())]
-    while gaps[-1] > 1e-6 * alone.gaps[0] and len(frames) + len(known) < settings.most:
-        frames.append(int(away.argmax()))
-        away = np.minimum(away, _pose_distance(poses, poses[frames[-1]]))
-        gaps.append(float(away.max()))
-    few = [k for k, gap in enumerate(gaps) if gap <= settings.enough * alone.gaps[0]]
+    frames, gaps = list[int](), [float(distances.max())]
+    while gaps[-1] > 1e-6 * is_outlier.gaps[0] and len(frames) + len(known) < settings.most:
+        frames.append(int(distances.argmax()))
+        distances = np.minimum(distances, _pose_distance(poses, poses[frames[-1]]))
+        gaps.append(float(distances.max()))
+    few = [k for k, gap in enumerate(gaps) if gap <= settings.enough * is_outlier.gaps[0]]
     return SuggestedPoses(tuple(frames), tuple(gaps), few[0] if few else len(frames))
 
 
 def distance_to(poses: Float, known: Float) -> Float:
-    """Returns (F,) root-mean-square distances over joints from poses (F, P, 3) to the nearest of (n, P, 3),
-    in metres."""
+    """Returns (F,) the distances, in metres, from poses (F, P, 3) to the nearest of the known poses (n, P,
+    3). A distance is the root mean square over the joints.
+    """
     return np.asarray(np.min([_pose_distance(poses, pose) for pose in known], axis=0))
 
 
 def _is_outlier(poses: Float, far: float) -> Bool:
-    """Returns (F,) true for frames far from both neighbours (tracking outliers).
+    """Returns (F,) True for frames that are far from both neighbours (tracking outliers).
 
     If at least half of the frames would be outliers, returns False for all.
     """
     steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))
-    alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)
-    return alone if alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)
+    is_alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)
+    return is_alone if is_alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)
 
 
 def _pose_distance(poses: Float, pose: Float) -> Float:
-    """Returns (F,) metres, the root-mean-square distance over the joints."""
+    """Returns (F,) the distances between ``poses`` (F, P, 3) and one pose, in metres: the root mean square
+    over the joints.
+    """
     return np.asarray(np.sqrt(((poses - pose) ** 2).sum(2).mean(1)))

@@ -1,5 +1,5 @@
 """Mirrors examples at the mesh's symmetry plane, so that an example for the left side also applies to the
-right (section 6.1).
+right side (section 6.1).
 
 partners = find_partners(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
 more = add_mirror_images(examples, partners, rest, normal)           # each example, and its mirror image
@@ -22,33 +22,35 @@ _SELF_MIRROR_TOLERANCE = 1e-3
 def find_partners(
     rest: Float, point: Float, normal: Float, tolerance: float = 0.1, names: Sequence[str] | None = None
 ) -> tuple[int, ...]:
-    """Returns the number of the mirror image of each control point (P, 3) at rest; its own number if it is on
-    the plane.
+    """Returns the number of the mirror image of each control point (P, 3) at rest. A point on the plane has
+    its own number.
 
     Args:
         point, normal: (3,) a point on the mesh's symmetry plane, and its normal.
         tolerance: maximum error of a mirror image, as a fraction of the points' extent.
-        names: (P,) of the control points, for messages; None for their numbers.
+        names: (P,) names of the control points, for messages. If None, messages contain their numbers.
 
     Raises:
         InputError: if a control point has no mirror image; the message names it.
     """
     rest = np.asarray(rest, np.float64)
-    away = np.linalg.norm(reflect_points(rest, point, normal)[:, None] - rest[None], axis=2)
-    nearest = away.argmin(1)
+    distances = np.linalg.norm(reflect_points(rest, point, normal)[:, None] - rest[None], axis=2)
+    nearest = distances.argmin(1)
     extent = float(np.linalg.norm(np.ptp(rest, axis=0)))
     for p, other in enumerate(nearest):
-        if away[p, other] > tolerance * extent or nearest[other] != p:
-            mend = "Add one there, or leave symmetry out."
-            which = p if names is None else repr(names[p])
-            raise InputError(f"control point {which} has no mirror image", where="symmetry", mend=mend)
+        if distances[p, other] > tolerance * extent or nearest[other] != p:
+            advice = "Add one there, or leave symmetry out."
+            point_name = p if names is None else repr(names[p])
+            raise InputError(
+                f"control point {point_name} has no mirror image", where="symmetry", remedy=advice
+            )
     return tuple(int(other) for other in nearest)
 
 
 def reflect_points(places: Float, point: Float, normal: Float) -> Float:
     """Mirrors positions (..., 3) in a plane."""
-    across = np.asarray(normal, np.float64) / np.linalg.norm(normal)
-    return np.asarray(places - 2.0 * ((places - point) @ across)[..., None] * across)
+    unit_normal = np.asarray(normal, np.float64) / np.linalg.norm(normal)
+    return np.asarray(places - 2.0 * ((places - point) @ unit_normal)[..., None] * unit_normal)
 
 
 def mirror_places(places: Float, rest: Float, partners: Sequence[int], normal: Float) -> Float:
@@ -71,13 +73,15 @@ def add_mirror_images(
     """Returns the examples and their mirror images, without mirror images that equal an example.
 
     Args:
-        partners: (P,) of the control points; the paired joints are assumed to be partners likewise.
+        partners: (P,) the mirror image of each control point. The paired joints are assumed to be mirror
+            images in the same way.
         rest: (P, 3) metres, the control points at rest.
         normal: (3,) of the mesh's symmetry plane.
-        across: (3,) the performer's left-right axis in the body frame; None to compute it from the joints.
+        across: (3,) the performer's left-right axis in the body frame. If None, it is computed from the
+            joints.
 
     Raises:
-        InputError: if the partners are not mutual.
+        InputError: if ``partners`` is not symmetric.
     """
     order = np.asarray(partners)
     if sorted(order) != list(range(len(examples.points))) or (order[order] != np.arange(len(order))).any():
@@ -95,11 +99,11 @@ def add_mirror_images(
 
 
 def _left_right_axis(examples: Examples, order: Int) -> Float:
-    """Computes a horizontal unit vector (3,) from right joints to left ones, over all examples."""
-    between = examples.sources - examples.sources[:, order]
+    """Computes the horizontal unit vector (3,) from right joints to left joints, over all examples."""
+    offsets = examples.sources - examples.sources[:, order]
     left = np.arange(len(order)) < order
-    apart = between[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]
-    if len(apart) == 0 or not apart.any():
-        mend = "Give the axis that goes from side to side."
-        raise InputError("no joint has a partner at the other side", where="symmetry", mend=mend)
-    return np.asarray(np.linalg.eigh(apart.T @ apart)[1][:, -1])
+    horizontal = offsets[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]
+    if len(horizontal) == 0 or not horizontal.any():
+        advice = "Give the axis that goes from side to side."
+        raise InputError("no joint has a partner at the other side", where="symmetry", remedy=advice)
+    return np.asarray(np.linalg.eigh(horizontal.T @ horizontal)[1][:, -1])

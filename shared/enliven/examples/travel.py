@@ -1,4 +1,4 @@
-"""The locomotion of a puppet: its stepping feet, and its travel for each metre of the performer.
+"""The locomotion of a puppet: its stepping feet, and how far it travels for each metre of the performer.
 
     travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
     path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor
@@ -30,24 +30,27 @@ from enliven.examples.puppet_examples import (
     missing,
     reference_among,
 )
-from enliven.examples.spacetime import PlacedMotion, find_switches, floor_numbers, place_motion, standing_feet
-from enliven.mapping import facing_of, rotate_about_y
+from enliven.examples.spacetime.following import floor_numbers
+from enliven.examples.spacetime.locomotion import PlacedMotion, find_switches, place_motion, standing_feet
+from enliven.skeletons.facing import facing_of, rotate_about_y
 
 _CACHED_TRAVELS = 64
 """Number of puppets and edits in the least-recently-used cache."""
 _MIN_STEP_LENGTH = 0.05
-"""Minimum movement between two feet in the key poses that counts as a step, in sizes of the puppet."""
+"""Minimum relative movement of two feet between key poses that counts as a step, as a fraction of the
+puppet's size."""
 _MAX_GROUND_HEIGHT = 0.02
-"""Maximum height of a foot on the ground above the lowest foot, in sizes of the puppet."""
+"""Maximum height above the lowest foot of a foot that counts as on the ground, as a fraction of the puppet's
+size."""
 _SAMPLES_PER_SECOND = 30.0
 """Frames per second at which steps are measured. A stride takes half a second or more."""
 _COMPARED_PATH_S = 1.0
-"""Seconds over which the paths of puppet and performer are compared. They contain a stride, so steps average
-out."""
+"""Time span, in seconds, over which the displacements of puppet and performer are compared. It is longer than
+a stride, so steps average out."""
 _EXPLAINED_VARIANCE_RANGE = (0.7, 0.9)
-"""Range of the explained variance of the puppet's path by the performer's path. Below the range, only the
-sizes determine the stride, and above it only the steps. The value is above 0.9 in walks, and below 0.7 if the
-performer stays in place."""
+"""Range of the explained variance of the puppet's path by the performer's path. Below this range, the stride
+is the ratio of sizes. Above it, the stride is measured from the steps. In between, the two are mixed. The
+value is above 0.9 in walks, and below 0.7 if the performer stays in place."""
 
 
 @dataclass(frozen=True)
@@ -64,20 +67,23 @@ class PuppetTravel:
     stride: complex
 
     def path_of(self, took: PerformerClip, facing: float, size: float, mirrored: bool = False) -> Complex:
-        """Returns (F,) metres, the path of the puppet for a performer's take, from 0 in the first frame.
+        """Returns the path (F,) of the puppet for a performer's take: complex numbers x + iz in metres,
+        starting at 0.
 
         Args:
             facing: radians from +Z to the facing direction of the performer's skeleton at rest.
-            size: size of the performer of the key poses over the size of this performer.
+            size: size of the performer of the key poses divided by the size of this performer.
             mirrored: True if the puppet moves as in a mirror.
         """
         return self.stride * size * floor_path(took, facing, mirrored)
 
 
 def floor_path(took: PerformerClip, facing: float, mirrored: bool = False) -> Complex:
-    """Returns (F,) metres, the path of a performer on the floor, rotated so that they face +Z at first."""
-    way = floor_numbers(rotate_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
-    return -way.conj() if mirrored else way
+    """Returns the path (F,) of a performer on the floor: complex numbers x + iz in metres, rotated so that
+    the performer faces +Z at first.
+    """
+    path = floor_numbers(rotate_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
+    return -path.conj() if mirrored else path
 
 
 def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
@@ -88,13 +94,13 @@ def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
     """
     lacking = missing(project, puppet)
     if lacking:
-        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r}", mend=" ".join(lacking))
+        raise InputError("it cannot move yet", where=f"puppet {puppet.id!r}", remedy=" ".join(lacking))
     return layer_travel(collect_material(project, puppet, PuppetLayer(puppet.poses[0].take)))
 
 
 def layer_travel(material: Material) -> PuppetTravel:
-    """Returns the feet and the stride of the puppet of a layer. The only attribute of the layer that matters
-    is its mirroring.
+    """Returns the feet and the stride of the puppet of a layer. Of all attributes of the layer, only
+    mirroring affects the result.
 
     Raises:
         InputError: if the puppet lacks data.
@@ -104,7 +110,7 @@ def layer_travel(material: Material) -> PuppetTravel:
 
 
 def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
-    """Returns the feet that alternate on the ground in key poses (n, P, 3), metres.
+    """Returns those feet that alternate on the ground in the key poses (n, P, 3), metres.
 
     Two feet alternate if each is on the ground in at least one pose, and their relative position changes
     between poses.
@@ -126,7 +132,7 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
 
 
 def convert_take(clip: Clip, role: Role) -> PerformerClip:
-    """Returns a take converted to the performer of the key poses, in their size."""
+    """Converts a take to the performer of the key poses, including the size."""
     took = performed(clip, role.joints)
     return replace(took, poses=role.seen(took.poses))
 
@@ -177,11 +183,12 @@ def performer_feet(
         skeleton: the performer's skeleton.
         took: the take, one row per joint of the role.
         feet: numbers of the control points.
-        rows: for each foot the row of its joint in the role; None: the same number.
+        rows: for each foot, the row of its joint in the role. If None, rows and control points have the same
+            numbers.
     """
     rows = list(feet if rows is None else rows)
     bone_paths = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
-    legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in bone_paths])) or 1.0
+    legs = float(np.mean([skeleton.lengths[list(bone_path)].sum() for bone_path in bone_paths])) or 1.0
     return PerformerFeet(took.world[:, rows], tuple(feet), legs, took.step, how)
 
 
@@ -209,8 +216,8 @@ def _fitted_stride(
 ) -> complex:
     """Returns the stride of a puppet that steps: the least-squares ratio of its path to the performer's.
 
-    It is the ratio of their sizes if the performer's path does not explain the puppet's, for instance because
-    the performer stays in place.
+    If the performer's path does not explain the puppet's path, for instance because the performer stays in
+    place, the result is the ratio of their sizes.
 
     Args:
         size: the ratio of sizes.
@@ -222,16 +229,19 @@ def _fitted_stride(
         took = _resample_take(convert_take(clip, role))
         yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
         stepper = performer_feet(clip.skeleton, role, took, feet, material.locomotion)
-        placed = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
-        way = role.size * floor_path(took, facing_of(clip.skeleton), mirrored)
-        went, gone = (_path_displacements(path, took.step) for path in (floor_numbers(placed.root), way))
-        cross_product += complex(np.vdot(gone, went))
+        placed_motion = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
+        performer_path = role.size * floor_path(took, facing_of(clip.skeleton), mirrored)
+        puppet_moves, performer_moves = (
+            _path_displacements(path, took.step)
+            for path in (floor_numbers(placed_motion.root), performer_path)
+        )
+        cross_product += complex(np.vdot(performer_moves, puppet_moves))
         puppet_square, performer_square = (
-            puppet_square + float(np.vdot(went, went).real),
-            performer_square + float(np.vdot(gone, gone).real),
+            puppet_square + float(np.vdot(puppet_moves, puppet_moves).real),
+            performer_square + float(np.vdot(performer_moves, performer_moves).real),
         )
     explained = abs(cross_product) ** 2 / max(puppet_square * performer_square, 1e-12)
-    sure = float(
+    step_confidence = float(
         np.clip(
             (explained - _EXPLAINED_VARIANCE_RANGE[0])
             / (_EXPLAINED_VARIANCE_RANGE[1] - _EXPLAINED_VARIANCE_RANGE[0]),
@@ -239,20 +249,24 @@ def _fitted_stride(
             1.0,
         )
     )
-    return size + sure * (cross_product / max(performer_square, 1e-12) - size)
+    return size + step_confidence * (cross_product / max(performer_square, 1e-12) - size)
 
 
 def _path_displacements(way: Complex, step: float) -> Complex:
-    """Returns (N,) the displacements of a path (F,) within :data:`_COMPARED_PATH_S`, one from each frame."""
-    apart = max(min(round(_COMPARED_PATH_S / step), len(way) - 1), 1)
-    return np.asarray(way[apart:] - way[:-apart])
+    """Returns (N,) the displacements of a path (F,) over :data:`_COMPARED_PATH_S`, starting at each frame."""
+    frame_offset = max(min(round(_COMPARED_PATH_S / step), len(way) - 1), 1)
+    return np.asarray(way[frame_offset:] - way[:-frame_offset])
 
 
 def _resample_take(took: PerformerClip) -> PerformerClip:
     """Returns the take resampled to about :data:`_SAMPLES_PER_SECOND` frames per second."""
-    every = max(round(1.0 / (_SAMPLES_PER_SECOND * took.step)), 1)
+    frame_step = max(round(1.0 / (_SAMPLES_PER_SECOND * took.step)), 1)
     return PerformerClip(
-        took.poses[::every], took.world[::every], took.root[::every], took.yaw[::every], took.step * every
+        took.poses[::frame_step],
+        took.world[::frame_step],
+        took.root[::frame_step],
+        took.yaw[::frame_step],
+        took.step * frame_step,
     )
 
 

@@ -1,5 +1,18 @@
+from .option_table import (
+    IN_PLACE as IN_PLACE,
+    MAX_SCALE as MAX_SCALE,
+    SCALE as SCALE,
+    SHARED_OPTIONS as SHARED_OPTIONS,
+    UNIT as UNIT,
+    UP as UP,
+)
 from .performance import Performance as Performance
-from .registry import Exporter as Exporter, exporter_of as exporter_of, suffixes as suffixes
+from .registry import (
+    Exporter as Exporter,
+    exporter_of as exporter_of,
+    find_sheet_function as find_sheet_function,
+    suffixes as suffixes,
+)
 from .sampling import (
     Representation as Representation,
     performance_of as performance_of,

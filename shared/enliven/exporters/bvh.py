@@ -34,8 +34,7 @@ _MIN_BONE_MOTION_FRACTION = 1e-6
 """Minimum motion of a joint along its bone for position channels, as a fraction of the length of all
 bones."""
 _STILL_STEP = 1.0 / 30.0
-"""Frame time of a still pose, in seconds. A still pose is written as one frame, because the format has no
-other way."""
+"""Frame time of a still pose, in seconds. The format requires a frame time even for one frame."""
 _ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
 """Rotations in the order of multiplication, which most recorders use."""
 
@@ -46,8 +45,8 @@ class _Joint:
 
     Attributes:
         offset: (3,) metres from the joint above it.
-        at: the number of its joint in the skeleton.
-        moved: True if its position relative to the joint above changes.
+        at: the index of the corresponding joint in the skeleton.
+        moved: whether its position relative to the joint above changes.
         bone, above: the bones that define the rotations of this joint and of its parent joint.
         end: (3,) metres, the offset of its end site, or None.
     """
@@ -80,7 +79,7 @@ def write_bvh(
     """
     if len(performances) != 1:
         problem = f"a BVH file holds one character, not {len(performances)}"
-        raise InputError(problem, where=str(path), mend="Choose one: --character NAME.")
+        raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
@@ -93,8 +92,10 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
     """Returns the text of the file. See :func:`write_bvh`."""
     skeleton, location = performance.skeleton, f"character {performance.name!r}"
     if skeleton is None:
-        mend = "Write a .glb instead: its joints carry any surface."
-        raise InputError("it has no skeleton, and a BVH file holds nothing else", where=location, mend=mend)
+        remedy = "Write a .glb instead: its joints carry any surface."
+        raise InputError(
+            "it has no skeleton, and a BVH file holds nothing else", where=location, remedy=remedy
+        )
     scale, times = units_per_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)
     places = _joint_places(skeleton, turns, performance) if performance.stretches else None
@@ -114,46 +115,52 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 
 
 def _joint_places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
-    """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone."""
+    """Returns (T, N, 3) the position of each joint in metres, in the rotated frame of its bone."""
     assert performance.joints is not None
     offsets = performance.joints - performance.positions
     return np.asarray(np.einsum("tnba,tnb->tna", turns, offsets))
 
 
 def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Joint]:
-    """Returns the joints of the file, parents before children, from the bones' rotations (T, N, 3, 3).
+    """Returns the joints of the file, parents before children.
 
-    ``places`` is the result of :func:`_joint_places`, or None if bones are rigid.
+    ``linear`` contains the bones' rotations (T, N, 3, 3). ``places`` is the result of :func:`_joint_places`,
+    or None if the bones are rigid.
     """
     joints: list[_Joint] = []
-    moves = np.zeros(len(skeleton), bool)
+    is_moving = np.zeros(len(skeleton), bool)
     if places is not None:
-        moves = (
+        is_moving = (
             np.abs(places - skeleton.vectors).max((0, 2)) > _MIN_BONE_MOTION_FRACTION * skeleton.lengths.sum()
         )
     used_names: set[str] = set()
 
     def add(name: str, at: int, bone: int, above: int, depth: int, ends: list[int], more: bool) -> None:
-        """Adds joint ``at`` with the rotation of ``bone``, bones ending at ``ends``, and their subtrees.
+        """Adds joint ``at`` with the rotation of ``bone``, and the subtrees of the bones that end at the
+        joints ``ends``.
 
         ``at`` is -1 for a joint at the place of the root. ``more`` means that other joints will be attached
         to it.
         """
-        alone = len(ends) == 1 and not skeleton.children[ends[0]] and not more and not moves[ends[0]]
-        end = skeleton.vectors[ends[0]] if alone else None if ends or more else np.zeros(3)
+        is_end = len(ends) == 1 and not skeleton.children[ends[0]] and not more and not is_moving[ends[0]]
+        end = skeleton.vectors[ends[0]] if is_end else None if ends or more else np.zeros(3)
         # Many readers take only the part of a name before the first blank.
         joint_name = unused("_".join(name.split()) or "joint", used_names, "_")
         used_names.add(joint_name)
         offset = np.zeros(3) if at < 0 else skeleton.vectors[at]
-        joints.append(_Joint(joint_name, offset, at, at >= 0 and bool(moves[at]), bone, above, depth, end))
-        for joint in [] if alone else ends:
-            called = skeleton.names[joint]
+        joints.append(
+            _Joint(joint_name, offset, at, at >= 0 and bool(is_moving[at]), bone, above, depth, end)
+        )
+        for joint in [] if is_end else ends:
+            joint_name_text = skeleton.names[joint]
             groups = _equal_rotation_groups(linear, skeleton.children[joint])
             if not groups:
-                add(called, joint, bone, bone, depth + 1, [], False)
+                add(joint_name_text, joint, bone, bone, depth + 1, [], False)
             for number, group in enumerate(groups):
-                leads = called if number == 0 else f"{called} to {skeleton.names[group[0]]}"
-                add(leads, joint, group[0], bone, depth + 1, group, False)
+                first_name = (
+                    joint_name_text if number == 0 else f"{joint_name_text} to {skeleton.names[group[0]]}"
+                )
+                add(first_name, joint, group[0], bone, depth + 1, group, False)
 
     with_root, *others = _equal_rotation_groups(linear, (0, *skeleton.children[0]))
     add(skeleton.names[0], -1, 0, -1, 0, with_root[1:], bool(others))
@@ -199,19 +206,23 @@ def _vector_text(vector: Float, scale: float) -> str:
 
 
 def _local_rotations(linear: Float, above: int, bone: int) -> Float:
-    """Returns (T, 3, 3) the rotation of a bone relative to another. If ``above`` is -1, in the world."""
+    """Returns (T, 3, 3) the rotation of a bone relative to another. If ``above`` is -1, the rotation is
+    relative to the world.
+    """
     if above < 0:
         return linear[:, bone]
     return np.asarray(linear[:, above].transpose(0, 2, 1) @ linear[:, bone])
 
 
 def _euler_angles(turns: Float) -> Float:
-    """Returns (T, 3) degrees about Z, X and Y with rotation = Z X Y, without jumps of a full turn."""
-    away = np.hypot(turns[:, 2, 0], turns[:, 2, 2])
-    level = away > 1e-9
+    """Returns (T, 3) angles in degrees about Z, X and Y with rotation = Z X Y, without jumps of a full
+    turn.
+    """
+    cos_x = np.hypot(turns[:, 2, 0], turns[:, 2, 2])
+    level = cos_x > 1e-9
     z = np.where(
         level, np.arctan2(-turns[:, 0, 1], turns[:, 1, 1]), np.arctan2(turns[:, 1, 0], turns[:, 0, 0])
     )
     y = np.where(level, np.arctan2(-turns[:, 2, 0], turns[:, 2, 2]), 0.0)
-    x = np.arctan2(turns[:, 2, 1], away)
+    x = np.arctan2(turns[:, 2, 1], cos_x)
     return np.degrees(np.unwrap(np.stack([z, x, y], 1), axis=0))

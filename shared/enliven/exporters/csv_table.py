@@ -81,11 +81,11 @@ def _frame_rows(performance: Performance, scale: float) -> Iterator[list[list[st
     places: Float = np.array([pose.positions for pose in poses], np.float64)
     if performance.joints is not None:
         places = performance.joints
-    turns = remove_sign_jumps(from_matrix(nearest_rotation(linear)))
-    values = np.concatenate([places * scale, turns, np.linalg.norm(linear, axis=2)], 2)
+    rotations = remove_sign_jumps(from_matrix(nearest_rotation(linear)))
+    values = np.concatenate([places * scale, rotations, np.linalg.norm(linear, axis=2)], 2)
     # Adding zero turns -0.0 into 0.0.
-    rounded = np.round(values, 6) + 0.0
-    for number, (time, frame) in enumerate(zip(performance.times, rounded.tolist(), strict=True)):
+    rounded_values = np.round(values, 6) + 0.0
+    for number, (time, frame) in enumerate(zip(performance.times, rounded_values.tolist(), strict=True)):
         head = [performance.name, str(number), f"{time:.6f}"]
         yield [
             [*head, part, parent, *(f"{value:.6f}" for value in row)]

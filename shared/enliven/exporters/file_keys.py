@@ -12,11 +12,13 @@ from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 _MAX_CURVE_DEVIATION = 1e-2
 """Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
 
-Interpolation between frames at 120 Hz has errors of this size during fast rotations. If a curve deviates
-more, something else also moves the bone."""
+Interpolation between frames at 120 Hz has errors of this size during fast rotations. A larger deviation means
+that something else also moves the bone.
+"""
 _MAX_POSED_CHANGE = 1e-9
-"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. A larger change
-was posed by an artist."""
+"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. A larger change is
+an edit of an artist.
+"""
 
 
 _MAX_RIGID_STRETCH = 1e-6
@@ -26,14 +28,14 @@ _MAX_RIGID_STRETCH = 1e-6
 def find_file_keys(
     project: Project, shape: Shape, performance: Performance, start: float
 ) -> tuple[CubicKeys, ...]:
-    """Returns the cubic keys that move a shape, in the seconds of its performance.
+    """Returns the cubic keys that move a shape, with times in seconds of its performance.
 
     All bones must play one clip with cubic keys, once, forwards and at one speed, and nothing else may move
-    them. Motion that is layered, blended, looped, smoothed or posed has no keys and is sampled.
+    them. Layered, blended, looped, smoothed or edited motion has no such keys and is sampled instead.
 
     Args:
         project: contains the shape.
-        shape: the shape.
+        shape: the animated shape (a rigged model).
         performance: its sampled motion.
         start: time in the project at which the performance begins, in seconds.
     """
@@ -43,13 +45,13 @@ def find_file_keys(
         return ()
     (segment,) = layer.lane(clip.duration)
     speed = layer.speed * segment.speed
-    begin = layer.offset + segment.begin / layer.speed - start
-    first = segment.first + max(0.0, -begin) * speed
-    last = segment.first + (min(float(performance.times[-1]) - begin, segment.last / speed)) * speed
+    begin_s = layer.offset + segment.begin / layer.speed - start
+    first = segment.first + max(0.0, -begin_s) * speed
+    last = segment.first + (min(float(performance.times[-1]) - begin_s, segment.last / speed)) * speed
     last = min(last, segment.last, clip.duration)
     curves = list[CubicKeys]()
     for curve in clip.cubic:
-        curves.append(curve.between(first, last).timed(speed, begin - segment.first / speed))
+        curves.append(curve.between(first, last).timed(speed, begin_s - segment.first / speed))
     return tuple(
         curve
         for curve in curves
@@ -64,19 +66,22 @@ def _is_rigid(linear: Float) -> bool:
 
 
 def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
-    """Returns the clip that all bones of a shape play in the same way, and one of the layers, or (None,
-    None)."""
+    """Returns the clip that all bones of a shape play in the same way, and one of its layers, or (None, None)
+    if they do not share a clip.
+    """
     if not shape.layers or shape.root_layers or shape.pins:
         return None, None
     layer = shape.layers[0]
     clip = project.takes.get(layer.take)
-    same = all(
+    is_same_clip = all(
         _playing_fields(other_layer) == _playing_fields(layer) and (other_layer.basis == IDENTITY).all()
         for other_layer in shape.layers
     )
-    plain = not (layer.loop or layer.muted or layer.mirrored or layer.smooth or layer.weights or layer.speeds)
-    plain = plain and layer.hold and layer.weight == 1.0 and layer.mode == "turns" and layer.speed > 0.0
-    if not (same and plain and isinstance(clip, Clip) and clip.cubic):
+    is_plain = not (
+        layer.loop or layer.muted or layer.mirrored or layer.smooth or layer.weights or layer.speeds
+    )
+    is_plain = is_plain and layer.hold and layer.weight == 1.0 and layer.mode == "turns" and layer.speed > 0.0
+    if not (is_same_clip and is_plain and isinstance(clip, Clip) and clip.cubic):
         return None, None
     lane = layer.lane(clip.duration)
     return (clip, layer) if len(lane) == 1 and lane[0].speed > 0.0 else (None, None)
@@ -84,27 +89,47 @@ def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | Non
 
 def _playing_fields(layer: Layer) -> tuple[object, ...]:
     """Returns the fields of a layer that define how and when it plays."""
-    when = (layer.take, layer.offset, layer.speed, layer.loop, layer.segments, layer.hold, layer.smooth)
-    how = (layer.weight, layer.muted, layer.mirrored, layer.mode, layer.weights, layer.speeds, layer.stretch)
-    return when + how
+    time_fields = (
+        layer.take,
+        layer.offset,
+        layer.speed,
+        layer.loop,
+        layer.segments,
+        layer.hold,
+        layer.smooth,
+    )
+    blend_fields = (
+        layer.weight,
+        layer.muted,
+        layer.mirrored,
+        layer.mode,
+        layer.weights,
+        layer.speeds,
+        layer.stretch,
+    )
+    return time_fields + blend_fields
 
 
 def _is_posed(keys: CubicKeys, shape: Shape) -> bool:
-    """Returns True if an artist rotated the bone of a curve, or moved the root."""
-    away = np.abs(shape.modeling[keys.bone]) - IDENTITY if keys.turns else shape.place
-    return bool(np.abs(away).max() > _MAX_POSED_CHANGE)
+    """Returns True if an artist has edited the bone of a curve, or has moved the root."""
+    offset = np.abs(shape.modeling[keys.bone]) - IDENTITY if keys.turns else shape.place
+    return bool(np.abs(offset).max() > _MAX_POSED_CHANGE)
 
 
 def _agrees_with_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
     """Returns True if a curve agrees with the sampled motion at all times."""
     at = keys.at(performance.times)
     if not keys.turns:
-        off = np.abs(at - performance.positions[:, 0]).max()
-        return bool(off <= _MAX_CURVE_DEVIATION * max(float(skeleton.lengths.sum()), 1e-9))
-    turns = _bone_rotations(performance, keys.bone)
+        root_error = np.abs(at - performance.positions[:, 0]).max()
+        return bool(root_error <= _MAX_CURVE_DEVIATION * max(float(skeleton.lengths.sum()), 1e-9))
+    rotations = _bone_rotations(performance, keys.bone)
     if keys.bone:
-        turns = multiply(conjugate(_bone_rotations(performance, int(skeleton.parents[keys.bone]))), turns)
-    return bool(2.0 * np.arccos(np.clip(np.abs((at * turns).sum(1)), 0.0, 1.0)).max() <= _MAX_CURVE_DEVIATION)
+        rotations = multiply(
+            conjugate(_bone_rotations(performance, int(skeleton.parents[keys.bone]))), rotations
+        )
+    return bool(
+        2.0 * np.arccos(np.clip(np.abs((at * rotations).sum(1)), 0.0, 1.0)).max() <= _MAX_CURVE_DEVIATION
+    )
 
 
 def _bone_rotations(performance: Performance, bone: int) -> Float:

@@ -1,7 +1,8 @@
-"""Converts a skeleton to joints that rotate about themselves: names, rest transforms, tracks, skin weights.
+"""Converts a skeleton to joints that rotate about their own position: names, rest transforms, tracks, skin
+weights.
 
-A bone of a :class:`Skeleton` rotates about its upper end. Files of other programs contain joints that rotate
-about themselves. So bone j becomes a joint at its parent's position, and the end of a limb becomes a joint
+A bone of a :class:`Skeleton` rotates about its upper end. Joints in files of other programs rotate about
+their own position. So bone j becomes a joint at its parent's position, and the end of a limb becomes a joint
 that moves nothing.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt16
 from enliven.document import Skeleton
-from enliven.examples.baking import stretch_axes
+from enliven.examples.baking.maps import stretch_axes
 from enliven.exporters.performance import Performance
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, remove_sign_jumps, to_matrix
 
@@ -28,11 +29,11 @@ class JointTracks:
         bones: number of bones. Later joints are ends of limbs.
         pivots: (J, 3) metres at rest, in the world.
         axes: (J, 3, 3) rotations at rest, in the world.
-        offsets: (J, 3) metres at rest, position in the parent joint.
+        offsets: (J, 3) metres at rest, position in the frame of the parent joint.
         rest: (J, 4) quaternions at rest, rotation relative to the parent joint.
         turns: (T, J, 4) quaternions without sign jumps.
-        scales: (T, J, 3).
-        places: (T, J, 3) metres, position in the parent joint.
+        scales: (T, J, 3) scale factors along the axes.
+        places: (T, J, 3) metres, position in the frame of the parent joint.
         stretches: False if only rotations and the root's position change.
     """
 
@@ -101,15 +102,15 @@ def bone_names(skeleton: Skeleton) -> list[str]:
 
     If several bones start at the joint, the names of all but one also contain their target.
     """
-    named = []
+    names = []
     for j, parent in enumerate(skeleton.parents):
         if j == 0:
-            named.append(skeleton.names[0])
+            names.append(skeleton.names[0])
             continue
         onward = parent > 0 and j == _straightest_child(skeleton, int(parent))
-        begin, end = skeleton.names[parent], skeleton.names[j]
-        named.append(begin if onward else f"{begin} to {end}")
-    return named
+        begin_name, end = skeleton.names[parent], skeleton.names[j]
+        names.append(begin_name if onward else f"{begin_name} to {end}")
+    return names
 
 
 def _straightest_child(skeleton: Skeleton, joint: int) -> int:
@@ -117,8 +118,8 @@ def _straightest_child(skeleton: Skeleton, joint: int) -> int:
     into = skeleton.vectors[joint]
 
     def straight(child: int) -> float:
-        out = skeleton.vectors[child]
-        return float(into @ out / max(float(np.linalg.norm(into) * np.linalg.norm(out)), 1e-12))
+        direction = skeleton.vectors[child]
+        return float(into @ direction / max(float(np.linalg.norm(into) * np.linalg.norm(direction)), 1e-12))
 
     return max(skeleton.children[joint], key=straight)
 
@@ -146,9 +147,9 @@ class LocalMotion:
         axes: (N, 3, 3) rotation of each node at rest, chosen so that its bone stretches along the node's
             axes.
         turns: (T, N, 4) quaternions without sign jumps.
-        scales: (T, N, 3).
-        places: (T, N, 3) metres, position of the node in its parent's node.
-        ends: (T, N, 3) metres, position of the bone's end joint in its node.
+        scales: (T, N, 3) scale factors along the axes.
+        places: (T, N, 3) metres, position of the node in the frame of its parent's node.
+        ends: (T, N, 3) metres, position of the bone's end joint in the frame of its node.
     """
 
     axes: Float
@@ -159,7 +160,8 @@ class LocalMotion:
 
 
 def local_motion(skeleton: Skeleton, linear: Float, joints: Float, half_scales: bool = False) -> LocalMotion:
-    """Returns the motion of stretching nodes, for maps (T, N, 3, 3) and joints (T, N, 3) in the world.
+    """Returns the motion of nodes that may stretch, from linear maps (T, N, 3, 3) and joints (T, N, 3) in the
+    world.
 
     A node cannot shear. So a bone's shear relative to its parent is left out, but its children keep their
     transforms.
@@ -193,17 +195,19 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float, half_scales: 
 
 def normalize_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
     """Normalises (V, 4) skin weights for the format: no repeated bone, index 0 for weight 0, sums of one."""
-    indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
+    indices, exact_weights = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
     for b in range(1, 4):
         for a in range(b):
-            same = indices[:, a] == indices[:, b]
-            exact[same, a] += exact[same, b]
-            exact[same, b] = 0.0
-    total = exact.sum(1, keepdims=True)
-    exact = np.where(total > 0, exact / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
-    rounded = exact.astype(np.float32)
-    indices[rounded == 0] = 0
-    return indices, rounded
+            is_same_bone = indices[:, a] == indices[:, b]
+            exact_weights[is_same_bone, a] += exact_weights[is_same_bone, b]
+            exact_weights[is_same_bone, b] = 0.0
+    total = exact_weights.sum(1, keepdims=True)
+    exact_weights = np.where(
+        total > 0, exact_weights / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]]
+    )
+    rounded_weights = exact_weights.astype(np.float32)
+    indices[rounded_weights == 0] = 0
+    return indices, rounded_weights
 
 
 def listed(values: Float | Float32) -> list[float]:
@@ -213,6 +217,6 @@ def listed(values: Float | Float32) -> list[float]:
 
 def normalize_float32(quaternions: Float) -> Float32:
     """Normalises quaternions in float32."""
-    rounded = quaternions.astype(np.float32)
-    length = np.linalg.norm(rounded.astype(np.float64), axis=-1, keepdims=True)
-    return np.asarray(rounded / length, np.float32)
+    rounded_quaternions = quaternions.astype(np.float32)
+    length = np.linalg.norm(rounded_quaternions.astype(np.float64), axis=-1, keepdims=True)
+    return np.asarray(rounded_quaternions / length, np.float32)

@@ -1,10 +1,10 @@
 """Writes each frame as a Wavefront OBJ file, in a folder with a shared material file and its images.
 
-    walk.obj-sequence/walk_0001.obj, walk_0002.obj, ..., walk.mtl, walk_texture_1.png
+walk.obj-sequence/walk_0001.obj, walk_0002.obj, ..., walk.mtl, walk_texture_1.png
 
 The surface of every frame is exact for all rigs, because the files contain points and no bones. All files
-have the same vertices and faces in the same order. A comment at the top of each file states its time. The
-shorter motion of several characters ends with its last pose held.
+have the same vertices and faces in the same order. A comment at the top of each file states its time. If its
+motion ends earlier than others, a character keeps its last pose.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _OWN_FILE = re.compile(r".+(_\d{4,}\.obj|\.mtl|_texture_\d+\.(png|jpg))", re.DOT
 
 @dataclass(frozen=True)
 class _Part:
-    """The unchanging text of a character.
+    """The text of a character that is the same in every file.
 
     Attributes:
         head: the lines before the vertices.
@@ -67,7 +67,7 @@ def write_obj_sequence(
     """
     path, scale = Path(path), units_per_metre(unit)
     if not performances:
-        raise InputError("there is nothing to write", where=str(path), mend="Give a character.")
+        raise InputError("there is nothing to write", where=str(path), remedy="Give a character.")
     # Many readers take only the part of a file name before the first blank.
     stem, title = "_".join(path.stem.split()), " ".join(name.split())
     times = max((performance.times for performance in performances), key=len)
@@ -106,8 +106,8 @@ def _is_own_file(name: str) -> bool:
 
 def _held(performance: Performance, times: Float) -> Iterator[Float32]:
     """Yields the surface at each time: that of the nearest frame, and the last one after the end."""
-    own = performance.times
-    boundaries = (own[1:] + own[:-1]) / 2.0
+    own_times = performance.times
+    boundaries = (own_times[1:] + own_times[:-1]) / 2.0
     surfaces = performance.surfaces()
     surface, at = next(surfaces), 0
     for nearest in np.searchsorted(boundaries, times):
@@ -126,10 +126,11 @@ def _vertex_lines(vertices: Float32, colours: list[str]) -> str:
 
 
 def _part_of(name: str, mesh: Mesh, before: int, corners: int, materials: _MaterialFile) -> tuple[_Part, int]:
-    """Returns the text of a character, and its number of texture coordinates.
+    """Returns the constant text of a character, and its number of texture coordinates.
 
     Args:
-        before, corners: vertices and texture coordinates of the characters above in the same file.
+        before, corners: number of vertices and of texture coordinates of the previous characters in the same
+            file.
     """
     colours, own = list[str](), mesh.materials
     if mesh.colours is not None:
@@ -149,21 +150,21 @@ def _part_of(name: str, mesh: Mesh, before: int, corners: int, materials: _Mater
         lines.append(("vt %.6f %.6f\n" * count) % tuple(unique.ravel().tolist()))
     lines.append("s 1\n")
     for number in np.unique(own.of):
-        mine = own.of == number
+        part_faces = own.of == number
         lines.append(f"usemtl {names[number] if number >= 0 else materials.plain()}\n")
-        lines.append(_face_lines(faces[mine], None if numbers is None else numbers[mine]))
+        lines.append(_face_lines(faces[part_faces], None if numbers is None else numbers[part_faces]))
     return _Part(head, colours, "".join(lines), len(mesh.vertices)), count
 
 
 def _face_lines(faces: Int, coordinates: Int | None) -> str:
     if coordinates is None:
         return ("f %d %d %d\n" * len(faces)) % tuple(faces.ravel().tolist())
-    both = np.stack([faces, coordinates], 2)
-    return ("f %d/%d %d/%d %d/%d\n" * len(faces)) % tuple(both.ravel().tolist())
+    corner_indices = np.stack([faces, coordinates], 2)
+    return ("f %d/%d %d/%d %d/%d\n" * len(faces)) % tuple(corner_indices.ravel().tolist())
 
 
 class _MaterialFile:
-    """The material file of a sequence, with the images that it names.
+    """The material file of a sequence, with the images that it refers to.
 
     Attributes:
         lines: the text of the file.
@@ -178,7 +179,9 @@ class _MaterialFile:
     def add(self, mesh: Mesh) -> list[str]:
         """Adds the materials of a mesh. Returns their names in the file."""
         assert mesh.materials is not None
-        images = [self._image_name(own.image.tobytes(), own.kind) for own in mesh.materials.textures]
+        images = [
+            self._image_name(texture.image.tobytes(), texture.kind) for texture in mesh.materials.textures
+        ]
         return [self._add_material(material, images) for material in plain_materials(mesh.materials)]
 
     def plain(self) -> str:

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.deformation import skin_vertices
-from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights
+from enliven.deformation.skinning import skin_vertices
+from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights, drawn_edges
 from enliven.errors import InputError
-from enliven.examples.baking import BakedMorphs, BakeError, Frames
+from enliven.examples.baking.bake import Frames
+from enliven.examples.baking.morphs import BakedMorphs
+from enliven.examples.baking.settings import BakeError
 from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps, rotate, to_matrix
 
@@ -22,20 +24,23 @@ in long chains."""
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """A mesh with transforms over time: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), then the frame.
+    """A mesh with transforms over time: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), then the pose
+    of the frame.
 
     Attributes:
         name: the character's name.
-        times: (T,) seconds, increasing from 0. Evenly spaced, unless they include keys of its clips.
+        times: (T,) seconds, increasing from 0. Evenly spaced, unless they include key times of the
+            character's clips.
         pivots: (J, 3) metres, positions of the transforms at rest.
-        linear: (T, J, 3, 3) linear maps. With a skeleton they are rotations, unless its takes stretch bones.
+        linear: (T, J, 3, 3) linear parts of the transforms. With a skeleton they are rotations, unless its
+            takes stretch bones.
         positions: (T, J, 3) metres, positions of the pivots.
-        mesh: at rest, or None for a skeleton without a mesh.
+        mesh: the mesh at rest, or None for a skeleton without a mesh.
         skin: skin weights: the transforms that each vertex follows. None without a mesh.
         skeleton: the joints. Transform j is that of bone j about its parent joint. None if the transforms
             form no hierarchy, like the nodes of a deformation graph.
-        joints: (T, J, 3) metres, the joints of the skeleton. None without one.
-        axes: (J, 3, 3) rotations: the stretch axes of each transform. None for those of the mesh.
+        joints: (T, J, 3) metres, positions of the skeleton's joints. None without a skeleton.
+        axes: (J, 3, 3) rotations: the stretch axes of each transform. None for the axes of the mesh.
         turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of the arrays above. A point
             x of this frame is at turn x + place in the world. If None, the frame is the world.
         morphs: morph targets instead of the skin, or None.
@@ -66,16 +71,18 @@ class Performance:
 
     @property
     def character(self) -> Character:
-        """The character in the format of viewers: its vertices follow transforms in the world.
+        """The character in the format for viewers: its vertices follow transforms in the world.
 
         Raises:
             InputError: if it has no mesh.
         """
         mesh, skin = self.surface
         vertices, pivots = mesh.vertices.astype(np.float32), self.pivots.astype(np.float32)
-        kind, edges = "graph" if self.skeleton is None else "bones", np.zeros((0, 2), np.int32)
-        own = self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours
-        return Character(*own, materials=mesh.materials)
+        kind, edges, names = "graph", np.zeros((0, 2), np.int32), None
+        if self.skeleton is not None:
+            kind, edges, names = "bones", drawn_edges(self.skeleton), self.skeleton.names
+        arguments = self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours
+        return Character(*arguments, names=names, materials=mesh.materials)
 
     def poses(self) -> Iterator[Pose]:
         """Yields the character's pose in the world at each time, in nanoseconds from 0."""
@@ -84,8 +91,8 @@ class Performance:
             linear = to_matrix(self.turns)[:, None] @ linear
             positions = rotate(self.turns[:, None], positions) + self.places[:, None]
         for time, maps, places in zip(self.times, linear, positions, strict=True):
-            stored = maps.astype(np.float32), places.astype(np.float32)
-            yield Pose(self.name, round(time * 1e9), *stored)
+            stored_maps = maps.astype(np.float32), places.astype(np.float32)
+            yield Pose(self.name, round(time * 1e9), *stored_maps)
 
     def surfaces(self) -> Iterator[Float32]:
         """Yields (V, 3) metres in the world, the vertices of the mesh at each time.
@@ -129,11 +136,11 @@ class Performance:
         """The mesh and its skin weights.
 
         Raises:
-            InputError: if it has none.
+            InputError: if the performance has no mesh.
         """
         if self.mesh is None or self.skin is None or not len(self.mesh.faces):
-            mend = "Give it one, or leave it out."
-            raise InputError("it has no mesh", where=f"character {self.name!r}", mend=mend)
+            remedy = "Give it one, or leave it out."
+            raise InputError("it has no mesh", where=f"character {self.name!r}", remedy=remedy)
         return self.mesh, self.skin
 
 
@@ -142,6 +149,6 @@ def split_stretch(linear: Float) -> tuple[Float, Float]:
 
     A mirroring map has negative scales.
     """
-    turns = from_matrix(linear * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None])
-    scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)
-    return remove_sign_jumps(turns), scales
+    rotations = from_matrix(linear * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None])
+    scales = np.einsum("tnji,tnji->tni", to_matrix(rotations), linear)
+    return remove_sign_jumps(rotations), scales

@@ -34,7 +34,7 @@ class TextureUse:
 
     @property
     def is_plain(self) -> bool:
-        """True without a transform."""
+        """True if the coordinates are not transformed."""
         return self.offset == (0.0, 0.0) and self.rotation == 0.0 and self.scale == (1.0, 1.0)
 
 
@@ -43,13 +43,13 @@ class PlainMaterial:
     """A glTF material. Of the extensions, only the transforms of texture coordinates are kept.
 
     Attributes:
-        name: its name, or an empty text.
+        name: the material's name, or an empty string.
         base: linear colour and opacity.
         emissive: linear colour.
         mode: "OPAQUE", "MASK" or "BLEND".
         cutoff: opacity below which a masked material is invisible.
-        base_map, finish_map, normal_map, occlusion_map, emissive_map: textures, or None. The finish has the
-            roughness in green and the metallic part in blue.
+        base_map, finish_map, normal_map, occlusion_map, emissive_map: textures, or None. The finish map
+            contains roughness in green and metalness in blue.
     """
 
     name: str = ""
@@ -83,14 +83,14 @@ def _plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMat
 
     def texture(table: dict[str, Any], name: str) -> TextureUse | None:
         entry = _table(table, name)
-        moved = _table(_table(entry, "extensions"), "KHR_texture_transform")
-        index, uv_set = entry.get("index"), moved.get("texCoord", entry.get("texCoord", 0))
+        transform = _table(_table(entry, "extensions"), "KHR_texture_transform")
+        index, uv_set = entry.get("index"), transform.get("texCoord", entry.get("texCoord", 0))
         if not (type(index) is int and type(uv_set) is int and 0 <= uv_set < sets):
             return None
-        x, y = _numbers(moved, "offset", (0.0, 0.0), -_MAX_REPEATS, _MAX_REPEATS)
-        across, down = _numbers(moved, "scale", (1.0, 1.0), -_MAX_REPEATS, _MAX_REPEATS)
-        (angle,) = _numbers(moved, "rotation", (0.0,), -_MAX_REPEATS, _MAX_REPEATS)
-        return TextureUse(index, uv_set, (x, y), angle, (across, down))
+        x, y = _numbers(transform, "offset", (0.0, 0.0), -_MAX_REPEATS, _MAX_REPEATS)
+        scale_u, scale_v = _numbers(transform, "scale", (1.0, 1.0), -_MAX_REPEATS, _MAX_REPEATS)
+        (angle,) = _numbers(transform, "rotation", (0.0,), -_MAX_REPEATS, _MAX_REPEATS)
+        return TextureUse(index, uv_set, (x, y), angle, (scale_u, scale_v))
 
     name = value.get("name")
     base = _numbers(shading, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
@@ -122,10 +122,10 @@ def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
 def _numbers(
     value: dict[str, Any], name: str, usual: tuple[float, ...], least: float = 0.0, most: float = 1.0
 ) -> tuple[float, ...]:
-    """Returns a number or a list of numbers within bounds, as many as ``usual`` has."""
-    given = value.get(name)
-    listed: Any = [given] if len(usual) == 1 else given
-    if not isinstance(listed, list) or len(listed) != len(usual):
+    """Returns a number or a list of numbers within bounds. The list has the same length as ``usual``."""
+    value_in_file = value.get(name)
+    values: Any = [value_in_file] if len(usual) == 1 else value_in_file
+    if not isinstance(values, list) or len(values) != len(usual):
         return usual
-    numbers = [float(number) for number in listed if type(number) in (int, float)]
+    numbers = [float(number) for number in values if type(number) in (int, float)]
     return tuple(min(max(number, least), most) for number in numbers) if len(numbers) == len(usual) else usual

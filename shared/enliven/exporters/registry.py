@@ -16,7 +16,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 from enliven.exporters.performance import Performance
 from enliven.exporters.placement import PLACEMENTS, ExportPlacement
 from enliven.exporters.sampling import Representation
@@ -26,21 +26,25 @@ ENTRY_POINTS = "enliven.exporters"
 """Entry-point group through which other packages add exporters. An entry point refers to an
 :class:`Exporter`."""
 
+_PICTURES = "enliven.pictures"
+"""Entry-point group through which other packages draw contact sheets. An entry point refers to a function."""
 _BUILT_IN = {
     "bvh": "enliven.exporters.bvh:BVH",
     "csv": "enliven.exporters.csv_table:CSV",
-    "glb": "enliven.exporters.gltf:GLB",
+    "glb": "enliven.exporters.gltf.write:GLB",
+    "html": "enliven.exporters.html_page:HTML",
+    "mcap": "enliven.exporters.recording_file:MCAP",
     "obj-sequence": "enliven.exporters.obj_sequence:OBJ_SEQUENCE",
-    "usda": "enliven.exporters.usd:USD",
-    "usdc": "enliven.exporters.usd:USD",
-    "usdz": "enliven.exporters.usd:USD",
-    "vrm": "enliven.exporters.vrm:VRM",
-    "vrma": "enliven.exporters.vrm:VRMA",
+    "usda": "enliven.exporters.usd.write:USD",
+    "usdc": "enliven.exporters.usd.write:USD",
+    "usdz": "enliven.exporters.usd.write:USD",
+    "vrm": "enliven.exporters.vrm.avatar:VRM",
+    "vrma": "enliven.exporters.vrm.animation:VRMA",
 }
 _REFUSALS = {
     "up": "Leave it out: the format fixes the vertical axis.",
 }
-"""Advice for options that a format cannot support, if it is more than to leave them out."""
+"""Advice for options that a format cannot support, if the advice is more than to leave the option out."""
 _IN_PACKAGES = {"mp4": "enliven-viewer"}
 """File suffixes of exporters in packages that may not be installed, with the name of the package."""
 
@@ -54,9 +58,9 @@ class Exporter:
             not at all. If it takes ``progress``, it calls that with the finished fraction.
         jointed: True if it supports only characters with a skeleton.
         solid: True if it supports only characters with a surface.
-        single: True if it supports only one character.
-        heard: True if it supports sound. ``write`` then takes ``sound``, the audio samples from the first
-            pose on.
+        single: True if its files contain only one character.
+        heard: True if it supports sound. ``write`` then has the parameter ``sound``, the audio samples
+            starting at the first pose.
         keyed: True if it supports keys at uneven times, such as those of a clip's own file.
         pointwise: True if it stores the surface of each frame. Then puppets need no baking.
         placements: options of :class:`ExportPlacement` that it supports. A format with a fixed vertical axis
@@ -91,11 +95,11 @@ class Exporter:
             ResourceError: if the file cannot be written.
         """
         placement = ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
-        placed = [placement.applied_to(performance) for performance in performances]
-        self.write(Path(path), placed, name, **self.own_options(options))
+        placed_performances = [placement.applied_to(performance) for performance in performances]
+        self.write(Path(path), placed_performances, name, **self.own_options(options))
 
     def representation(self, morphs: bool = False) -> Representation:
-        """Returns how puppets are sampled for it.
+        """Returns how the exporter needs puppets to be sampled.
 
         Args:
             morphs: True if the caller requests morph targets.
@@ -103,7 +107,7 @@ class Exporter:
         return "morphs" if morphs else "points" if self.pointwise else "skin"
 
     def own_options(self, options: dict[str, Any]) -> dict[str, Any]:
-        """Returns the options that ``write`` takes itself."""
+        """Returns the options that ``write`` itself accepts."""
         parameters = inspect.signature(self.write).parameters
         return {key: value for key, value in options.items() if key in parameters or key not in PLACEMENTS}
 
@@ -129,7 +133,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
     for option in options:
         if option not in exporter.options:
             problem = f"{path.suffix.lower()} has no {option.replace('_', '-')!r} to choose"
-            raise InputError(problem, where=str(path), mend=_REFUSALS.get(option, "Leave it out."))
+            raise InputError(problem, where=str(path), remedy=_REFUSALS.get(option, "Leave it out."))
     require_folder(path)
     ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
     exporter.check(**exporter.own_options(options))
@@ -148,10 +152,28 @@ def _load_exporter(name: str, where: str, also: tuple[str, ...]) -> Exporter:
         return exporter
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
-            loaded: Exporter = entry.load()
-            return loaded
+            loaded_exporter: Exporter = entry.load()
+            return loaded_exporter
     problem = f".{name} cannot be written" if name else "its name has no ending"
     package = _IN_PACKAGES.get(name)
     endings = ", ".join(sorted({*suffixes(), *also}))
-    mend = f"Install its package: pip install {package}." if package else f"Known: {endings}."
-    raise InputError(problem, where=where, mend=mend)
+    remedy = f"Install its package: pip install {package}." if package else f"Known: {endings}."
+    raise InputError(problem, where=where, remedy=remedy)
+
+
+def find_sheet_function(kind: str) -> Callable[..., None]:
+    """Returns the function that draws contact sheets of a kind, from the package that provides it.
+
+    Args:
+        kind: "motion" of a retargeted shape, or "puppet".
+
+    Raises:
+        ResourceError: if no installed package provides it.
+    """
+    for entry in entry_points(group=_PICTURES):
+        if entry.name == kind:
+            draw_sheet: Callable[..., None] = entry.load()
+            return draw_sheet
+    raise ResourceError(
+        "a sheet cannot be drawn", where="--sheet", remedy="Install the viewer's package, enliven-viewer."
+    )

@@ -24,24 +24,21 @@ from enliven.document import (
     closing_time,
     joint_places,
 )
-from enliven.examples.baking import (
-    BakeSettings,
-    SurfaceFrames,
-    bake_morphs,
-    bake_surface,
-    evaluate_states,
-    stretch_axes,
-)
+from enliven.examples.baking.bake import bake_surface
+from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
+from enliven.examples.baking.maps import stretch_axes
+from enliven.examples.baking.morphs import bake_morphs
+from enliven.examples.baking.settings import BakeSettings
 from enliven.exporters.file_keys import find_file_keys
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of, root_motions
-from enliven.modeling.puppet import frame_times
-from enliven.motion.layers import Player
+from enliven.modeling.puppet.baking import frame_times
+from enliven.motion.layers.evaluate import Player
 from enliven.rotation import multiply, to_matrix
 
 Representation = Literal["skin", "morphs", "points"]
-"""The surface of a puppet: transforms with skin weights, morph targets, or its exact vertices."""
+"""The form of a puppet's surface: transforms with skin weights, morph targets, or exact vertices."""
 _BONE_WIDTH_RATIO = 0.08
 """Width of a drawn bone as a fraction of its length, as in animation programs."""
 _MAX_EQUAL_TIME_S = 1e-4
@@ -96,13 +93,13 @@ def performance_of(
 def _loop_end_time(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
     """Returns the time in seconds at which a character has played all layers, and a rate (Hz) that fits a
     loop's end."""
-    heard = [layer for layer in character.playing if not layer.muted]
-    rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
+    active_layers = [layer for layer in character.playing if not layer.muted]
+    rounds = [layer.lasting(project.length_of(layer)) for layer in active_layers if layer.loop]
     end = project.end_of(character)
     if not rounds:
         return end, rate
-    least = max(project.end_of(other_character) for other_character in project.characters.values())
-    end = closing_time(rounds, least)
+    min_end = max(project.end_of(other_character) for other_character in project.characters.values())
+    end = closing_time(rounds, min_end)
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
@@ -116,22 +113,22 @@ def _add_key_times(project: Project, character: Shape, times: Float) -> Float:
         clip = project.takes.get(layer.take)
         if not isinstance(clip, Clip) or clip.fine is None:
             continue
-        seconds, lasts = clip.fine.seconds, layer.lasting(clip.duration)
+        seconds, duration = clip.fine.seconds, layer.lasting(clip.duration)
         for segment in layer.clips(clip.duration):
             moments = segment.begin + (seconds - segment.first) / segment.speed
             moments = moments[(moments >= segment.begin) & (moments <= segment.end)]
-            rounds = int((times[-1] - layer.offset) / lasts) + 1 if layer.loop and lasts > 0.0 else 1
-            key_times += [moments + number * lasts for number in range(min(rounds, _MAX_KEYED_ROUNDS))]
+            rounds = int((times[-1] - layer.offset) / duration) + 1 if layer.loop and duration > 0.0 else 1
+            key_times += [moments + number * duration for number in range(min(rounds, _MAX_KEYED_ROUNDS))]
     keys = np.unique(np.concatenate([np.zeros(0), *key_times]))
     keys = keys[(keys > times[0]) & (keys < times[-1])]
     keys = keys[np.diff(keys, prepend=-np.inf) > _MAX_EQUAL_TIME_S]
     if not len(keys):
         return times
     after = np.clip(np.searchsorted(keys, times), 1, max(len(keys) - 1, 1))
-    near = np.minimum(np.abs(times - keys[after - 1]), np.abs(times - keys[np.minimum(after, len(keys) - 1)]))
-    free = near > _MAX_EQUAL_TIME_S
-    free[[0, -1]] = True
-    return np.union1d(times[free], keys)
+    gap = np.minimum(np.abs(times - keys[after - 1]), np.abs(times - keys[np.minimum(after, len(keys) - 1)]))
+    is_free = gap > _MAX_EQUAL_TIME_S
+    is_free[[0, -1]] = True
+    return np.union1d(times[is_free], keys)
 
 
 def performance_of_clip(clip: Clip) -> Performance:
@@ -156,8 +153,8 @@ def _performance_of_skeleton(
 ) -> Performance:
     """Returns the performance of a skeleton with maps (T, N, 3, 3) and joints (T, N, 3) in the world."""
     above = np.maximum(skeleton.parents, 0)
-    placed = (skeleton.positions[above], linear, joints[:, above])
-    return Performance(name, times - times[0], *placed, mesh, skin, skeleton=skeleton, joints=joints)
+    parent_frame = (skeleton.positions[above], linear, joints[:, above])
+    return Performance(name, times - times[0], *parent_frame, mesh, skin, skeleton=skeleton, joints=joints)
 
 
 def _performance_of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
@@ -165,15 +162,15 @@ def _performance_of_shape(project: Project, shape: Shape, times: Float, *_: obje
     turns, joints = player.sample(times)
     linear = player.linear(times, turns)
     if shape.root_layers:
-        whole = root_motions(project, shape, times)
-        linear, joints = to_matrix(whole.turn)[:, None] @ linear, whole(joints)
+        root_motion = root_motions(project, shape, times)
+        linear, joints = to_matrix(root_motion.turn)[:, None] @ linear, root_motion(joints)
     return _performance_of_skeleton(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
 
 
 def _performance_of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
     """Returns the performance of any rig, as nodes with skin weights."""
-    even = times if len(times) > 1 else np.append(times, times[0] + 1.0)
-    graph, stream = rig_of(character).as_graph(project, character, even, character.id)[:2]
+    even_times = times if len(times) > 1 else np.append(times, times[0] + 1.0)
+    graph, stream = rig_of(character).as_graph(project, character, even_times, character.id)[:2]
     linear, positions = stream.linear[: len(times)], stream.positions[: len(times)]
     axes = stretch_axes(linear)
     return Performance(
@@ -185,10 +182,10 @@ def _performance_of_puppet(
     project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
 ) -> Performance:
     """Returns the performance of a puppet, baked in its own frame."""
-    states, turns, places = evaluate_states(project, puppet, times)
+    states, rotations, places = evaluate_states(project, puppet, times)
     if puppet.root_layers:
-        whole = root_motions(project, puppet, times)
-        turns, places = multiply(whole.turn, turns), whole(places[:, None])[:, 0]
+        root_motion = root_motions(project, puppet, times)
+        rotations, places = multiply(root_motion.turn, rotations), root_motion(places[:, None])[:, 0]
     frames, mesh = SurfaceFrames(puppet, states, settings.kept), puppet.mesh
     if how == "skin":
         handles = [point.vertex for point in puppet.points]
@@ -199,23 +196,23 @@ def _performance_of_puppet(
         )
     else:
         # The skin follows a single transform that never moves.
-        still = np.zeros((len(times), 1, 3))
+        zeros = np.zeros((len(times), 1, 3))
         weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
         skin = SkinWeights(np.zeros(weights.shape, np.uint16), weights)
         linear = np.tile(np.eye(3), (len(times), 1, 1, 1))
-        performance = Performance(puppet.id, times - times[0], still[0], linear, still, mesh, skin)
+        performance = Performance(puppet.id, times - times[0], zeros[0], linear, zeros, mesh, skin)
         if how == "points":
-            return replace(performance, solved=frames, turns=turns, places=places)
+            return replace(performance, solved=frames, turns=rotations, places=places)
         morphs = bake_morphs(mesh, frames, states, settings)
         performance, error = replace(performance, morphs=morphs), morphs.error
-    return replace(performance, turns=turns, places=places, error=error, keys=settings.keys * error.size)
+    return replace(performance, turns=rotations, places=places, error=error, keys=settings.keys * error.size)
 
 
 _BY_RIG: dict[str, Callable[..., Performance]] = {
     Shape.kind: _performance_of_shape,
     Puppet.kind: _performance_of_puppet,
 }
-"""Rigs with more than transforms in their performance: a skeleton, or morph targets."""
+"""Functions for rigs with more than transforms in their performance: a skeleton, or morph targets."""
 
 
 def stick_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
@@ -224,13 +221,22 @@ def stick_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
     bones = np.flatnonzero(skeleton.lengths > 0)
     if not len(bones):
         return None, None
-    along, length = skeleton.vectors[bones], skeleton.lengths[bones, None]
-    side = np.cross(along, np.where(np.abs(along[:, 1:2]) < 0.9 * length, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]))
+    bone_vectors, length = skeleton.vectors[bones], skeleton.lengths[bones, None]
+    side = np.cross(
+        bone_vectors, np.where(np.abs(bone_vectors[:, 1:2]) < 0.9 * length, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    )
     side *= _BONE_WIDTH_RATIO * length / np.linalg.norm(side, axis=1, keepdims=True)
-    other = np.cross(along / length, side)
-    begin = skeleton.positions[skeleton.parents[bones]]
-    waist = begin + 0.2 * along
-    corners = [begin, waist + side, waist + other, waist - side, waist - other, begin + along]
+    binormal = np.cross(bone_vectors / length, side)
+    begin_points = skeleton.positions[skeleton.parents[bones]]
+    waist = begin_points + 0.2 * bone_vectors
+    corners = [
+        begin_points,
+        waist + side,
+        waist + binormal,
+        waist - side,
+        waist - binormal,
+        begin_points + bone_vectors,
+    ]
     ring = np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4], [5, 1, 2], [5, 2, 3], [5, 3, 4], [5, 4, 1]])
     faces = (ring + 6 * np.arange(len(bones))[:, None, None]).reshape(-1, 3)
     indices = np.zeros((6 * len(bones), 4), np.uint16)

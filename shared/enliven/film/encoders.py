@@ -52,11 +52,13 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), requeste
         if requested in (AUTO, encoder.name) and _can_open(av, encoder, size):
             return encoder
     if requested == AUTO:
-        raise ResourceError("PyAV has no film encoder", where="film", mend="Install it again: pip install av")
+        raise ResourceError(
+            "PyAV has no film encoder", where="film", remedy="Install it again: pip install av"
+        )
     raise ResourceError(
         f"the film encoder {requested} cannot be used here",
         where="film.encoder",
-        mend='Choose another one, or "auto" for the first that can.',
+        remedy='Choose another one, or "auto" for the first that can.',
     )
 
 

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 _SOUND_CODEC = "aac"
 """The sound encoder that every player supports."""
 _SOUND_BIT_RATE = 128_000
-"""Bits per second of sound: more than one channel of music needs."""
+"""Bit rate of sound, bits per second. It is more than enough for one channel of music."""
 
 
 _OTHER_PLACE_ADVICE = "Choose another place for it."
@@ -30,14 +30,14 @@ _OTHER_PLACE_ADVICE = "Choose another place for it."
 
 
 class _Abandoned(Exception):
-    """Ends the writing of a file that must not replace its target."""
+    """An internal exception that ends the writing of a file that must not replace its target."""
 
 
 class FilmWriter:
     """An MP4 file that is written image by image and replaces ``path`` when it is complete.
 
-    ``with`` completes it. If it has no images, or an error ends it, the existing file stays. Ctrl-C also
-    completes it, since films of a sensor have no other end.
+    Leaving the ``with`` block completes the file. If it has no images, or an error occurred, the existing
+    file stays. Ctrl-C also completes the file, because films of a sensor have no other end.
 
     Args:
         path: path of the .mp4 file. Its folder is created.
@@ -46,8 +46,8 @@ class FilmWriter:
         rate: images per second.
         bit_rate: Mbit/s, for encoders without a quality option.
         encoder: the name of one of :data:`enliven.film.encoders.ENCODERS`, or "auto".
-        sound: (N,) samples of one channel from the first image on, and the sample rate. Sound ends with the
-            last image.
+        sound: (N,) samples of one channel, and the sample rate. The sound starts with the first image and
+            ends with the last one.
 
     Raises:
         ResourceError: if PyAV is missing, the file cannot be written, or the encoder does not exist.
@@ -77,14 +77,15 @@ class FilmWriter:
 
     @contextmanager
     def _explain_error(self) -> Iterator[None]:
-        """Converts an error of the operating system to one that names the film, and removes the unfinished
-        file."""
+        """Converts an error of the operating system to one that names the film. Removes the unfinished
+        file.
+        """
         try:
             yield
         except OSError as error:
             self._remove_unfinished()
             problem = f"the film cannot be written ({error.strerror})"
-            raise ResourceError(problem, where=str(self.path), mend=_OTHER_PLACE_ADVICE) from None
+            raise ResourceError(problem, where=str(self.path), remedy=_OTHER_PLACE_ADVICE) from None
 
     def _remove_unfinished(self) -> None:
         """Removes the unfinished file. The existing file stays."""
@@ -120,7 +121,9 @@ class FilmWriter:
         self._sound_stream = stream
 
     def _add_sound(self) -> None:
-        """Adds the sound up to the end of the last image, since the file interleaves both."""
+        """Adds the sound up to the end of the last image. It is called for each image, because the file
+        interleaves images and sound.
+        """
         if self._sound is None or self._sound_stream is None:
             return
         samples, rate = self._sound
@@ -196,6 +199,6 @@ def _import_pyav() -> Any:
         raise ResourceError(
             "films need PyAV, which is not installed",
             where="film",
-            mend='Install the extra: pip install "enliven-edge[film]"',
+            remedy='Install the extra: pip install "enliven-edge[film]"',
         ) from None
     return av

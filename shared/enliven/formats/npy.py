@@ -10,8 +10,8 @@ import numpy as np
 from enliven.arrays import AnyArray
 
 _ACCEPTED_ARRAY_KINDS = "biuf"
-"""Array kinds that are accepted: booleans, integers and floats. Object arrays are refused: unpickling them
-could run code, and the header would not give their size."""
+"""Accepted array kinds: booleans, integers and floats. Object arrays are refused, because unpickling them
+could run code, and their size is not in the header."""
 
 
 def array_of(data: bytes) -> AnyArray:
@@ -35,5 +35,5 @@ def array_of(data: bytes) -> AnyArray:
         raise ValueError(f"it holds {kind} of shape {shape}")
     if count * kind.itemsize != len(data) - file.tell():
         raise ValueError(f"its head states {count} numbers, and {len(data) - file.tell()} bytes follow")
-    flat = np.frombuffer(data, kind, count, file.tell())
-    return np.array(flat.reshape(shape[::-1]).T if fortran else flat.reshape(shape))
+    flat_values = np.frombuffer(data, kind, count, file.tell())
+    return np.array(flat_values.reshape(shape[::-1]).T if fortran else flat_values.reshape(shape))

@@ -1,4 +1,4 @@
-"""Compiled kernels on disk: named by their content, never stale, shipped in wheels, shared by all checkouts.
+"""A cache of compiled kernels on disk. File names depend on the content, so entries are never outdated.
 
 A kernel is compiled for a named processor level (:mod:`~enliven.kernel_cache.target`), so that its machine
 code runs on every machine of that level. A fingerprint (:mod:`~enliven.kernel_cache.fingerprint`) covers
@@ -21,7 +21,3 @@ Private interfaces of Numba that are used, all in this package and in ``kernels.
 
 ``tests/shared/kernel_cache/test_numba_interfaces.py`` names each one that a new Numba lacks.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

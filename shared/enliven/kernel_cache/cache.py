@@ -5,14 +5,10 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
-import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-import llvmlite
-import numba
-import numpy as np
 from numba.core import types
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
@@ -20,17 +16,14 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaWarning
 
 from enliven.kernel_cache.fingerprint import describe_options, fingerprint
+from enliven.kernel_cache.native_schedule import record_use
 from enliven.kernel_cache.store import load_kernel, save_kernel, user_folder
-
-_VERSIONS = (sys.version_info[:2], numba.__version__, llvmlite.__version__, np.__version__.partition(".")[0])
-"""Versions on which byte code, the serialised form of machine code and the code of library functions depend.
-
-NumPy's code is not compiled into kernels, and the layout of its arrays changes with a major version at most.
-"""
+from enliven.kernel_cache.target import is_native_session, processor_levels
+from enliven.kernel_cache.versions import CODE_VERSIONS
 
 
 def keep(kernel: Any) -> Any:
-    """Lets the machine code of a kernel outlive the process.
+    """Makes the machine code of a kernel persistent: later processes load it from disk.
 
     Returns:
         The same kernel. If ``NUMBA_DISABLE_JIT`` is set, it is a plain function and returned unchanged.
@@ -46,49 +39,69 @@ class KernelCache(_Cache):  # type: ignore[misc]
     def __init__(self, kernel: Any) -> None:
         self._kernel = kernel
 
+    @property
+    def location(self) -> tuple[str, str]:
+        """The kernel's module, and its qualified name in this module."""
+        return self._kernel.py_func.__module__, self._kernel.py_func.__qualname__
+
     @functools.cached_property
     def _stem(self) -> str:
         """The kernel's name, and a hash of everything that its code depends on except the argument types.
 
-        It is computed at the first call, because globals that are defined after the kernel in its file do not
-        exist earlier.
+        It is computed at the first call, because globals that the file defines after the kernel do not exist
+        earlier.
         """
         function = self._kernel.py_func
-        parts = fingerprint(function), describe_options(self._kernel), repr(_VERSIONS)
+        parts = fingerprint(function), describe_options(self._kernel), repr(CODE_VERSIONS)
         return f"{function.__name__}-{_hash(parts)}"
 
-    def file_name(self, signature: Any, codegen: Any) -> str:
-        """Returns the file name of the machine code for argument types on Numba's current processor level."""
-        parts = repr(signature), repr(list(_fields(signature))), repr(codegen.magic_tuple())
+    def file_name(self, signature: Any, target: tuple[str, str, str]) -> str:
+        """Returns the file name of the machine code for argument types.
+
+        Args:
+            signature: the argument types.
+            target: LLVM's names of the platform, the processor and its features.
+        """
+        parts = repr(signature), repr(list(_fields(signature))), repr(target)
         return f"{self._stem}-{_hash(parts)}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Returns the compiled kernel for argument types, or None if no folder has it."""
+        """Returns the compiled kernel for argument types, or None if no folder has it.
+
+        A session with native code uses the code for the processor's level if native code is missing.
+        """
         target_context.refresh()
-        with contextlib.suppress(Exception):  # Machine code that cannot be loaded is compiled again.
-            data = load_kernel(self.file_name(sig, target_context.codegen()))
-            return None if data is None else CompileResult._rebuild(target_context, *data)
+        target = target_context.codegen().magic_tuple()
+        targets = [target, (target[0], processor_levels()[0], "")] if is_native_session() else [target]
+        for possible_target in targets:
+            with contextlib.suppress(Exception):  # If machine code cannot be loaded, it is compiled again.
+                data = load_kernel(self.file_name(sig, possible_target))
+                if data is not None:
+                    record_use(self, sig, target[0])
+                    return CompileResult._rebuild(target_context, *data)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Saves a compiled kernel, unless the code contains addresses of this process or the disk is full."""
         if data.lifted or data.library.has_dynamic_globals:
             name = self._kernel.py_func.__qualname__
-            warnings.warn(f"{name} cannot be kept: it reads large global arrays or pointers", NumbaWarning, 2)
+            warnings.warn(f"{name} is not cached: it uses large global arrays or pointers", NumbaWarning, 2)
             return
-        save_kernel(self.file_name(sig, data.codegen), data._reduce())
+        target = data.codegen.magic_tuple()
+        save_kernel(self.file_name(sig, target), data._reduce())
+        record_use(self, sig, target[0])
 
     @property
     def cache_path(self) -> str | None:
-        """The folder that is written to, for ``kernel.stats``."""
+        """The folder for new files, for ``kernel.stats``."""
         folder = user_folder()
         return None if folder is None else str(folder)
 
     def enable(self) -> None:
-        """Does nothing: a kernel is always kept."""
+        """Does nothing: kernels are always stored."""
 
     def disable(self) -> None:
-        """Does nothing: a kernel is always kept."""
+        """Does nothing: kernels are always stored."""
 
     def flush(self) -> None:
         """Does nothing: files are never out of date."""

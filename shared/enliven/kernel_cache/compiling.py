@@ -12,7 +12,8 @@ from numba.core import event
 
 log = logging.getLogger(__name__)
 _QUIET_S = 5.0
-"""Seconds of compilation after which the log explains the wait: a few single kernels need no explanation."""
+"""Seconds of compilation after which the log explains the wait. Compiling a few kernels needs no explanation.
+"""
 _EVENT = "numba:compile"
 """Numba's event for the compilation of one function. Functions that it calls are compiled within it."""
 
@@ -20,9 +21,9 @@ _EVENT = "numba:compile"
 class _Compilations(event.Listener):  # type: ignore[misc]
     """Counts compiled functions of this process. Numba compiles in one thread at a time, under a lock.
 
-    Compilation makes many objects that live until its end. Garbage collection among them takes a tenth of the
-    time and frees nothing. So it is delayed until the outermost function is compiled. This needs at most 80
-    MB more memory.
+    Compilation creates many objects that live until its end. Garbage collection would take a tenth of the
+    time and free nothing. So it is delayed until the outermost function is compiled. This needs at most 80 MB
+    more memory.
     """
 
     def __init__(self) -> None:
@@ -35,7 +36,9 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._has_explained = False
 
     def on_start(self, event: object) -> None:
-        """Disables garbage collection at the outermost function, and reports the count so far."""
+        """Disables garbage collection when the outermost function starts to compile, and reports the count so
+        far.
+        """
         if self._depth == 0:
             self._explain()
             self._started = time.perf_counter()
@@ -46,7 +49,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             callback(self._finished)
 
     def on_end(self, event: object) -> None:
-        """Enables garbage collection after the outermost function, if it was enabled before."""
+        """Enables garbage collection when the outermost function is finished, if it was enabled before."""
         self._finished += 1
         self._depth -= 1
         if self._depth > 0:

@@ -1,8 +1,8 @@
 """A hash of everything that the machine code of a kernel depends on, apart from the types of its arguments.
 
-The kernel and all functions that it reaches (kernels, intrinsics, inner functions) count with their byte
-code, constants, defaults, closures and compiler options, and with the module constants that they read.
-Docstrings, comments, line numbers and other functions of the file do not count.
+The hash covers the kernel and all functions that it calls (kernels, intrinsics, inner functions). It includes
+their byte code, constants, defaults, closures and compiler options, and the module constants that they read.
+It does not include docstrings, comments, line numbers and other functions of the file.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from numba.core.extending import _Intrinsic
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
 """Types with a ``repr`` that represents the whole value."""
 _LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
-"""Packages with functions that count by name: their versions are part of every file name."""
+"""Packages with functions that are hashed by name only. Their versions are part of every file name."""
 _FUNCTION = 0x3
-"""Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Functions have both, modules and classes have
-neither."""
+"""Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Only functions have them, not modules and classes.
+"""
 _HAS_DOCSTRING = 0x4000000
 """Flag of code with a docstring as its first constant, from Python 3.13 on."""
 _GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
@@ -46,24 +46,27 @@ def fingerprint(kernel: FunctionType) -> str:
 
 @functools.cache
 def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...]]:
-    """Returns the hash of one function without those that it calls, and the functions that it may call."""
-    reached: list[FunctionType] = []
+    """Returns the hash of one function, and the functions that it may call. The hash does not cover these."""
+    reached_functions: list[FunctionType] = []
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    given = [function.__defaults__, function.__kwdefaults__, *cells]
+    values = [function.__defaults__, function.__kwdefaults__, *cells]
     parts = [
         f"{function.__module__}.{function.__qualname__}",
         describe_code(function.__code__),
-        *(_describe_value(value, reached) for value in given),
-        *(f"{name}={_describe_value(value, reached)}" for name, value in sorted(_globals_of(function))),
+        *(_describe_value(value, reached_functions) for value in values),
+        *(
+            f"{name}={_describe_value(value, reached_functions)}"
+            for name, value in sorted(_globals_of(function))
+        ),
     ]
-    return _hash("\n".join(parts)), tuple(reached)
+    return _hash("\n".join(parts)), tuple(reached_functions)
 
 
 def describe_code(code: CodeType) -> str:
     """Returns byte code, names and constants of a code object, without docstrings and line numbers.
 
-    Parameters count by name, since they may be passed by keyword. Other local variables count by number: the
-    byte code reads them by their index.
+    Parameters are included by name, since they may be passed by keyword. Of other local variables only the
+    number is included, since the byte code reads them by index.
     """
     constants = code.co_consts[1:] if _starts_with_docstring(code) else code.co_consts
     parameters = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
@@ -73,7 +76,7 @@ def describe_code(code: CodeType) -> str:
 
 
 def _starts_with_docstring(code: CodeType) -> bool:
-    """Returns True if the first constant is a docstring, or None in the place of one."""
+    """Returns True if the first constant is a docstring, or None in place of a docstring."""
     if sys.version_info >= (3, 13):
         return bool(code.co_flags & _HAS_DOCSTRING)
     is_named = not code.co_name.startswith("<") or code.co_name == "<lambda>"
@@ -81,7 +84,9 @@ def _starts_with_docstring(code: CodeType) -> bool:
 
 
 def _describe_constant(value: object) -> str:
-    """Returns the text of a code object's constant; sets are sorted, since their order differs by process."""
+    """Returns the text of a code object's constant. Sets are sorted, since their order differs between
+    processes.
+    """
     if isinstance(value, CodeType):
         return describe_code(value)
     if isinstance(value, tuple):
@@ -92,7 +97,7 @@ def _describe_constant(value: object) -> str:
 
 
 def _globals_of(function: FunctionType) -> Iterator[tuple[str, object]]:
-    """Yields names and values of the globals that a function may read, also through modules."""
+    """Yields names and values of the globals that a function may read, directly or through modules."""
     names = set(_names_of(function.__code__))
     for name in names & function.__globals__.keys():
         value = function.__globals__[name]
@@ -110,7 +115,9 @@ def _names_of(code: CodeType) -> Iterator[str]:
 
 
 def _describe_value(value: Any, reached: list[FunctionType]) -> str:
-    """Returns the text of a value that a kernel reads; adds functions that it may call to ``reached``."""
+    """Returns the text of a value that a kernel reads. Adds functions that the kernel may call to
+    ``reached``.
+    """
     if isinstance(value, Dispatcher):
         reached.append(value.py_func)
         return f"kernel {value.py_func.__qualname__} {describe_options(value)}"
@@ -136,7 +143,9 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
 
 
 def describe_options(kernel: Any) -> str:
-    """Returns the text of a kernel's compiler options, with sets sorted: their order differs by process."""
+    """Returns the text of a kernel's compiler options. Sets are sorted, since their order differs between
+    processes.
+    """
     return repr(
         [
             (name, sorted(value) if isinstance(value, (set, frozenset)) else value)
@@ -146,7 +155,7 @@ def describe_options(kernel: Any) -> str:
 
 
 def _is_library(module: str | None) -> bool:
-    """Returns True if a module belongs to a library that counts by its version."""
+    """Returns True if a module belongs to a library that is represented by its version."""
     return (module or "").partition(".")[0] in _LIBRARIES
 
 

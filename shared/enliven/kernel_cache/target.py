@@ -19,27 +19,60 @@ See the x86-64 psABI, section 3.1.1. Level 4 (AVX-512) is left out: LLVM uses 25
 _ARM = "generic"
 """LLVM's name for ARMv8-A with Neon, which every 64-bit ARM processor has."""
 
+_choice: dict[str, bool] = {}
+"""The choice of this process. The key ``native`` is True for this exact processor. Empty if no choice was
+made.
+"""
+
 
 def processor_levels() -> tuple[str, ...]:
-    """Returns LLVM's names of this processor's levels, best first; empty for other architectures."""
+    """Returns LLVM's names of this processor's levels, best first. Empty for other architectures."""
     machine = platform.machine().lower()
     if machine in ("aarch64", "arm64"):
         return (_ARM,)
     if machine not in ("x86_64", "amd64"):
         return ()
     features = llvmlite.binding.get_host_cpu_features()
-    return tuple(level for level, needs in _LEVELS.items() if all(features.get(name) for name in needs))
+    return tuple(
+        level
+        for level, needed_features in _LEVELS.items()
+        if all(features.get(name) for name in needed_features)
+    )
 
 
-def choose_target() -> None:
-    """Sets the best level of this processor as the target of all kernels that this process compiles.
+def host_processor() -> tuple[str, str]:
+    """Returns LLVM's name of this processor, and its list of features: the target of native code."""
+    return llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()
 
-    Does nothing if ``NUMBA_CPU_NAME`` or ``NUMBA_CPU_FEATURES`` asks for another target, if the processor has
-    no level, or if Numba has already compiled code for the host processor. A process has only one target.
+
+def can_choose_target() -> bool:
+    """Returns True if this process may choose its target.
+
+    It may not if ``NUMBA_CPU_NAME`` or ``NUMBA_CPU_FEATURES`` request a target, if the processor has no
+    level, or if Numba has already compiled code for the host processor. A process has only one target.
     """
     config = numba.core.config
-    if config.CPU_NAME is not None or config.CPU_FEATURES is not None:
-        return
-    levels = processor_levels()
-    if levels and "_toplevel_target_context" not in vars(cpu_target):
-        config.CPU_NAME, config.CPU_FEATURES = levels[0], ""
+    is_fixed = config.CPU_NAME is not None or config.CPU_FEATURES is not None
+    return not is_fixed and bool(processor_levels()) and "_toplevel_target_context" not in vars(cpu_target)
+
+
+def is_native_session() -> bool:
+    """Returns True if :func:`choose_target` has chosen this exact processor."""
+    return _choice.get("native", False)
+
+
+def has_chosen_target() -> bool:
+    """Returns True if :func:`choose_target` has chosen a level or this exact processor."""
+    return bool(_choice)
+
+
+def choose_target(*, native: bool) -> None:
+    """Sets the target of all kernels of this process, if :func:`can_choose_target` allows it.
+
+    Args:
+        native: True for this exact processor, False for the processor's best level.
+    """
+    if can_choose_target():
+        _choice["native"] = native
+        name, features = host_processor() if native else (processor_levels()[0], "")
+        numba.core.config.CPU_NAME, numba.core.config.CPU_FEATURES = name, features

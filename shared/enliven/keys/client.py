@@ -15,9 +15,10 @@ from enliven.errors import InputError
 from enliven.keys.key_files import KeyPair, KeyStore
 
 HandshakeProblem = Literal["", "not paired", "other key", "needs keys", "has no keys"]
-"""Why an edge rejects a viewer. "not paired": it does not know the viewer's key. "other key": the edge's key
-is another than the stored one. "needs keys": it accepts paired viewers only, and this viewer is not paired.
-"has no keys": the viewer expects keys, and the edge uses none. Empty: no problem is known."""
+"""Why an edge rejects a viewer. "not paired": the edge does not know the viewer's key. "other key": the edge
+has a different key than the stored one. "needs keys": the edge accepts paired viewers only, and this viewer
+is not paired. "has no keys": the viewer expects keys, and the edge uses none. Empty: no problem is known.
+"""
 _EVENTS = (
     zmq.EVENT_HANDSHAKE_SUCCEEDED
     | zmq.EVENT_HANDSHAKE_FAILED_AUTH
@@ -25,7 +26,7 @@ _EVENTS = (
     | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 )
 _MAX_EVENTS_PER_POLL = 32
-"""Maximum events that one call reads."""
+"""Maximum number of events that one call reads."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,10 @@ class ClientKeys:
 
 
 def find_client_keys(host: str, control_port: int, folder: Path | None = None) -> ClientKeys | None:
-    """Returns the keys for the edge at an address. None: it is not paired, and needs no keys.
+    """Returns the keys for the edge at an address. None if it is not paired, and needs no keys.
 
     Args:
-        folder: the folder of the key files. None: the user's.
+        folder: the folder of the key files. None for the user's folder.
 
     Raises:
         InputError: if a key file is missing or damaged, or others may read it.
@@ -60,14 +61,14 @@ def find_client_keys(host: str, control_port: int, folder: Path | None = None) -
     server = store.server_key(host, control_port)
     if server is None:
         return None
-    own = store.own()
-    if own is None:
+    own_keys = store.own()
+    if own_keys is None:
         raise InputError(
             f"the edge at {host} is paired, but the own keys are missing",
             where=str(store.own_path),
-            mend="Restore the file, or pair again: enliven pair HOST CODE.",
+            remedy="Restore the file, or pair again: enliven pair HOST CODE.",
         )
-    return ClientKeys(server, own)
+    return ClientKeys(server, own_keys)
 
 
 class HandshakeWatch:
@@ -101,7 +102,7 @@ class HandshakeWatch:
         self._monitor.close(linger=0)
 
     def _problem_of(self, event: int, value: int) -> HandshakeProblem:
-        """Returns the problem that an event of libzmq means."""
+        """Returns the problem that an event of libzmq indicates."""
         if event == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
             return _STATUS_PROBLEMS.get(value, "not paired")
         if event == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
@@ -118,7 +119,7 @@ def handshake_advice(problem: HandshakeProblem, host: str) -> str:
 
 
 _STATUS_PROBLEMS: dict[int, HandshakeProblem] = {400: "not paired", 500: "other key"}
-"""The problem by the status that the edge sends, see :mod:`enliven.keys.curve`."""
+"""The problem for each status that the edge sends. See :mod:`enliven.keys.curve`."""
 _ADVICE: dict[str, str] = {
     "not paired": "does not know this viewer's key. Pair it: enliven pair {host} CODE",
     "other key": "has another key than the one that this viewer expects. If enliven was installed again "

@@ -1,8 +1,8 @@
 """The server's side of CurveZMQ (https://rfc.zeromq.org/spec/26): bytes in, bytes out, no socket.
 
-Viewers use libzmq for it. The edge cannot, since its sockets do not (see :mod:`enliven.wire.zmtp`). All
-cryptography is libsodium's, by PyNaCl: X25519 for the keys of a connection, XSalsa20-Poly1305 for its
-messages.
+Viewers use libzmq for the protocol. The edge cannot, since its sockets do not use libzmq (see
+:mod:`enliven.wire.zmtp`). All cryptography is libsodium's, by PyNaCl: X25519 for the keys of a connection,
+XSalsa20-Poly1305 for its messages.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from nacl.exceptions import CryptoError
 from enliven.keys.key_files import KEY_BYTES, KeyPair
 
 COMMAND_FLAG = 2
-"""Flag inside a sealed message: it is a command of the protocol. The flag 1 means that more parts follow."""
+"""Flag inside a sealed message that marks a command of the protocol. The flag 1 means that more parts follow.
+"""
 OVERHEAD = 33
 """Bytes that sealing adds to a message: its name, nonce, authenticator and flags."""
 UNKNOWN_VIEWER = b"400"
@@ -33,17 +34,17 @@ _HELLO_BYTES = 200
 _COOKIE_BYTES = 96
 """Bytes of the cookie that WELCOME sends and INITIATE returns."""
 _SHORT_NONCE = 8
-"""Bytes of a nonce that counts up. A prefix of 16 bytes, which differs by command and side, precedes it."""
+"""Bytes of a nonce that is a counter. It follows a prefix of 16 bytes, which differs by command and side."""
 _LONG_NONCE = 16
 """Bytes of a random nonce, after a prefix of 8 bytes."""
 _VOUCH_BYTES = _LONG_NONCE + 80
 _MIN_INITIATE_BYTES = 9 + _COOKIE_BYTES + _SHORT_NONCE + 16 + KEY_BYTES + _VOUCH_BYTES
 _MAX_COUNT = 2**64 - 1
-"""Count of a message at which a connection ends: counts must not start again."""
+"""Message count at which a connection ends, because counts must never repeat."""
 
 
 class CurveError(Exception):
-    """A handshake or message that is wrong. ``status`` is sent to the viewer, if there is one."""
+    """An invalid handshake or message. ``status`` is sent to the viewer, if there is one."""
 
     def __init__(self, why: str, status: bytes = b"") -> None:
         super().__init__(why)
@@ -67,7 +68,7 @@ class CurveChannel:
     """The encrypted channel of one connection: first its handshake, then its messages.
 
     Each connection has its own keys, which both sides forget at its end. So stored traffic stays unreadable,
-    even if a long-term key is stolen later.
+    even if a long-term key is stolen later (forward secrecy).
 
     Attributes:
         client: the viewer's public key, once it has proven that it has the secret one. None before.
@@ -82,14 +83,14 @@ class CurveChannel:
 
     @property
     def ready(self) -> bool:
-        """True after the handshake."""
+        """True once the handshake is complete."""
         return self.client is not None
 
     def answer(self, data: bytes, metadata: bytes) -> bytes:
         """Handles a command of the handshake and returns the command to send back.
 
         Args:
-            metadata: the properties of this side, as in READY.
+            metadata: the properties of this side for the READY command.
 
         Raises:
             CurveError: if the command is wrong, or the viewer is not admitted.
@@ -104,7 +105,7 @@ class CurveChannel:
         raise CurveError("not the expected command of the handshake")
 
     def _welcome(self, data: bytes) -> bytes:
-        """Answers HELLO, which contains the viewer's key for this connection, with the edge's."""
+        """Answers HELLO, which contains the viewer's key for this connection, with the edge's key."""
         if len(data) != _HELLO_BYTES or data[6:8] != b"\x01\x00":
             raise CurveError("HELLO has another form")
         client_once, count = data[80:112], data[112:120]
@@ -130,11 +131,11 @@ class CurveChannel:
             raise CurveError("INITIATE has another form")
         if not hmac.compare_digest(data[9 : 9 + _COOKIE_BYTES], self._cookie):
             raise CurveError("the cookie is another one")
-        rest = data[9 + _COOKIE_BYTES :]
-        count, box = rest[:_SHORT_NONCE], rest[_SHORT_NONCE:]
+        vouch_box = data[9 + _COOKIE_BYTES :]
+        count, box = vouch_box[:_SHORT_NONCE], vouch_box[_SHORT_NONCE:]
         self._count(count)
-        shared = sodium.crypto_box_beforenm(self._client_once, self._secret_once)
-        plain = sodium.crypto_box_open_afternm(box, b"CurveZMQINITIATE" + count, shared)
+        shared_key = sodium.crypto_box_beforenm(self._client_once, self._secret_once)
+        plain = sodium.crypto_box_open_afternm(box, b"CurveZMQINITIATE" + count, shared_key)
         client, nonce = plain[:KEY_BYTES], plain[KEY_BYTES : KEY_BYTES + _LONG_NONCE]
         vouch = plain[KEY_BYTES + _LONG_NONCE : KEY_BYTES + _VOUCH_BYTES]
         proof = sodium.crypto_box_open(vouch, b"VOUCH---" + nonce, client, self._secret_once)
@@ -142,7 +143,7 @@ class CurveChannel:
             raise CurveError("the viewer vouches for another connection")
         if not self._server.admits(client):
             raise CurveError("the viewer is not paired", UNKNOWN_VIEWER)
-        self.client, self._shared = client, shared
+        self.client, self._shared = client, shared_key
         count = struct.pack(">Q", self.reserve())
         return b"\x05READY" + count + self._encrypt(metadata, b"CurveZMQREADY---" + count)
 
@@ -156,7 +157,7 @@ class CurveChannel:
 
         Args:
             flags: 1 if more parts follow, :data:`COMMAND_FLAG` for a command.
-            count: its count from :meth:`reserve`. 0: the next one.
+            count: the message's count from :meth:`reserve`. 0 for the next one.
         """
         number = struct.pack(">Q", count or self.reserve())
         plain = b"".join((bytes([flags]), data))
@@ -182,7 +183,9 @@ class CurveChannel:
         return sodium.crypto_box_afternm(plain, nonce, self._shared)
 
     def _count(self, count: bytes) -> None:
-        """Raises unless a received count is higher than all before: a repeated message is an attack."""
+        """Raises an error unless a received count is higher than all before. A repeated message is an
+        attack.
+        """
         (number,) = struct.unpack(">Q", count)
         if not self._received < number < _MAX_COUNT:
             raise CurveError("a message was repeated")

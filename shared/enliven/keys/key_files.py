@@ -4,7 +4,7 @@ The folder ``enliven/keys`` in the user's configuration folder contains:
 
 - ``own.toml``: the key pair of this user on this computer, for the edge and for viewers
 - ``viewers/FINGERPRINT.toml``: a viewer that may connect to edges of this user, with its role
-- ``edges/FINGERPRINT.toml``: an edge that this user has paired with, with its address
+- ``edges/FINGERPRINT.ADDRESS.toml``: an edge that this user has paired with, with its address
 
 Each file is for its owner only (mode 0600), and is created completely or not at all.
 """
@@ -35,7 +35,9 @@ KEY_BYTES = 32
 _Z85_KEY_LENGTH = 40
 """Length of a key as text in Z85, the encoding that ZeroMQ uses for keys."""
 _FINGERPRINT_DIGITS = 32
-"""Hexadecimal digits of a fingerprint: 128 bits are enough to tell keys apart, also made ones."""
+"""Number of hexadecimal digits of a fingerprint. 128 bits distinguish keys, even if an attacker generates
+them.
+"""
 _MAX_PEERS = 1000
 """Maximum number of paired viewers, and of paired edges, that are read."""
 _MAX_NAME_LENGTH = 64
@@ -73,7 +75,7 @@ class PairedEdge:
         public: the edge's public key.
         name: the edge's name.
         host: the typed address.
-        control_port: its port of the commands.
+        control_port: the edge's port for commands.
         role: the granted role.
         paired: date of the pairing.
     """
@@ -112,7 +114,7 @@ class KeyStore:
     """The key files of a folder. Files with wrong permissions or damaged content are refused.
 
     Args:
-        folder: None: ``enliven/keys`` in the user's configuration folder.
+        folder: folder of the files. None for ``enliven/keys`` in the user's configuration folder.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -124,7 +126,7 @@ class KeyStore:
         return self.folder / "own.toml"
 
     def own(self) -> KeyPair | None:
-        """Returns the own key pair, or None if there is none.
+        """Returns the user's own key pair, or None if there is none.
 
         Raises:
             InputError: if the file is damaged, belongs to another user, or others may read it.
@@ -137,12 +139,12 @@ class KeyStore:
         keys = KeyPair(_key(table, "public", self.own_path), _key(table, "secret", self.own_path))
         if zmq.curve_public(_z85(keys.secret)) != _z85(keys.public):
             raise InputError(
-                "its secret key does not belong to its public key", where=str(self.own_path), mend=_NEW_KEYS
+                "its secret key does not belong to its public key", where=str(self.own_path), remedy=_NEW_KEYS
             )
         return keys
 
     def make(self, *, overwrite: bool = False) -> KeyPair:
-        """Makes a new key pair and stores it. Errors as for :meth:`store_own`."""
+        """Creates a new key pair and stores it. Raises errors like :meth:`store_own`."""
         pair = make_key_pair()
         self.store_own(pair, overwrite=overwrite)
         return pair
@@ -164,7 +166,8 @@ class KeyStore:
         """Returns the paired viewers by public key.
 
         Args:
-            problems: gets a sentence about each file that cannot be used. None: such a file raises.
+            problems: receives a sentence about each file that cannot be used. If None, such a file raises an
+                error.
 
         Raises:
             InputError: if a file is damaged, belongs to another user, or others may read it.
@@ -191,7 +194,7 @@ class KeyStore:
         return next((e for e in self.edges() if (e.host.lower(), e.control_port) == place), None)
 
     def server_key(self, host: str, control_port: int) -> bytes | None:
-        """Returns the public key to expect of the edge at an address, or None if it needs none.
+        """Returns the public key to expect of the edge at an address, or None if the edge uses no keys.
 
         An edge on this computer uses the own key pair, if there is one.
 
@@ -201,11 +204,11 @@ class KeyStore:
         edge = self.edge_at(host, control_port)
         if edge is not None:
             return edge.public
-        own = self.own() if is_loopback(host) else None
-        return None if own is None else own.public
+        own_keys = self.own() if is_loopback(host) else None
+        return None if own_keys is None else own_keys.public
 
     def add_viewer(self, viewer: PairedViewer) -> None:
-        """Stores a paired viewer, or replaces the one with its key.
+        """Stores a paired viewer. Replaces a stored viewer with the same key.
 
         Raises:
             ResourceError: if the file cannot be written.
@@ -221,18 +224,20 @@ class KeyStore:
         Raises:
             ResourceError: if the file cannot be written.
         """
-        place = (edge.host.lower(), edge.control_port)
-        for other in self.edges([]):
-            if (other.host.lower(), other.control_port) == place and other.public != edge.public:
-                self._remove("edges", other.public)
+        # An edge and a relay of one user have the same key, so the address is part of the file's name.
+        place = f"{edge.host.lower()}:{edge.control_port}"
         lines: dict[str, str | int] = {"public": _z85(edge.public).decode(), "name": edge.name}
         lines |= {"host": edge.host, "control_port": edge.control_port}
         lines |= {"role": edge.role, "paired": edge.paired or _today()}
-        path = self.folder / "edges" / f"{fingerprint(edge.public)}.toml"
+        place_hash = hashlib.sha256(place.encode()).hexdigest()[:8]
+        path = self.folder / "edges" / f"{fingerprint(edge.public)}.{place_hash}.toml"
         _write_private(path, _toml(lines), overwrite=True)
+        for other, table in self._tables("edges", []):
+            if other != path and f"{table.get('host')}:{table.get('control_port')}".lower() == place:
+                self._unlink(other)
 
     def forget(self, which: str) -> list[PairedViewer | PairedEdge]:
-        """Removes the peers with a name, an address, or the start of a fingerprint. Returns them.
+        """Removes the peers with the given name, address, or start of a fingerprint. Returns them.
 
         Raises:
             InputError: if there is none, or if several peers match.
@@ -248,7 +253,7 @@ class KeyStore:
         if len({peer.public for peer in matches}) != 1:
             problem = "several peers match" if matches else "no paired viewer or edge matches"
             raise InputError(
-                problem, where=repr(which), mend="Give a fingerprint that enliven keys list shows."
+                problem, where=repr(which), remedy="Give a fingerprint that enliven keys list shows."
             )
         for peer in matches:
             self._remove("viewers" if isinstance(peer, PairedViewer) else "edges", peer.public)
@@ -262,18 +267,21 @@ class KeyStore:
             return 0
 
     def _remove(self, folder: str, public: bytes) -> None:
-        path = self.folder / folder / f"{fingerprint(public)}.toml"
+        for path in (self.folder / folder).glob(f"{fingerprint(public)}*.toml"):
+            self._unlink(path)
+
+    def _unlink(self, path: Path) -> None:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise file_fault(error, path, "written") from None
 
     def _tables(self, folder: str, problems: list[str] | None) -> list[tuple[Path, dict[str, Any]]]:
-        """Returns the path and the content of each file of a folder."""
+        """Returns the path and the content of each file in a folder."""
         tables = []
         for path in sorted((self.folder / folder).glob("*.toml"))[:_MAX_PEERS]:
-            mend = f"Remove it with: rm {path}. Then pair again."
-            table = _read_checked(path, problems, lambda p=path, m=mend: _read_private(p, m))
+            remedy = f"Remove it with: rm {path}. Then pair again."
+            table = _read_checked(path, problems, lambda p=path, m=remedy: _read_private(p, m))
             if table is not None:
                 tables.append((path, table))
         return tables
@@ -298,7 +306,7 @@ def _viewer(table: dict[str, Any], path: Path) -> PairedViewer:
 def _edge(table: dict[str, Any], path: Path) -> PairedEdge:
     host, port = table.get("host"), table.get("control_port")
     if not isinstance(host, str) or not isinstance(port, int) or not 0 < port < 65536:
-        raise _damaged(path, "its address is missing or is not one")
+        raise _damaged(path, "its address is missing or invalid")
     peer = _viewer(table, path)
     return PairedEdge(peer.public, peer.name, host, port, peer.role, peer.paired)
 
@@ -325,7 +333,7 @@ def _key(table: dict[str, Any], name: str, path: Path) -> bytes:
             key = _from_z85(text.encode())
             if len(key) == KEY_BYTES:
                 return key
-    raise _damaged(path, f"its {name} key is missing or is not one")
+    raise _damaged(path, f"its {name} key is missing or invalid")
 
 
 def _damaged(path: Path, what: str) -> InputError:
@@ -333,11 +341,11 @@ def _damaged(path: Path, what: str) -> InputError:
     return InputError(
         f"this is not a key file, or it is damaged ({what})",
         where=str(path),
-        mend=_NEW_KEYS if is_own else f"Remove it with: rm {path}. Then pair again.",
+        remedy=_NEW_KEYS if is_own else f"Remove it with: rm {path}. Then pair again.",
     )
 
 
-def _read_private(path: Path, mend: str) -> dict[str, Any] | None:
+def _read_private(path: Path, remedy: str) -> dict[str, Any] | None:
     """Returns the content of a file that only this user may read. None: it does not exist.
 
     Raises:
@@ -350,20 +358,21 @@ def _read_private(path: Path, mend: str) -> dict[str, Any] | None:
     except OSError as error:
         raise file_fault(error, path) from None
     if not stat.S_ISREG(state.st_mode):
-        raise InputError("it is not a regular file", where=str(path), mend=mend)
+        raise InputError("it is not a regular file", where=str(path), remedy=remedy)
     if sys.platform != "win32":
         if state.st_uid != os.getuid():
-            raise InputError("it belongs to another user", where=str(path), mend=mend)
+            raise InputError("it belongs to another user", where=str(path), remedy=remedy)
         if state.st_mode & _OTHERS:
             raise InputError(
                 f"other users may read or change this key file (mode {stat.S_IMODE(state.st_mode):04o})",
                 where=str(path),
-                mend=f"If only you have read it: chmod 600 {path}. Otherwise others may know the key. {mend}",
+                remedy=f"If only you have read it: chmod 600 {path}. "
+                f"Otherwise others may know the key. {remedy}",
             )
     try:
         return read_toml(path)
     except InputError as error:
-        raise type(error)(error.what, where=str(path), mend=error.mend or mend) from None
+        raise type(error)(error.what, where=str(path), remedy=error.remedy or remedy) from None
 
 
 def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
@@ -376,7 +385,7 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
     part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        # The file is private from its first byte: it is created with its mode, not changed afterwards.
+        # The file is created with its final mode, so that it is private from its first byte.
         descriptor = os.open(part, _NEW, 0o600)
         try:
             with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
@@ -386,7 +395,8 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
             if overwrite:
                 os.replace(part, path)
             else:
-                # A link fails if the name exists. A rename would replace a file that appeared meanwhile.
+                # Creating a link fails if the name exists. A rename would replace a file that another process
+                # has created meanwhile.
                 os.link(part, path)
         finally:
             with contextlib.suppress(OSError):
@@ -395,7 +405,7 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
         raise InputError(
             "there are keys already",
             where=str(path),
-            mend="They stay unchanged. To replace them: enliven keys make --overwrite. All paired peers "
+            remedy="They stay unchanged. To replace them: enliven keys make --overwrite. All paired peers "
             "must then pair again.",
         ) from None
     except OSError as error:
@@ -403,9 +413,9 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
 
 
 def _toml(lines: dict[str, str | int]) -> str:
-    """Returns a TOML file with its version and one line for each value."""
-    written = [f"{key} = {_toml_value(value)}" for key, value in lines.items()]
-    return "\n".join(["version = 1", *written, ""])
+    """Returns the text of a TOML file with its version and one line for each value."""
+    value_lines = [f"{key} = {_toml_value(value)}" for key, value in lines.items()]
+    return "\n".join(["version = 1", *value_lines, ""])
 
 
 def _toml_value(value: str | int) -> str:

@@ -1,8 +1,8 @@
-"""Pairs a viewer with an edge by a six-digit code: SPAKE2, then the public keys in boxes of the agreed key.
+"""Pairs a viewer with an edge by a six-digit code: SPAKE2, then an exchange of encrypted public keys.
 
-The code is far too short for a key: an attacker could record an exchange that is encrypted by the code
-itself, and then try all codes. SPAKE2 (RFC 9382, by the package of Magic Wormhole) turns the code into a
-strong key of 256 bits. Each run lets an attacker test exactly one code, and a recorded run tests none:
+The code is far too short to be an encryption key: an attacker could record an exchange that is encrypted by
+the code itself, and then try all codes. SPAKE2 (RFC 9382, by the package of Magic Wormhole) turns the code
+into a strong key of 256 bits. Each run lets an attacker test exactly one code, and a recorded run tests none:
 
 1. viewer -> edge: its SPAKE2 message
 2. edge -> viewer: the edge's SPAKE2 message
@@ -33,11 +33,13 @@ CODE_DIGITS = 6
 CODE_LIFETIME_S = 300.0
 """Seconds until a code expires: enough to walk to the viewer's computer and type it."""
 MAX_TRIES_PER_CODE = 3
-"""Number of runs with one code. People mistype once or twice."""
+"""Maximum number of runs with one code. People mistype once or twice."""
 FIRST_PAUSE_S = 30.0
 """Seconds without a code after too many tries. The pause doubles with each further code that is used up."""
 LONGEST_PAUSE_S = 900.0
-"""Maximum pause after too many tries: an attacker gets 288 guesses a day, 1 in 3,500 to be right."""
+"""Maximum pause after too many tries: an attacker gets 288 guesses per day, with a chance of 1 in 3,500 that
+one is right.
+"""
 MESSAGE_BYTES = 33
 """Bytes of a SPAKE2 message: its side, and a point of Ed25519."""
 
@@ -46,7 +48,7 @@ _WRONG_CODE = {
     _VIEWER: "the code is wrong",
     _EDGE: "the code is wrong, or another program answers in place of the edge",
 }
-"""The reason why a box cannot be opened, by the sender of the box."""
+"""The reason why an encrypted introduction (a box) cannot be opened, by the sender of the box."""
 _KEY_LABELS = {_VIEWER: b"enliven pairing: viewer to edge", _EDGE: b"enliven pairing: edge to viewer"}
 
 
@@ -56,7 +58,9 @@ class PairingError(Exception):
 
 @dataclass(frozen=True)
 class Introduction:
-    """The content of a box: a public key, the name of its owner, and the requested or granted role."""
+    """The content of a box (an encrypted introduction): a public key, the name of its owner, and the
+    requested or granted role.
+    """
 
     public: bytes
     name: str
@@ -105,7 +109,7 @@ class ViewerExchange:
 
 
 class EdgeExchange:
-    """The edge's side of one pairing, made by :meth:`PairingDesk.start`."""
+    """The edge's side of one pairing. Create it by :meth:`PairingDesk.start`."""
 
     def __init__(self, code: str, message: bytes) -> None:
         from spake2 import SPAKE2_B
@@ -128,7 +132,7 @@ class EdgeExchange:
 
 
 class PairingDesk:
-    """The code of an edge: it expires, allows few tries, and is followed by a new one after a pause.
+    """The pairing code of an edge. It expires and allows few tries. A new code follows after a pause.
 
     Args:
         show: called with each new code.
@@ -150,18 +154,18 @@ class PairingDesk:
 
     @property
     def code(self) -> str:
-        """The code to show, or empty while pairing is closed or paused."""
+        """The code to show. Empty while pairing is closed or paused."""
         self.poll()
         return self._code
 
     @property
     def seconds_left(self) -> int:
-        """Seconds until the shown code expires. 0: no code is shown."""
+        """Seconds until the shown code expires, or 0 if no code is shown."""
         return max(0, round(self._expires - self._clock())) if self.code else 0
 
     @property
     def pause_s(self) -> float:
-        """Seconds until a new code is shown after too many tries. 0: a code may be shown now."""
+        """Seconds until a new code is shown after too many tries, or 0 if a code may be shown now."""
         return max(0.0, self._paused_until - self._clock())
 
     def poll(self) -> None:
@@ -175,7 +179,7 @@ class PairingDesk:
             self._show(self._code)
 
     def start(self, message: bytes) -> EdgeExchange:
-        """Begins a run with the current code. Each run counts as a try, also one that is not finished.
+        """Begins a run with the current code. Each run counts as a try, even if it is not finished.
 
         Raises:
             PairingError: if no code is shown now, or the message is not valid.
@@ -185,7 +189,7 @@ class PairingDesk:
             raise PairingError(self._closed_reason())
         self._tries += 1
         if self._tries >= MAX_TRIES_PER_CODE:
-            # The run that begins now may still succeed. Later ones need a new code.
+            # The run that begins now may still succeed. Later runs need a new code.
             self._code = ""
             pause = min(FIRST_PAUSE_S * 2**self._used_up, LONGEST_PAUSE_S)
             self._used_up = min(self._used_up + 1, 16)
@@ -193,7 +197,7 @@ class PairingDesk:
         return EdgeExchange(code, message)
 
     def succeed(self) -> None:
-        """Ends the code after a successful pairing. The next code is shown at once."""
+        """Invalidates the code after a successful pairing. The next code is shown at once."""
         self._code, self._used_up, self._paused_until = "", 0, 0.0
         self.poll()
 

@@ -15,5 +15,5 @@ ROLES: tuple[Role, ...] = ("watch", "perform", "edit", "operate")
 
 
 def includes(role: Role | None, needed: Role | None) -> bool:
-    """Returns True if a role has the rights of another one. None: a viewer without a role."""
+    """Returns True if a role has the rights of another one. None is a viewer without a role."""
     return needed is None or (role is not None and ROLES.index(role) >= ROLES.index(needed))

@@ -1,4 +1,5 @@
-"""Searches for a better mapping than the one in use. Candidates are compared by all measures of quality."""
+"""Searches for a better mapping from a take to a shape. Candidates are compared by all measures of
+quality."""
 
 from __future__ import annotations
 
@@ -13,9 +14,10 @@ from enliven.mapping.quality import MotionQuality, quality_of
 from enliven.mapping.softening import soften_plan
 
 _MAX_FAULT_RATIO = 0.8
-"""Another mapping is offered only if its faults are at most this fraction of the current mapping's."""
+"""An alternative is offered only if its fault score is below this fraction of the current mapping's score."""
 _GENTLE_WEIGHT = 0.6
-"""Factor on the weight of limbs in the candidate that moves them less, so that they collide less."""
+"""Factor on the weight of all limbs in the candidate mapping that moves the limbs less to avoid
+collisions."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,9 @@ class NextBest:
     """An alternative mapping of a take to a shape.
 
     Attributes:
-        how: the difference from the current mapping, in words or as options of the command line.
+        how: the difference from the current mapping, in words or as command line options.
         plan: the mapping.
-        quality: its measures.
+        quality: the measures of the motion with this mapping.
     """
 
     how: str
@@ -33,29 +35,31 @@ class NextBest:
     quality: MotionQuality
 
 
-def next_best(made: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
+def next_best(retargeted: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
     """Returns the best mapping that differs from the current one in one choice.
 
     Returns None if the current mapping is within all bounds, or if no alternative is clearly better.
 
     Args:
-        made: the retargeted shape with its current mapping.
+        retargeted: the retargeted shape with its current mapping.
         shape: the shape at rest.
-        quality: the measures of ``made``.
+        quality: the measures of ``retargeted``.
     """
     if quality.beyond == 0.0:
         return None
     alternatives = [
-        NextBest(how, plan, _measured_quality(made, shape, plan))
-        for how, plan in _other_mappings(made, shape)
+        NextBest(how, plan, _measured_quality(retargeted, shape, plan))
+        for how, plan in _other_mappings(retargeted, shape)
     ]
-    best = min(alternatives, key=lambda one: one.quality.faults)
+    best = min(alternatives, key=lambda candidate: candidate.quality.faults)
     return best if best.quality.faults < _MAX_FAULT_RATIO * quality.faults else None
 
 
 def _measured_quality(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> MotionQuality:
-    other = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
-    return quality_of(other.project, other.shape_id, retargeted.clip, other.duration, other.plan)
+    alternative = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
+    return quality_of(
+        alternative.project, alternative.shape_id, retargeted.clip, alternative.duration, alternative.plan
+    )
 
 
 def _other_mappings(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:

@@ -1,8 +1,9 @@
 """Applies a mapping: chooses rest poses, gives each chain a basis, and binds layers.
 
-Motion is relative to a rest pose of the take, and any pose can be one. For chains of mode "pose" it is the
-pose in which the performer's bones point as the model's bones do at rest. Then they point alike at all times.
-For chains of mode "move" it is the mean pose of the take, and the model moves about its own rest pose.
+The motion of a chain is relative to a rest pose of the take. Any pose can be the rest pose. For chains of
+mode "pose" it is the pose in which the performer's bones point in the same directions as the model's bones at
+rest. Then both point in the same directions at all times. For chains of mode "move" it is the mean pose of
+the take, and the model moves about its own rest pose.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
-from enliven.mapping.anatomy import Anatomy, anatomy_of
 from enliven.mapping.ground import level_root
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import (
@@ -29,8 +29,11 @@ from enliven.mapping.resting import (
     rebase,
     standing_turns,
 )
-from enliven.motion.layers import arc_lengths, bind_chain, branch, set_travel, travel_scale
+from enliven.motion.layers.polyline import arc_lengths
+from enliven.motion.layers.retarget import bind_chain, branch, set_travel
+from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
+from enliven.skeletons.anatomy import Anatomy, anatomy_of
 
 _MAX_OPPOSITE_COSINE = -0.94
 """Cosine below which two directions count as opposite."""
@@ -42,9 +45,9 @@ _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 
 def source_anatomy(clip: Clip) -> Anatomy:
-    """Returns the anatomy of the performer, with their heading in the first frames as its facing.
+    """Returns the anatomy of the performer. Its facing is the performer's heading in the first frames.
 
-    It is found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
+    The limbs are found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
     """
     at_rest = anatomy_of(clip.skeleton)
     amid = anatomy_of(pose_skeleton(clip.skeleton, mean_pose(clip)))
@@ -55,15 +58,16 @@ def source_anatomy(clip: Clip) -> Anatomy:
 
 
 def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
-    """Returns the initial facing of the performer and that of the model, in radians about +Y from +Z."""
+    """Returns the initial facing of the performer, and the facing of the model, in radians about +Y from
+    +Z."""
     first, ours = plan.take_facing, plan.model_facing
-    theirs = source_anatomy(clip).facing if first is None else math.radians(first)
-    return theirs, anatomy_of(shape.skeleton).facing if ours is None else math.radians(ours)
+    take_facing = source_anatomy(clip).facing if first is None else math.radians(first)
+    return take_facing, anatomy_of(shape.skeleton).facing if ours is None else math.radians(ours)
 
 
 @dataclass(frozen=True, eq=False)
-class _Line:
-    """A chain of the plan, with its joints in the take and in the model."""
+class _ChainPair:
+    """A chain of the take and the chain of the model that it drives, with their joints."""
 
     plan: ChainPlan
     source_joints: tuple[int, ...]
@@ -75,37 +79,43 @@ class _Line:
         return set(self.source_joints[1:] or self.source_joints)
 
 
-class _Turns:
-    """The rotations from the performer's axes to the model's, for plain and mirrored chains.
+class _AxesConversion:
+    """The rotations from the performer's axes to the model's, for unmirrored and mirrored chains.
 
-    A layer mirrors in the plane x = 0 of the take. An additional rotation by twice the performer's facing
-    turns that into mirroring in the plane between their left and right.
+    A mirrored layer reflects the take's motion in the plane x = 0. An additional rotation by twice the
+    performer's facing turns this into a reflection in the plane between the performer's left and right.
     """
 
-    def __init__(self, theirs: float, ours: float) -> None:
-        self.plain, self.mirrored = _yaw_rotation(ours - theirs), _yaw_rotation(ours + theirs)
-        self.across = rotate(_yaw_rotation(ours), np.array([1.0, 0.0, 0.0]))
-        self._side = rotate(_yaw_rotation(theirs), np.array([1.0, 0.0, 0.0]))
+    def __init__(self, take_facing: float, model_facing: float) -> None:
+        self.plain, self.mirrored = (
+            _yaw_rotation(model_facing - take_facing),
+            _yaw_rotation(model_facing + take_facing),
+        )
+        self.lateral_axis = rotate(_yaw_rotation(model_facing), np.array([1.0, 0.0, 0.0]))
+        self._side = rotate(_yaw_rotation(take_facing), np.array([1.0, 0.0, 0.0]))
 
-    def middle(self, source: Skeleton, line: _Line) -> bool:
+    def is_central(self, source: Skeleton, pair: _ChainPair) -> bool:
         """Returns True if a chain of the take lies in the plane between the performer's left and right."""
-        off = (source.positions[list(line.source_joints)] - source.positions[0]) @ self._side
+        lateral_offsets = (source.positions[list(pair.source_joints)] - source.positions[0]) @ self._side
         return bool(
-            np.abs(off).max() < _MAX_SPINE_OFFSET * source.lengths[list(line.source_joints[1:])].sum()
+            np.abs(lateral_offsets).max()
+            < _MAX_SPINE_OFFSET * source.lengths[list(pair.source_joints[1:])].sum()
         )
 
-    def of(self, line: _Line) -> Float:
+    def rotation_of(self, pair: _ChainPair) -> Float:
         """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
-        return self.mirrored if line.plan.mirrored else self.plain
+        return self.mirrored if pair.plan.mirrored else self.plain
 
-    def to_model(self, line: _Line, directions: Float) -> Float:
+    def to_model(self, pair: _ChainPair, take_directions: Float) -> Float:
         """Returns directions (..., 3) of the take in the model's axes."""
-        return rotate(self.of(line), directions * _MIRROR_SIGNS if line.plan.mirrored else directions)
+        return rotate(
+            self.rotation_of(pair), take_directions * _MIRROR_SIGNS if pair.plan.mirrored else take_directions
+        )
 
-    def to_take(self, line: _Line, directions: Float) -> Float:
+    def to_take(self, pair: _ChainPair, model_directions: Float) -> Float:
         """Returns directions (..., 3) of the model in the take's axes."""
-        directions = rotate(conjugate(self.of(line)), directions)
-        return directions * _MIRROR_SIGNS if line.plan.mirrored else directions
+        model_directions = rotate(conjugate(self.rotation_of(pair)), model_directions)
+        return model_directions * _MIRROR_SIGNS if pair.plan.mirrored else model_directions
 
 
 def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
@@ -115,94 +125,103 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         InputError: if the mapping names a joint that does not exist. The message lists the joints.
     """
     source, target = clip.skeleton, shape.skeleton
-    lines = [
-        _Line(chain, _joint_path(source, chain.source, "the take"), _target_joints(target, chain))
+    pairs = [
+        _ChainPair(chain, _joint_path(source, chain.source, "the take"), _target_joints(target, chain))
         for chain in plan.chains
     ]
-    turns = _Turns(*facings(clip, shape, plan))
+    axes = _AxesConversion(*facings(clip, shape, plan))
     clip = level_root(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
-    lines = [line for line in lines if plan.turn or line.target_joints != (0,)]
+    pairs = [pair for pair in pairs if plan.turn or pair.target_joints != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
-    for since, group in _rest_poses(lines, clip, plan.rest, target, turns):
-        take = replace(rebase(clip, since), id=unused(clip.id, project.takes))
+    for rest_rotations, group in _rest_poses(pairs, clip, plan.rest, target, axes):
+        take = replace(rebase(clip, rest_rotations), id=unused(clip.id, project.takes))
         first = first or take
         project = project.with_takes(take)
-        for line in group:
-            basis = _layer_basis(lines, line, take.skeleton, target, turns)
-            project = _bind_line(project, shape, take, line, basis, plan.stretch)
+        for pair in group:
+            basis = _layer_basis(pairs, pair, take.skeleton, target, axes)
+            project = _bind_pair(project, shape, take, pair, basis, plan.stretch)
     assert first is not None
-    project = carried(project, shape.id, [line.target_joints for line in lines if line.plan.carries])
+    project = copy_motion_to_siblings(
+        project, shape.id, [pair.target_joints for pair in pairs if pair.plan.carries]
+    )
     if plan.travel:
-        project = _follow_take_root(project, shape.id, first, turns, plan.stride)
+        project = _follow_take_root(project, shape.id, first, axes, plan.stride)
     return project, first
 
 
 def _rest_poses(
-    lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
-) -> list[tuple[Float, list[_Line]]]:
-    """Returns the rest poses (N, 4) of the take, with the chains of the plan that each serves.
+    pairs: list[_ChainPair], clip: Clip, rest: Rest | float, target: Skeleton, axes: _AxesConversion
+) -> list[tuple[Float, list[_ChainPair]]]:
+    """Returns the rest poses (N, 4) of the take, each with the chains of the plan that use it.
 
-    One rest pose is enough unless a bone of the performer needs two: a leg that drives two legs. Then the
-    project contains the take again, relative to another rest pose.
+    One rest pose is enough unless a bone of the performer needs two rest rotations, as in a leg that drives
+    two legs. Then the project contains a second copy of the take, relative to another rest pose.
     """
-    plain = _rest_rotations(clip, rest)
-    since, claimed = plain.copy(), set[int]()
-    group, conflicting = list[_Line](), list[_Line]()
-    for line in sorted(lines, key=lambda line: line.plan.mode != "pose"):
-        if claimed & line.bones:
-            conflicting.append(line)
+    default_rotations = _rest_rotations(clip, rest)
+    rest_rotations, posed_bones = default_rotations.copy(), set[int]()
+    group, conflicting_pairs = list[_ChainPair](), list[_ChainPair]()
+    for pair in sorted(pairs, key=lambda pair: pair.plan.mode != "pose"):
+        if posed_bones & pair.bones:
+            conflicting_pairs.append(pair)
             continue
-        group.append(line)
-        if line.plan.mode == "pose":
-            claimed |= line.bones
-            _match_pose(since, clip, line, group, target, turns)
-    for line in group:
-        arm = _posed_bone_above(group, line, clip.skeleton)
-        if line.plan.mode != "move" or arm is None:
+        group.append(pair)
+        if pair.plan.mode == "pose":
+            posed_bones |= pair.bones
+            _match_pose(rest_rotations, clip, pair, group, target, axes)
+    for pair in group:
+        bone_above = _posed_bone_above(group, pair, clip.skeleton)
+        if pair.plan.mode != "move" or bone_above is None:
             continue
-        if _lies_on_floor(target, line.target_joints):
-            # The foot is flat in the rest pose, at any slope of the shin.
-            since[list(line.source_joints[1:])] = standing_turns(clip, line.source_joints)
+        if _lies_on_floor(target, pair.target_joints):
+            # In the rest pose the foot is flat on the floor, whatever the slope of the shin.
+            rest_rotations[list(pair.source_joints[1:])] = standing_turns(clip, pair.source_joints)
         else:
-            # A hand keeps the rotation relative to its forearm that it has in the take's rest pose.
-            carried = multiply(since[arm], conjugate(plain[arm]))
-            since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
-    rests = [(since, [line for line in lines if line in group])]
-    for line in conflicting:
-        other = since.copy()
-        if line.plan.mode == "pose":
-            _match_pose(other, clip, line, [line], target, turns)
+            # The hand's rotation relative to its forearm stays the same as in the take's rest pose.
+            change = multiply(rest_rotations[bone_above], conjugate(default_rotations[bone_above]))
+            rest_rotations[list(pair.bones)] = multiply(change, default_rotations[list(pair.bones)])
+    rest_poses = [(rest_rotations, [pair for pair in pairs if pair in group])]
+    for pair in conflicting_pairs:
+        other_rotations = rest_rotations.copy()
+        if pair.plan.mode == "pose":
+            _match_pose(other_rotations, clip, pair, [pair], target, axes)
         else:
-            other[list(line.bones)] = plain[list(line.bones)]
-        rests.append((other, [line]))
-    return rests
+            other_rotations[list(pair.bones)] = default_rotations[list(pair.bones)]
+        rest_poses.append((other_rotations, [pair]))
+    return rest_poses
 
 
-def _posed_bone_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
-    """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
-    path = source.path(0, line.source_joints[0])
-    above = [
+def _posed_bone_above(pairs: list[_ChainPair], pair: _ChainPair, source: Skeleton) -> int | None:
+    """Returns the last bone of the nearest ancestor chain of mode "pose" in the take, or None if there is
+    none."""
+    path = source.path(0, pair.source_joints[0])
+    ancestors = [
         candidate.source_joints[-1]
-        for candidate in lines
-        if candidate.plan.mode == "pose" and candidate.source_joints[-1] in path and candidate is not line
+        for candidate in pairs
+        if candidate.plan.mode == "pose" and candidate.source_joints[-1] in path and candidate is not pair
     ]
-    return max(above, key=path.index, default=None)
+    return max(ancestors, key=path.index, default=None)
 
 
-def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
-    """Returns a project in which bones that share a parent joint with a chain's bone copy its motion.
+def copy_motion_to_siblings(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
+    """Returns a project in which the siblings of driven bones copy their motion.
 
     A joint of a rig rotates all of its children: fingers with a hand, hair with a head, a twist bone with its
-    forearm. Bones that move already, or have a descendant that moves, are not changed.
+    forearm. So each bone that shares its parent joint with a bone of ``chains`` moves like that bone. Bones
+    that move already, or that have a descendant that moves, are not changed.
     """
     shape = project.shape(shape_id)
     skeleton, spans = shape.skeleton, list(shape.spans)
-    moving = {up for j, some in enumerate(spans) if any(s.refs for s in some) for up in skeleton.path(0, j)}
+    moving = {
+        ancestor
+        for index, bone_spans in enumerate(spans)
+        if any(span.refs for span in bone_spans)
+        for ancestor in skeleton.path(0, index)
+    }
     for bone in (bone for chain in chains for bone in chain[1:]):
-        for other in skeleton.children[int(skeleton.parents[bone])]:
-            if other not in moving:
-                spans[other] = spans[bone]
+        for sibling in skeleton.children[int(skeleton.parents[bone])]:
+            if sibling not in moving:
+                spans[sibling] = spans[bone]
     return project.with_characters(shape.with_changes(spans=tuple(spans)))
 
 
@@ -212,17 +231,17 @@ def _lies_on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
     return bool(height[list(chain)].max() < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height))
 
 
-def _bind_line(
-    project: Project, shape: Shape, take: Clip, line: _Line, basis: Float, stretch: bool
+def _bind_pair(
+    project: Project, shape: Shape, take: Clip, pair: _ChainPair, basis: Float, stretch: bool
 ) -> Project:
-    chain = line.plan
-    stretches: dict[str, Any] = {"stretch": True} if stretch and take.tracks else {}
+    chain = pair.plan
+    stretch_option: dict[str, Any] = {"stretch": True} if stretch and take.tracks else {}
     return bind_chain(
         project,
         shape.id,
-        line.target_joints,
+        pair.target_joints,
         take.id,
-        line.source_joints,
+        pair.source_joints,
         basis=basis,
         layer_id=unused(f"{take.id}: {chain.role or chain.target[-1]}", project.layer_names),
         weight=chain.weight,
@@ -230,7 +249,7 @@ def _bind_line(
         speed=chain.speed,
         loop=chain.loop,
         mirrored=chain.mirrored,
-        **stretches,
+        **stretch_option,
     )
 
 
@@ -251,112 +270,137 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
 
 
 def _match_pose(
-    since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
+    rest_rotations: Float,
+    clip: Clip,
+    pair: _ChainPair,
+    pairs: list[_ChainPair],
+    target: Skeleton,
+    axes: _AxesConversion,
 ) -> None:
-    """Sets the rest rotations of a source chain, in ``since`` (N, 4), so that its bones point in the target's
-    directions.
+    """Sets the rest rotations of a source chain so that its bones point in the target's directions.
 
-    The pose starts from the take's zero pose in its first heading. Each bone gets the smallest rotation that
-    makes it point in the target's direction, so the twist about a bone remains the performer's. A limb is
-    bent bone by bone from its root, and each bone carries the next one. So a forearm that is bent at rest is
-    straightened at the elbow. A spine or a neck is rotated as a whole and keeps the model's own curve.
+    Changes ``rest_rotations`` (N, 4), the rest rotations of all bones, in place.
+
+    The pose starts from the take's zero pose, rotated to the take's first heading. Each bone gets the
+    smallest rotation that makes it point in the target's direction, so the twist about a bone remains the
+    performer's. A limb is bent bone by bone from its root, and each bone moves the next bone with it. So a
+    forearm that is bent at rest is straightened at the elbow. A spine or a neck is rotated as a whole and
+    keeps the curve of the model's spine or neck.
     """
     heading, skeleton = first_heading(clip), clip.skeleton
-    since[list(line.bones)] = heading
-    if len(line.source_joints) == 1:
+    rest_rotations[list(pair.bones)] = heading
+    if len(pair.source_joints) == 1:
         return
-    arc, ends = arc_lengths(skeleton, line.source_joints), target.positions[list(line.target_joints)]
-    at = np.stack([np.interp(arc, arc_lengths(target, line.target_joints), ends[:, k]) for k in range(3)], 1)
+    arc, target_positions = (
+        arc_lengths(skeleton, pair.source_joints),
+        target.positions[list(pair.target_joints)],
+    )
+    target_points = np.stack(
+        [np.interp(arc, arc_lengths(target, pair.target_joints), target_positions[:, k]) for k in range(3)], 1
+    )
     directions, bones = (
-        turns.to_take(line, np.diff(at, axis=0)),
-        skeleton.vectors[list(line.source_joints[1:])],
+        axes.to_take(pair, np.diff(target_points, axis=0)),
+        skeleton.vectors[list(pair.source_joints[1:])],
     )
-    middle = turns.middle(skeleton, line)
-    if middle:
+    is_central = axes.is_central(skeleton, pair)
+    if is_central:
         directions[:], bones[:] = directions.sum(0), bones.sum(0)
-    goes_on = any(
-        other_line.plan.mode == "pose"
-        and other_line.plan.role == line.plan.role
-        and _is_continuation(other_line, line)
-        for other_line in lines
+    continues_limb = any(
+        other_pair.plan.mode == "pose"
+        and other_pair.plan.role == pair.plan.role
+        and _is_continuation(other_pair, pair)
+        for other_pair in pairs
     )
-    before = since[line.source_joints[0]] if goes_on and not middle else heading
-    for joint, direction, bone in zip(line.source_joints[1:], directions, bones, strict=True):
-        bone = rotate(before, bone)
+    parent_rotation = rest_rotations[pair.source_joints[0]] if continues_limb and not is_central else heading
+    for joint, direction, bone in zip(pair.source_joints[1:], directions, bones, strict=True):
+        bone = rotate(parent_rotation, bone)
         if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(direction) > 1e-6:
-            bent = swing(bone / np.linalg.norm(bone), direction / np.linalg.norm(direction))
-            since[joint] = multiply(bent, before)
+            bend = swing(bone / np.linalg.norm(bone), direction / np.linalg.norm(direction))
+            rest_rotations[joint] = multiply(bend, parent_rotation)
         else:
-            since[joint] = before
-        before = heading if middle else since[joint]
+            rest_rotations[joint] = parent_rotation
+        parent_rotation = heading if is_central else rest_rotations[joint]
 
 
-def _layer_basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
+def _layer_basis(
+    pairs: list[_ChainPair], pair: _ChainPair, source: Skeleton, target: Skeleton, axes: _AxesConversion
+) -> Float:
     """Returns the rotation target_from_source (4,) of a chain's layer."""
-    basis = turns.of(line)
-    if line.plan.mode == "move" and len(line.source_joints) > 1 < len(line.target_joints):
-        mine, theirs = _whole_limb_ends(lines, line)
-        direction = turns.to_model(line, source.positions[mine[1]] - source.positions[mine[0]])
-        target_direction = target.positions[theirs[1]] - target.positions[theirs[0]]
-        # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
-        # axes would change the pose of the limbs below. A tail that a spine drives points the opposite way,
-        # so it gets axes of its own.
-        carries = _leads_to_posed(lines, line) or float(direction @ target_direction) > 0.0
-        same = carries and _posed_bone_above(lines, line, source) is not None
+    basis = axes.rotation_of(pair)
+    if pair.plan.mode == "move" and len(pair.source_joints) > 1 < len(pair.target_joints):
+        source_ends, target_ends = _whole_limb_ends(pairs, pair)
+        direction = axes.to_model(pair, source.positions[source_ends[1]] - source.positions[source_ends[0]])
+        target_direction = target.positions[target_ends[1]] - target.positions[target_ends[0]]
+        # If an ancestor chain has the performer's pose, this chain rotates about the performer's axes. Other
+        # axes would change the pose of the limbs that hang from it. A tail that a spine drives points the
+        # opposite way, so it gets axes of its own.
+        is_same_direction = _leads_to_posed(pairs, pair) or float(direction @ target_direction) > 0.0
+        keeps_performer_axes = is_same_direction and _posed_bone_above(pairs, pair, source) is not None
         basis = (
-            basis if same else multiply(_smallest_rotation(direction, target_direction, turns.across), basis)
+            basis
+            if keeps_performer_axes
+            else multiply(_smallest_rotation(direction, target_direction, axes.lateral_axis), basis)
         )
-    return multiply(_half_turn(target, line.target_joints), basis) if line.plan.flip else basis
+    return multiply(_half_turn(target, pair.target_joints), basis) if pair.plan.flip else basis
 
 
-def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
+def _leads_to_posed(pairs: list[_ChainPair], pair: _ChainPair) -> bool:
     """Returns True if a chain of mode "pose" continues this one, as a limb continues its girdle."""
-    after = [follower for follower in lines if _is_continuation(line, follower)]
-    return any(follower.plan.mode == "pose" or _leads_to_posed(lines, follower) for follower in after)
+    followers = [follower for follower in pairs if _is_continuation(pair, follower)]
+    return any(follower.plan.mode == "pose" or _leads_to_posed(pairs, follower) for follower in followers)
 
 
-def _whole_limb_ends(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Returns the first and last joint, in take and model, of a limb's consecutive chains of mode "move".
+def _whole_limb_ends(pairs: list[_ChainPair], pair: _ChainPair) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Returns the first and last joint of a limb's consecutive chains of mode "move", in take and model.
 
-    A limb that is driven in pieces has one set of axes, even if its thigh and shin point in different
+    A limb that is driven by several chains has one set of axes, even if its thigh and shin point in different
     directions at rest.
     """
-    role = line.plan.role
-    same_limb = [piece for piece in lines if piece.plan.role == role and piece.plan.mode == "move"]
-    first = last = line
-    while role and (before := [piece for piece in same_limb if _is_continuation(piece, first)]):
-        first = before[0]
-    while role and (after := [piece for piece in same_limb if _is_continuation(last, piece)]):
-        last = after[0]
-    return (first.source_joints[0], last.source_joints[-1]), (first.target_joints[0], last.target_joints[-1])
+    role = pair.plan.role
+    same_limb = [piece for piece in pairs if piece.plan.role == role and piece.plan.mode == "move"]
+    first_piece = last_piece = pair
+    while role and (
+        previous_pieces := [piece for piece in same_limb if _is_continuation(piece, first_piece)]
+    ):
+        first_piece = previous_pieces[0]
+    while role and (next_pieces := [piece for piece in same_limb if _is_continuation(last_piece, piece)]):
+        last_piece = next_pieces[0]
+    return (first_piece.source_joints[0], last_piece.source_joints[-1]), (
+        first_piece.target_joints[0],
+        last_piece.target_joints[-1],
+    )
 
 
-def _is_continuation(one: _Line, other: _Line) -> bool:
+def _is_continuation(first: _ChainPair, second: _ChainPair) -> bool:
     """Returns True if the second chain begins where the first ends, in the take and in the model."""
-    return one.source_joints[-1] == other.source_joints[0] and one.target_joints[-1] == other.target_joints[0]
+    return (
+        first.source_joints[-1] == second.source_joints[0]
+        and first.target_joints[-1] == second.target_joints[0]
+    )
 
 
-def _smallest_rotation(direction: Float, target_direction: Float, across: Float) -> Float:
+def _smallest_rotation(direction: Float, target_direction: Float, lateral_axis: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
-    Between opposite directions, the rotation begins with half a turn about the lateral axis of the body, as
-    from a hanging limb to a raised one. For limbs that lie along that axis it is the vertical one.
+    Between opposite directions the smallest rotation is ambiguous. Then the result begins with half a turn
+    about the body's lateral axis, as from a hanging limb to a raised limb. If the limb lies along that axis,
+    the half turn is about the vertical axis.
     """
     lengths = float(np.linalg.norm(direction)), float(np.linalg.norm(target_direction))
     if min(lengths) < 1e-6:
         return IDENTITY
-    a, b = direction / lengths[0], target_direction / lengths[1]
-    if a @ b >= _MAX_OPPOSITE_COSINE:
-        return swing(a, b)
-    axis = across if abs(a @ across) < 0.7 else np.array([0.0, 1.0, 0.0])
-    half = from_rotation_vector(np.pi * axis)
-    return multiply(swing(rotate(half, a), b), half)
+    start, end = direction / lengths[0], target_direction / lengths[1]
+    if start @ end >= _MAX_OPPOSITE_COSINE:
+        return swing(start, end)
+    axis = lateral_axis if abs(start @ lateral_axis) < 0.7 else np.array([0.0, 1.0, 0.0])
+    half_turn = from_rotation_vector(np.pi * axis)
+    return multiply(swing(rotate(half_turn, start), end), half_turn)
 
 
 def _half_turn(target: Skeleton, chain: tuple[int, ...]) -> Float:
     """Returns half a turn (4,) about the first bone of a chain."""
-    along = target.positions[chain[min(1, len(chain) - 1)]] - target.positions[chain[0]]
-    return normalized(np.concatenate([[0.0], along]))
+    axis = target.positions[chain[min(1, len(chain) - 1)]] - target.positions[chain[0]]
+    return normalized(np.concatenate([[0.0], axis]))
 
 
 def _yaw_rotation(angle: float) -> Float:
@@ -364,10 +408,12 @@ def _yaw_rotation(angle: float) -> Float:
     return from_rotation_vector(np.array([0.0, angle, 0.0]))
 
 
-def _follow_take_root(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
+def _follow_take_root(
+    project: Project, shape_id: str, take: Clip, axes: _AxesConversion, stride: float
+) -> Project:
     """Returns the project in which the shape's root follows the path of the take's root."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
-    layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
+    layers = (*shape.layers, Layer(name, take.id, (0,), axes.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))
     scale = stride * travel_scale(shape.with_changes(travel_scale=None), take)
     return set_travel(project, shape_id, name, scale)
@@ -377,12 +423,12 @@ def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple
     """Returns the joints of a chain, given the names of its two ends or of all of its joints."""
     if not names:
         raise InputError(
-            f"a chain of {owner} names no joint", where="mapping", mend=_describe_joints(skeleton)
+            f"a chain of {owner} contains no joint name", where="mapping", remedy=_describe_joints(skeleton)
         )
     unknown = [name for name in names if name not in skeleton.names]
     if unknown:
         raise InputError(
-            f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_describe_joints(skeleton)
+            f"{owner} has no joint {unknown[0]!r}", where="mapping", remedy=_describe_joints(skeleton)
         )
     joints = [skeleton.names.index(name) for name in names]
     path = [joints[0]]
@@ -397,4 +443,4 @@ def _target_joints(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
 
 
 def _describe_joints(skeleton: Skeleton) -> str:
-    return f"Its joints are: {', '.join(skeleton.names)}."
+    return f"The joints are: {', '.join(skeleton.names)}."

@@ -1,17 +1,17 @@
-"""Assigns limbs of a source to limbs of a target: legs to legs, arms to arms, wings or forelegs.
+"""Assigns limbs of a take (the source) to limbs of a model (the target): legs to legs, arms to arms or wings.
 
 Each limb is driven by a source limb of its kind, in the order from front and top to back and bottom:
 
-- Pairs that stand on the floor are driven by such pairs, the rearmost first. Of the remaining pairs, the
-  foremost is driven by the arms (a horse's forelegs). The others are driven by the same legs again, with the
-  sides exchanged and mirrored. So neighbouring legs step in turn, as those of insects do.
+- Pairs of legs that stand on the floor are driven by pairs of legs, the rearmost first. If the target has
+  more pairs, the foremost is driven by the arms (a horse's forelegs). The others are driven by the same legs
+  again, with the sides exchanged and mirrored. So neighbouring legs step alternately, like an insect's legs.
 - Other pairs (arms, wings, flippers) are driven by arms, or by the foremost legs if the source has no arms.
 - The head drives the head, together with the trunk if only one of the two skeletons has a trunk.
-- A tail is driven by the tail, or by the spine if the source has none. The tail of a target without limbs (a
-  snake) is driven by a leg.
+- A tail is driven by the tail, or by the spine if the source has no tail. The tail of a target without limbs
+  (a snake) is driven by a leg.
 
-Left limbs drive left limbs. If one source pair drives several target pairs, the sides alternate from pair to
-pair.
+Left limbs drive left limbs. If one source pair drives several target pairs, the sides are exchanged from each
+target pair to the next.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
+from enliven.skeletons.anatomy import Anatomy, Pair, SkeletonLimb
 
 _MAX_ARC_DIFFERENCE = 0.21
-"""Maximum difference in relative arc length (0 to 1) of corresponding joints, if limbs have different numbers
-of segments."""
+"""Maximum difference in relative arc length (0 to 1) between corresponding joints of two limbs with different
+numbers of segments."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,12 @@ class Drive:
     """A chain of the source and the chain of the target that it drives.
 
     Attributes:
-        source, target: joints, beginning with the one that stays in place.
-        role: the limb's name in the mapping file, for the reader only.
-        lead: source joints before the chain ``source``. The target's first piece also plays their rotations.
+        source, target: the joints of the two chains, beginning with the joint that stays in place.
+        role: the name of the limb in the mapping file.
+        lead: source joints before ``source`` (a girdle). Their rotations are added to the target's first
+            piece.
         mirrored: True if the source is a limb of the other side and its motion is mirrored.
-        knots: pairs (source joint, target joint) inside the two chains that correspond by their names.
+        knots: pairs (source joint, target joint) of inner joints that correspond by name, such as elbows.
     """
 
     source: tuple[int, ...]
@@ -48,47 +49,53 @@ class Drive:
 
 
 def assign_limbs(source: Anatomy, target: Anatomy) -> list[Drive]:
-    """Returns the drives of all parts of a body, without the drive that rotates the whole body."""
+    """Returns the drives of all parts of a body, except the drive that rotates the whole body."""
     drives: list[Drive] = []
-    lent = _replacement_legs(source, target)
-    for (left, right), (from_left, from_right), role in _pair_matches(source, target, lent):
-        crossed = any(from_left is pair[1] for pair in source.pairs)
-        for limb, by, side in ((left, from_left, "left"), (right, from_right, "right")):
-            for drive in _limb_drives(by, limb, f"{side} {role}"):
-                drives.append(replace(drive, mirrored=crossed))
+    replacement_arms = _replacement_legs(source, target)
+    for (left, right), (from_left, from_right), role in _pair_matches(source, target, replacement_arms):
+        is_mirrored = any(from_left is pair[1] for pair in source.pairs)
+        for limb, source_limb, side in ((left, from_left, "left"), (right, from_right, "right")):
+            for drive in _limb_drives(source_limb, limb, f"{side} {role}"):
+                drives.append(replace(drive, mirrored=is_mirrored))
     drives += _middle_drives(source, target)
     drives += _tail_drives(source, target)
     return [drive for drive in drives if len(drive.source) > 1 and len(drive.target) > 1]
 
 
 def _replacement_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
-    """Returns the source's legs that replace missing arms."""
-    spare = len(source.legs) - max(len(target.legs), 1)
-    return source.legs[: max(spare, 0)] or source.legs[:1]
+    """Returns the pairs of source legs that drive the target's arms if the source has no arms."""
+    spare_pairs = len(source.legs) - max(len(target.legs), 1)
+    return source.legs[: max(spare_pairs, 0)] or source.legs[:1]
 
 
-def _pair_matches(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tuple[Pair, Pair, str]]:
+def _pair_matches(
+    source: Anatomy, target: Anatomy, replacement_arms: tuple[Pair, ...]
+) -> list[tuple[Pair, Pair, str]]:
     """Returns (target pair, source pair, role) for every pair of the target that can be driven."""
     driven_pairs: list[tuple[Pair, Pair, str]] = []
-    arms = source.arms or lent
+    arms = source.arms or replacement_arms
     legs = source.legs or source.arms
-    standing = list(target.legs)
-    if standing and legs:
-        own_pairs = min(len(standing), len(legs))
-        hind = zip(standing[len(standing) - own_pairs :], legs[len(legs) - own_pairs :], strict=True)
-        for number, (pair, by) in enumerate(hind, 1):
-            driven_pairs.append((pair, by, "leg" if own_pairs == 1 else f"leg {number}"))
-        rest = standing[: len(standing) - own_pairs]
-        if rest and source.arms:
-            driven_pairs.append((rest[0], source.arms[0], "foreleg"))
-            rest = rest[1:]
-        for number, pair in enumerate(reversed(rest), 1):
-            driven_pairs.append((pair, _exchange_sides(legs[0], number), f"leg {own_pairs + number}"))
+    target_legs = list(target.legs)
+    if target_legs and legs:
+        pair_count = min(len(target_legs), len(legs))
+        rear_pairs = zip(
+            target_legs[len(target_legs) - pair_count :], legs[len(legs) - pair_count :], strict=True
+        )
+        for number, (pair, source_pair) in enumerate(rear_pairs, 1):
+            driven_pairs.append((pair, source_pair, "leg" if pair_count == 1 else f"leg {number}"))
+        front_legs = target_legs[: len(target_legs) - pair_count]
+        if front_legs and source.arms:
+            driven_pairs.append((front_legs[0], source.arms[0], "foreleg"))
+            front_legs = front_legs[1:]
+        for number, pair in enumerate(reversed(front_legs), 1):
+            driven_pairs.append((pair, _exchange_sides(legs[0], number), f"leg {pair_count + number}"))
     for number, pair in enumerate(target.arms):
         if not arms:
             break
-        by = arms[number] if number < len(arms) else _exchange_sides(arms[-1], number - len(arms) + 1)
-        driven_pairs.append((pair, by, "arm" if number == 0 else f"arm {number + 1}"))
+        source_pair = (
+            arms[number] if number < len(arms) else _exchange_sides(arms[-1], number - len(arms) + 1)
+        )
+        driven_pairs.append((pair, source_pair, "arm" if number == 0 else f"arm {number + 1}"))
     return driven_pairs
 
 
@@ -98,17 +105,18 @@ def _exchange_sides(pair: Pair, times: int) -> Pair:
 
 
 def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
-    """Returns the drives of the girdle, the limb, and the hand or foot, each if source and target have one.
+    """Returns the drives of the girdle, the limb, and the hand or foot, each if both source and target have
+    one.
 
-    If only the source has a girdle, its rotations are added to the limb's. An animal's leg has no separate
-    foot, so a leg together with its foot drives it.
+    If only the source has a girdle, its rotations are added to the limb's rotations. If an animal's leg has
+    no separate foot, the performer's leg together with its foot drives it.
     """
     girdles = len(source.girdle) > 1 and len(target.girdle) > 1
-    arms = not target.grounded and len(source.main) == len(target.main)
-    by = source.main if target.tip or target.knots or arms else source.proper
+    are_like_arms = not target.grounded and len(source.main) == len(target.main)
+    source_chain = source.main if target.tip or target.knots or are_like_arms else source.proper
     lead = () if girdles else source.girdle[:-1]
     drives = [Drive(source.girdle, target.girdle, f"{role} girdle")] if girdles else []
-    drives.append(Drive(by, target.main, role, lead, knots=_matching_joints(source, target)))
+    drives.append(Drive(source_chain, target.main, role, lead, knots=_matching_joints(source, target)))
     if source.tip and target.tip:
         drives.append(Drive(source.tip, target.tip, f"{role} end"))
     return drives
@@ -118,8 +126,8 @@ def _matching_joints(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[
     """Returns pairs (source, target) of joints in two limbs that correspond by name, such as elbows."""
     if not source.knots or len(source.knots) != len(target.knots):
         return ()
-    both = zip(source.knots, target.knots, strict=True)
-    return tuple((source.chain[a], target.chain[b]) for a, b in both)
+    knot_pairs = zip(source.knots, target.knots, strict=True)
+    return tuple((source.chain[a], target.chain[b]) for a, b in knot_pairs)
 
 
 def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
@@ -135,17 +143,18 @@ def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
             ]
         source_chain = head or source.trunk
         return [Drive(source_chain, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
-    upright = _join_trunk_and_head(source.trunk, head)
+    trunk_and_head = _join_trunk_and_head(source.trunk, head)
     drives = []
     if len(target.trunk) > 1:
-        drives.append(Drive(source.trunk if len(source.trunk) > 1 else upright, target.trunk, "trunk"))
+        drives.append(Drive(source.trunk if len(source.trunk) > 1 else trunk_and_head, target.trunk, "trunk"))
     if target.head:
-        drives.append(Drive(upright, target.head.chain, "head"))
+        drives.append(Drive(trunk_and_head, target.head.chain, "head"))
     return drives
 
 
 def _join_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns trunk and head as one chain if the head continues the trunk. Otherwise one of the two."""
+    """Returns trunk and head as one chain if the head continues the trunk, else the head or, without one, the
+    trunk."""
     if head and head[0] == trunk[-1]:
         return (*trunk, *head[1:])
     return head or trunk
@@ -159,12 +168,12 @@ def _tail_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     legs = source.legs or source.arms
     if legs and not target.pairs:
         return [Drive(legs[0][0].chain, target.tail.chain, "tail")]
-    upright = _join_trunk_and_head(source.trunk, source.head.chain if source.head else ())
-    return [Drive(upright, target.tail.chain, "tail")]
+    trunk_and_head = _join_trunk_and_head(source.trunk, source.head.chain if source.head else ())
+    return [Drive(trunk_and_head, target.tail.chain, "tail")]
 
 
 def split_drive(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
-    """Returns a drive in pieces, cut at corresponding inner joints, so that an elbow drives an elbow.
+    """Splits a drive at corresponding inner joints, so that an elbow drives an elbow, and returns the pieces.
 
     Within a piece, points correspond by arc length alone, as in AniMesh (section 5.1).
 
@@ -184,8 +193,8 @@ def split_drive(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
 def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[float]) -> list[tuple[int, int]]:
     """Returns indices (in the source, in the target) of corresponding inner joints of a drive, ascending.
 
-    Joints with the names of the same human joint correspond. Without such names, two limbs with the same
-    number of segments correspond joint by joint. Other limbs correspond at joints of similar arc length.
+    Joints that are both named after the same human joint correspond. Without such names, two limbs with the
+    same number of segments correspond joint by joint. Other limbs correspond at joints of similar arc length.
 
     Args:
         drive: the drive.
@@ -199,17 +208,19 @@ def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[floa
     return joints_at_one_arc(source_arc, target_arc, _MAX_ARC_DIFFERENCE)
 
 
-def joints_at_one_arc(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:
+def joints_at_one_arc(
+    first_arc: list[float], second_arc: list[float], max_difference: float
+) -> list[tuple[int, int]]:
     """Returns pairs of indices of inner joints at nearly the same arc length, ascending.
 
-    It is the set with the most pairs. Among equal numbers, it is the one with the smallest distances. It is
-    found by dynamic programming.
+    The result is the set with the most pairs. Among sets of that size, it has the smallest differences in arc
+    length. Dynamic programming finds it.
 
     Args:
-        one, other: arc length 0..1 at the joints of two chains.
-        near: maximum difference in arc length of two joints that correspond.
+        first_arc, second_arc: arc length 0..1 at the joints of two chains.
+        max_difference: maximum difference in arc length of two joints that correspond.
     """
-    rows, columns = len(one) - 2, len(other) - 2
+    rows, columns = len(first_arc) - 2, len(second_arc) - 2
     best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}
 
     def best_pairs(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
@@ -217,8 +228,8 @@ def joints_at_one_arc(one: list[float], other: list[float], near: float) -> list
             return 0.0, ()
         if (i, j) not in best:
             options = [best_pairs(i - 1, j), best_pairs(i, j - 1)]
-            difference = abs(one[i] - other[j])
-            if difference <= near:
+            difference = abs(first_arc[i] - second_arc[j])
+            if difference <= max_difference:
                 score, pairs = best_pairs(i - 1, j - 1)
                 options.append((score + 1.0 - difference, (*pairs, (i, j))))
             best[i, j] = max(options, key=lambda option: option[0])

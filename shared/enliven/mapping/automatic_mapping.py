@@ -11,11 +11,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
-from enliven.formats.rig import play_clip
-from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, is_tip_start
+from enliven.formats.rig.rig import play_clip
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assign_limbs, matching_joints, split_drive
-from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.gait import (
     bones_that_only_step,
     leg_of,
@@ -26,15 +24,18 @@ from enliven.mapping.gait import (
     step_sizes,
 )
 from enliven.mapping.ground import keep_on_floor, stands_on_floor
-from enliven.mapping.human_names import finger_joints
 from enliven.mapping.joint_limits import limit_joints
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
-from enliven.mapping.steps import stepped
-from enliven.motion.contact import pin_feet
-from enliven.motion.layers import arc_lengths, set_travel
+from enliven.mapping.steps import apply_steps
+from enliven.motion.contact.pin import pin_feet
+from enliven.motion.layers.polyline import arc_lengths
+from enliven.motion.layers.retarget import set_travel
 from enliven.rotation import conjugate, multiply
+from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, anatomy_of, is_tip_start
+from enliven.skeletons.facing import rotate_about_y
+from enliven.skeletons.human_names import finger_joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +47,10 @@ class RetargetedShape:
         shape_id: ID of the shape.
         clip: the original take.
         plan: the mapping that was used.
-        duration: seconds from the start to the end of the last chain's movement.
+        duration: seconds from the start of the motion to the end of its last layer.
         model_facing, take_facing: radians about +Y from +Z, of the model and of the performer's first frame.
         clips: the model's own clips, which define its joint limits.
-        limited: names of the joints that exceeded their limits and were corrected.
+        limited: names of the joints that exceeded their range of motion and were corrected.
     """
 
     project: Project
@@ -68,9 +69,10 @@ _MAX_TRUNK_ANGLE = np.radians(50.0)
 _MAX_TWIN_DIFFERENCE = 0.02
 """Maximum difference of joint distances in identical skeletons, as a fraction of the size."""
 _MIN_FINGER_BEND = np.radians(5.0)
-"""Minimum rotation (radians) of a moving finger from its mean. Fingers that rotate less count as still."""
+"""Minimum rotation (radians) of a finger from its mean. Fingers that rotate less are not mapped."""
 _MAX_UPRIGHT_ANGLE = np.radians(45.0)
-"""Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
+"""Maximum angle (radians) between the vertical and the line from root to head. Within it a body is
+upright."""
 
 
 def automatic(clip: Clip, shape: Shape) -> Plan:
@@ -87,8 +89,8 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     chains = _body_chains(clip.skeleton, source, shape.skeleton, mode, level)
     drives = assign_limbs(source, target)
     for drive in drives:
-        # Girdles keep the model's own directions: pointed like the performer's, a shoulder or hip would
-        # leave the trunk. Hands and feet keep their own rest rotation too.
+        # Girdles keep the model's own directions. If a shoulder or hip pointed in the performer's direction,
+        # it would leave the trunk. Hands and feet keep their own rest rotation too.
         keeps_directions = not twins and drive.role.endswith((" girdle", " end"))
         for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton):
             moved = keeps_directions or (not twins and _is_end(piece, drive, target, shape.skeleton))
@@ -107,36 +109,39 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     return Plan(level=level, chains=tuple(chains))
 
 
-def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> list[ChainPlan]:
-    """Returns the chains of fingers that move in the take and have names in take and model.
+def _finger_chains(
+    clip: Clip, performer_anatomy: Anatomy, target: Skeleton, target_anatomy: Anatomy
+) -> list[ChainPlan]:
+    """Returns chains for the fingers that move in the take, and that take and model both identify by name.
 
     Other fingers follow the hand.
     """
     chains, source = list[ChainPlan](), clip.skeleton
-    for side, by, limb in _matching_arms(theirs, ours):
-        wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
+    for side, source_arm, target_arm in _matching_arms(performer_anatomy, target_anatomy):
+        wrist, target_fingers = source_arm.main[-1], finger_joints(target, target_arm.main[-1])
         for finger, chain in finger_joints(source, wrist).items():
-            if finger not in hand or not _is_moving_finger(clip, chain):
+            if finger not in target_fingers or not _is_moving_finger(clip, chain):
                 continue
-            pairs = zip(pairwise(chain), pairwise(hand[finger]), strict=False)
-            for number, (mine, other) in enumerate(pairs):
-                # The first bone of a finger lies in the palm, which keeps the model's own rest rotation.
-                how: Mode = "pose" if number else "move"
-                names = _end_names(source, mine), _end_names(target, other)
-                chains.append(ChainPlan(*names, f"{side} {finger}", how))
+            pairs = zip(pairwise(chain), pairwise(target_fingers[finger]), strict=False)
+            for number, (source_pair, target_pair) in enumerate(pairs):
+                # The first bone of a finger lies in the palm. Mode "move" keeps the model's rest rotation
+                # there.
+                mode: Mode = "pose" if number else "move"
+                names = _end_names(source, source_pair), _end_names(target, target_pair)
+                chains.append(ChainPlan(*names, f"{side} {finger}", mode))
     return chains
 
 
-def _matching_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
-    """Yields (side, arm of the take, arm of the model) for each side on which both are known by name."""
-    for by, pair in zip(theirs.arms[:1], ours.arms[:1], strict=False):
-        for side, arm, limb in zip(("left", "right"), by, pair, strict=True):
-            if arm.knots and limb.knots:
-                yield side, arm, limb
+def _matching_arms(source: Anatomy, target: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
+    """Yields (side, arm of the take, arm of the model) for each side if both arms have known joint names."""
+    for source_pair, target_pair in zip(source.arms[:1], target.arms[:1], strict=False):
+        for side, source_arm, target_arm in zip(("left", "right"), source_pair, target_pair, strict=True):
+            if source_arm.knots and target_arm.knots:
+                yield side, source_arm, target_arm
 
 
 def _is_moving_finger(clip: Clip, finger: Sequence[int]) -> bool:
-    """Returns True if a finger moves relative to its hand. In many takes fingers never do."""
+    """Returns True if a finger moves relative to its hand. In many takes no finger does."""
     if len(finger) < 3:
         return False
     local = multiply(conjugate(clip.turns[:, finger[1]]), clip.turns[:, finger[2]])
@@ -145,7 +150,8 @@ def _is_moving_finger(clip: Clip, finger: Sequence[int]) -> bool:
 
 
 def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
-    """Returns the names of the performer's arms and legs that drive nothing, such as "left arm"."""
+    """Returns the names of the performer's arms and legs that no chain of the plan uses, such as "left
+    arm"."""
     skeleton, moving = clip.skeleton, set[int]()
     for chain in plan.chains:
         ends = [skeleton.index(name) for name in chain.source]
@@ -160,49 +166,75 @@ def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
 
 
 def _body_chains(
-    source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool
+    source: Skeleton, performer_anatomy: Anatomy, target: Skeleton, mode: Mode, level: bool
 ) -> list[ChainPlan]:
     """Returns the chains that rotate the whole body, driven by the performer's pelvis.
 
-    In a walk, pelvis and chest rotate in opposite directions, and the heading of the body is between them. A
-    model of another build would sway if the pelvis alone drove it. So it also gets half of the rotation from
-    pelvis to chest. A model on four or more legs (``level``) follows that mean heading and stays level.
+    In a walk, pelvis and chest rotate in opposite directions, and the heading of the body is between their
+    headings. A model with other proportions would sway if the pelvis alone drove it. So it also gets half of
+    the rotation from pelvis to chest. A model on four or more legs (``level``) follows that mean heading and
+    stays level.
     """
     root, hips = (target.names[0],), (source.names[0],)
     chains = [ChainPlan(hips, root, "whole", mode)]
-    if mode == "move" and len(theirs.trunk) > 1 and not level:
+    if mode == "move" and len(performer_anatomy.trunk) > 1 and not level:
         chains.append(
-            ChainPlan(_end_names(source, theirs.trunk), root, "whole, towards the chest", weight=0.5)
+            ChainPlan(
+                _end_names(source, performer_anatomy.trunk), root, "whole, towards the chest", weight=0.5
+            )
         )
     return chains
 
 
-def _choose_mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> Mode:
-    same = len(theirs.legs) == len(ours.legs) and len(theirs.arms) == len(ours.arms) and bool(ours.pairs)
-    a, b = _trunk_direction(source, theirs), _trunk_direction(target, ours)
-    # All upright people stand alike. Animals on four legs differ in the beginning and slope of their spines.
-    # Copying the directions of bones would crush the model, unless the skeletons are identical.
-    same_stance = min(a[1], b[1]) > np.cos(_MAX_UPRIGHT_ANGLE) or _is_twin(source, target)
-    return "pose" if same and same_stance and float(a @ b) > np.cos(_MAX_TRUNK_ANGLE) else "move"
+def _choose_mode(
+    source: Skeleton, performer_anatomy: Anatomy, target: Skeleton, target_anatomy: Anatomy
+) -> Mode:
+    has_same_limbs = (
+        len(performer_anatomy.legs) == len(target_anatomy.legs)
+        and len(performer_anatomy.arms) == len(target_anatomy.arms)
+        and bool(target_anatomy.pairs)
+    )
+    source_direction, target_direction = (
+        _trunk_direction(source, performer_anatomy),
+        _trunk_direction(target, target_anatomy),
+    )
+    # The spines of all upright people have similar directions. The spines of animals on four legs differ in
+    # their start and slope, so copying bone directions would crush the model, unless the skeletons are
+    # identical.
+    same_stance = min(source_direction[1], target_direction[1]) > np.cos(_MAX_UPRIGHT_ANGLE) or _is_twin(
+        source, target
+    )
+    return (
+        "pose"
+        if has_same_limbs
+        and same_stance
+        and float(source_direction @ target_direction) > np.cos(_MAX_TRUNK_ANGLE)
+        else "move"
+    )
 
 
 def _is_twin(source: Skeleton, target: Skeleton) -> bool:
     """Returns True if two skeletons are identical except for size, position and heading."""
     if source.names != target.names or (source.parents != target.parents).any():
         return False
-    a, b = (np.linalg.norm(s.positions[:, None] - s.positions, axis=2) for s in (source, target))
-    a, b = (distances / max(float(distances.max()), 1e-9) for distances in (a, b))
-    return bool(np.abs(a - b).max() < _MAX_TWIN_DIFFERENCE)
+    source_distances, target_distances = (
+        np.linalg.norm(skeleton.positions[:, None] - skeleton.positions, axis=2)
+        for skeleton in (source, target)
+    )
+    source_distances, target_distances = (
+        matrix / max(float(matrix.max()), 1e-9) for matrix in (source_distances, target_distances)
+    )
+    return bool(np.abs(source_distances - target_distances).max() < _MAX_TWIN_DIFFERENCE)
 
 
 def _trunk_direction(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     """Returns the unit vector (3,) from the root to the end of the head or trunk, with the front at +Z.
 
-    It is zero if both ends coincide.
+    The vector is zero if both ends coincide.
     """
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
-    way = rotate_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
+    direction = rotate_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
+    return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-9))
 
 
 def pin_all_feet(
@@ -215,41 +247,53 @@ def pin_all_feet(
 ) -> Project:
     """Returns the project with feet locked while they stand (foot lock).
 
-    The locked joint is the ankle, at which the foot begins. Legs that step reach the floor already, so the
+    The locked joint is the ankle, where the foot begins. Legs that step reach the floor already, so the
     body is not lowered for them.
 
     Args:
-        project: contains the shape.
+        project: the project that contains the shape.
         shape: the shape.
         steps: the legs that step, each with its step size in metres. The thresholds for a lifted or moving
             foot are relative to this size instead of the leg's length. See :func:`step_sizes`.
-        level: True if the shape is kept on the floor. Then feet are locked horizontally only. An ankle sinks
-            while its foot rolls, so locking its height would lift the foot off the floor.
+        level: True if the shape is kept on the floor. Then feet are locked horizontally only. While a foot
+            rolls, its ankle rises and sinks, so locking its height would lift the foot off the floor.
         above: True to raise feet that would go below the floor.
         without: legs with feet that are not locked.
     """
-    steps, usual = steps or {}, ContactSettings(sink=float(level), above=above)
+    steps, default_settings = steps or {}, ContactSettings(sink=float(level), above=above)
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):
         leg = leg_of(limb)
         if len(leg) > 2:
-            how = _short_step_settings(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
-            project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=how)
+            settings = (
+                _short_step_settings(default_settings, shape.skeleton, leg, steps[limb])
+                if limb in steps
+                else default_settings
+            )
+            project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=settings)
     return project
 
 
 def _short_step_settings(
-    usual: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
+    default_settings: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
 ) -> ContactSettings:
-    """Returns contact settings for a foot with steps of a leg of ``size`` metres.
+    """Returns contact settings for a foot with steps as large as those of a leg of ``size`` metres.
 
-    The body is not lowered for it.
+    The body is not lowered for such a foot.
     """
     length_ratio = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
-    return replace(usual, drop=0.0, height=length_ratio * usual.height, speed=length_ratio * usual.speed)
+    return replace(
+        default_settings,
+        drop=0.0,
+        height=length_ratio * default_settings.height,
+        speed=length_ratio * default_settings.speed,
+    )
 
 
 def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
-    """Returns a limb cut at corresponding joints, the same on both sides. A spine stays whole."""
+    """Splits a limb at corresponding joints, the same on both sides, and returns the pieces.
+
+    A spine is not split.
+    """
     if "trunk" in drive.role or (drive.role == "head" and not drive.knots):
         return [drive]
     other_side = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
@@ -258,22 +302,24 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
     arcs = [(arc_lengths(source, limb.source), arc_lengths(target, limb.target)) for limb in pair]
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
-    mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
-    pieces = split_drive(drive, matching_joints(drive, mine, theirs))
+    source_arc, target_arc = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
+    pieces = split_drive(drive, matching_joints(drive, source_arc, target_arc))
     if not drive.knots or drive.role == "head":
         return pieces
-    # A segment of several bones is straight (Rigify splits bones for twist), so its first bone rotates it.
+    # A segment of several bones is straight (Rigify splits bones for twist), so rotating its first bone is
+    # enough.
     return [replace(piece, target=piece.target[:2]) for piece in pieces]
 
 
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
-    """Returns True if a piece is the hand or foot of a limb that has no separate one."""
+    """Returns True if a piece is the hand or foot of a limb for which the anatomy has no separate hand or
+    foot."""
     limb = next((limb for pair in body.pairs for limb in pair if limb.main == drive.target), None)
     return limb is not None and is_tip_start(target, limb, piece.target[0])
 
 
 def _end_names(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
-    """Returns the names of the first and last joint, which is enough for a chain that is a path."""
+    """Returns the names of the first and last joint of a chain. They define the chain, since it is a path."""
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
@@ -283,17 +329,19 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
     Args:
         shape: the shape.
         clip: a take with the shape's own skeleton.
-        project: contains the shape. If None, a new project is made.
+        project: the project to add the motion to. If None, a new project is created.
 
     Raises:
         InputError: if the take was made for another skeleton; see :func:`is_own_take`.
     """
     if not is_own_take(clip, shape):
-        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+        raise InputError(
+            "the clip has another skeleton than the model", where=f"clip {clip.id!r}", remedy="Retarget it."
+        )
     plan = replace(automatic(clip, shape), travel=True, floor=False)
-    played, _ = play_clip(project or Project(), shape, clip)
-    theirs, ours = facings(clip, shape, plan)
-    return RetargetedShape(played, shape.id, clip, plan, clip.duration, ours, theirs)
+    new_project, _ = play_clip(project or Project(), shape, clip)
+    take_facing, model_facing = facings(clip, shape, plan)
+    return RetargetedShape(new_project, shape.id, clip, plan, clip.duration, model_facing, take_facing)
 
 
 def retarget(
@@ -308,8 +356,8 @@ def retarget(
     Args:
         shape: the shape.
         clip: the take.
-        plan: the mapping. If None, it is found automatically.
-        project: contains the shape and the takes that move it already. If None, a new project is made.
+        plan: the mapping. If None, :func:`automatic` finds one.
+        project: the project with the shape and takes that move it already. If None, a new project is created.
         clips: the model's own clips, which define the ranges of its joints.
 
     Raises:
@@ -317,28 +365,30 @@ def retarget(
     """
     plan = automatic(clip, shape) if plan is None else plan
     if not plan.chains:
-        mend = "Write a mapping: --write-map gives one to begin with."
-        raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
+        remedy = "Write a mapping file: --write-map writes one that you can edit."
+        raise InputError("no chain of the take matches a chain of the model", where="mapping", remedy=remedy)
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as the take does, unless its feet are planted.
-    itself = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
-    upright = stands_on_floor(shape) and not itself
-    level = plan.floor and upright
-    project, based = apply_plan(project or Project(), shape, clip, plan)
+    is_same_skeleton = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
+    is_on_floor = stands_on_floor(shape) and not is_same_skeleton
+    level = plan.floor and is_on_floor
+    project, rebased_clip = apply_plan(project or Project(), shape, clip, plan)
     if posed and plan.travel:
-        scale = step_scale(shape, clip, based, plan)
+        scale = step_scale(shape, clip, rebased_clip, plan)
         project = set_travel(project, shape.id, project.shape(shape.id).travel, scale)
     # A looping layer has no end, so its duration is that of the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
-    duration = max(layer.end(based.duration) for layer in layers)
+    duration = max(layer.end(rebased_clip.duration) for layer in layers)
     stepping_bones = bones_that_only_step(shape, clip, plan) if level else ()
     project, names = limit_joints(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
-        project = stepped(project, shape.id, clip, based, plan)
+        project = apply_steps(project, shape.id, clip, rebased_clip, plan)
         feet = standing_on_feet(clip) if posed and plan.travel else None
-        project = keep_on_floor(project, shape.id, based, duration, not stepping, feet)
+        project = keep_on_floor(project, shape.id, rebased_clip, duration, not stepping, feet)
     if plan.pin:
-        steps = step_sizes(shape, clip, based, plan)
-        project = pin_all_feet(project, shape, steps, level, above=upright and not level, without=posed)
-    theirs, ours = facings(clip, shape, plan)
-    return RetargetedShape(project, shape.id, clip, plan, duration, ours, theirs, tuple(clips), names)
+        steps = step_sizes(shape, clip, rebased_clip, plan)
+        project = pin_all_feet(project, shape, steps, level, above=is_on_floor and not level, without=posed)
+    take_facing, model_facing = facings(clip, shape, plan)
+    return RetargetedShape(
+        project, shape.id, clip, plan, duration, model_facing, take_facing, tuple(clips), names
+    )

@@ -1,9 +1,9 @@
-"""The gait of a performer: which leg of the performer each leg of a model follows, and the positions of the
+"""The gait of a performer: the performer's leg that each leg of a model follows, and the positions of the
 feet.
 
 steps_of(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
-performer.home(foot, heading)   # the position of that joint below the body
+performer.home(foot, heading)   # the mean position of that joint below the body
 """
 
 from __future__ import annotations
@@ -16,55 +16,55 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Shape, Skeleton, joint_places
-from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import facings, source_anatomy
-from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.ground import floor_of, foot_contact_weights
 from enliven.mapping.plan import Mode, Plan
 from enliven.mapping.resting import first_heading, heading_of
-from enliven.motion.layers import travel_scale
+from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
+from enliven.skeletons.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
+from enliven.skeletons.facing import rotate_about_y
 
 STRIDE_S = 1.0
 """Duration of a stride in seconds. The heading of a body is averaged over a stride."""
 _MAX_RAISED_DROP = 0.0
-"""The arm is raised if its hand is less than this fraction of the arm's length below the shoulder."""
+"""An arm is raised if its hand is less than this fraction of the arm's length below the shoulder."""
 _MIN_HANGING_DROP = 0.4
-"""The arm hangs if its hand is at least this fraction of the arm's length below the shoulder."""
+"""An arm hangs if its hand is at least this fraction of the arm's length below the shoulder."""
 _MAX_STANDING_SPEED = 0.1
-"""Maximum speed of the feet relative to each other while the performer stands, in leg lengths a second."""
+"""Maximum speed of the feet relative to each other while the performer stands, in leg lengths per second."""
 _MIN_WALKING_SPEED = 0.4
-"""Minimum speed of the feet relative to each other in a full walk, in leg lengths a second."""
+"""Minimum speed of the feet relative to each other in a full walk, in leg lengths per second."""
 _WALK_BLEND_S = 0.3
 """Duration in seconds of the transition of a foreleg between following the performer's arm and stepping."""
 _MAX_FOOT_HEIGHT = 0.15
 """Maximum height of the foot's joints above the lowest joint, as a fraction of the performer's height."""
 _STANDING_PERCENT = 25.0
-"""Minimum time that a foot stands, in per cent of a take. A foot that stands longer takes its position from
-its slowest joint."""
+"""Minimum time that a foot stands, as a percentage of a take. The joint that moves least in this part of the
+take gives the position of the foot."""
 _LOWEST_PERCENT = 5.0
-"""Percentile of a foot's height over a take that counts as its height while it stands."""
+"""This percentile of a foot's height over a take is its height while it stands."""
 
 
 @dataclass(frozen=True, eq=False)
 class LegStep:
-    """One leg of the model that steps.
+    """A leg of the model that steps.
 
     Attributes:
         limb: the model's leg.
-        by: the performer's leg that it follows.
+        source: the performer's leg that it follows.
         arm: the performer's arm that drives the leg while the performer stands or raises that arm, or None.
         posed: True if the leg keeps the performer's pose as far as the position of its foot allows.
-        leg: the joints of ``limb`` down to where the foot begins.
-        by_leg: the joints of ``by`` down to where the foot begins.
+        leg: the joints of ``limb`` down to the ankle, where the foot begins.
+        source_leg: the joints of ``source`` down to the ankle, where the foot begins.
     """
 
     limb: SkeletonLimb
-    by: SkeletonLimb
+    source: SkeletonLimb
     arm: SkeletonLimb | None
     posed: bool
     leg: tuple[int, ...]
-    by_leg: tuple[int, ...]
+    source_leg: tuple[int, ...]
 
     @property
     def toes(self) -> tuple[int, ...]:
@@ -72,13 +72,14 @@ class LegStep:
         return self.limb.proper[len(self.leg) :]
 
     @property
-    def by_toes(self) -> tuple[int, ...]:
-        """The joints of ``by`` beyond its ankle."""
-        return self.by.proper[len(self.by_leg) :]
+    def source_toes(self) -> tuple[int, ...]:
+        """The joints of ``source`` beyond its ankle."""
+        return self.source.proper[len(self.source_leg) :]
 
 
 def legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
-    """Returns the legs of a shape that step as the performer's feet do, instead of copying their angles."""
+    """Returns the legs of a shape that follow the steps of the performer's feet, instead of copying leg
+    angles."""
     return tuple(step.limb for step in steps_of(shape, clip, plan))
 
 
@@ -88,7 +89,7 @@ def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[Skeleton
 
 
 def bones_that_only_step(shape: Shape, clip: Clip, plan: Plan) -> set[int]:
-    """Returns the bones of those stepping legs that no arm drives."""
+    """Returns the bones of the stepping legs, except legs that the performer's arm may drive."""
     return {bone for step in steps_of(shape, clip, plan) if step.arm is None for bone in step.limb.proper[1:]}
 
 
@@ -97,25 +98,31 @@ def leg_length(skeleton: Skeleton, leg: Sequence[int]) -> float:
     return max(float(skeleton.lengths[list(leg[1:])].sum()), 1e-9)
 
 
-def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
-    """Returns the legs that step, each with its step size: the performer's leg length, scaled, in metres.
+def step_sizes(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
+    """Returns the legs that step, each with the size of its steps in metres.
 
-    A model with long legs that takes short steps lifts its feet by a small fraction of their length.
+    The size is the performer's leg length, scaled to the model. A model with long legs that takes short steps
+    lifts its feet by a small fraction of the length of its legs.
     """
-    scale = step_scale(shape, clip, based, plan)
-    return {step.limb: scale * _limb_length(clip.skeleton, step.by) for step in steps_of(shape, clip, plan)}
+    scale = step_scale(shape, clip, rebased_clip, plan)
+    return {
+        step.limb: scale * _limb_length(clip.skeleton, step.source) for step in steps_of(shape, clip, plan)
+    }
 
 
-def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
-    """Returns the distance in metres that a foot of the shape moves when the performer's moves one metre.
+def step_scale(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> float:
+    """Returns the distance in metres that a foot of the shape moves while the performer's foot moves one
+    metre.
 
-    For posed legs it is the ratio of leg lengths, which keeps the performer's angles.
+    For posed legs the scale is the ratio of leg lengths, which keeps the performer's joint angles.
     """
     posed = [step for step in steps_of(shape, clip, plan) if step.posed]
-    ours = sum(leg_length(shape.skeleton, step.leg) for step in posed)
-    theirs = sum(leg_length(clip.skeleton, step.by_leg) for step in posed)
+    model_length = sum(leg_length(shape.skeleton, step.leg) for step in posed)
+    performer_length = sum(leg_length(clip.skeleton, step.source_leg) for step in posed)
     return plan.stride * (
-        ours / theirs if posed else travel_scale(shape.with_changes(travel_scale=None), based)
+        model_length / performer_length
+        if posed
+        else travel_scale(shape.with_changes(travel_scale=None), rebased_clip)
     )
 
 
@@ -125,26 +132,30 @@ def _limb_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
 
 
 def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
-    """Returns the legs of a shape that step, the hindmost first; none if the mapping turns steps off."""
-    ours, theirs = anatomy_of(shape.skeleton), source_anatomy(clip)
-    if not (plan.steps and plan.floor and theirs.legs) or (shape.modeling != IDENTITY).any():
+    """Returns the legs of a shape that step, the rearmost first. Returns none if the mapping turns steps
+    off."""
+    model, performer = anatomy_of(shape.skeleton), source_anatomy(clip)
+    if not (plan.steps and plan.floor and performer.legs) or (shape.modeling != IDENTITY).any():
         return []
     driven, steps = _driven_bones(shape.skeleton, plan, "move"), list[LegStep]()
     posed = _driven_bones(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
-    for number, pair in enumerate(reversed(ours.legs)):
-        fore = 0 < number == len(ours.legs) - 1 >= len(theirs.legs) and theirs.arms
-        arms = theirs.arms[0] if fore else (None, None)
-        for limb, by, arm in zip(pair, _legs_of(theirs, number), arms, strict=True):
+    for number, pair in enumerate(reversed(model.legs)):
+        is_foreleg = 0 < number == len(model.legs) - 1 >= len(performer.legs) and performer.arms
+        arms = performer.arms[0] if is_foreleg else (None, None)
+        for limb, source, arm in zip(pair, _legs_of(performer, number), arms, strict=True):
             leg, bones = _posed_leg(limb, posed), set(leg_of(limb)[1:])
             if len(leg) > 2:
-                steps.append(LegStep(limb, by, arm, True, leg, _performed_leg(shape, clip, plan, leg, by)))
+                steps.append(
+                    LegStep(limb, source, arm, True, leg, _performed_leg(shape, clip, plan, leg, source))
+                )
             elif len(bones) > 1 and bones <= driven:
-                steps.append(LegStep(limb, by, arm, False, leg_of(limb), leg_of(by)))
+                steps.append(LegStep(limb, source, arm, False, leg_of(limb), leg_of(source)))
     return steps
 
 
 def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
-    """Returns the joints of a leg down to its ankle, or to the last one that has the performer's pose."""
+    """Returns the joints of a leg down to its ankle, or to its last joint in ``posed`` if that is higher
+    up."""
     leg = limb.proper[:1]
     for joint in leg_of(limb)[1:]:
         if joint not in posed:
@@ -154,130 +165,145 @@ def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
 
 
 def _performed_leg(
-    shape: Shape, clip: Clip, plan: Plan, leg: tuple[int, ...], by: SkeletonLimb
+    shape: Shape, clip: Clip, plan: Plan, leg: tuple[int, ...], source: SkeletonLimb
 ) -> tuple[int, ...]:
-    """Returns the joints of the performer's leg down to the one that drives the end of a posed leg."""
-    end = shape.skeleton.names[leg[-1]]
-    ankles = [chain.source[-1] for chain in plan.chains if chain.target[-1] == end and chain.mode == "pose"]
+    """Returns the joints of the performer's leg down to the joint that drives the end of a posed leg."""
+    end_name = shape.skeleton.names[leg[-1]]
+    ankles = [
+        chain.source[-1] for chain in plan.chains if chain.target[-1] == end_name and chain.mode == "pose"
+    ]
     joints = [clip.skeleton.index(name) for name in ankles if name in clip.skeleton.names]
-    last = next((by.proper.index(joint) for joint in joints if joint in by.proper), len(leg_of(by)) - 1)
-    # A limb without names may be driven by the whole leg down to the toes. It still ends at the ankle.
+    last_index = next(
+        (source.proper.index(joint) for joint in joints if joint in source.proper), len(leg_of(source)) - 1
+    )
+    # The whole leg with its toes may drive a limb without joint names. The result still ends at the ankle.
     height = clip.skeleton.positions[:, 1]
-    low = height[list(by.proper)] < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
-    ankle = int(np.argmax(low)) if low.any() else last
-    return by.proper[: max(min(last, ankle), 2) + 1]
+    is_low = height[list(source.proper)] < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
+    ankle = int(np.argmax(is_low)) if is_low.any() else last_index
+    return source.proper[: max(min(last_index, ankle), 2) + 1]
 
 
 def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
-    """Returns the bones that chains of a mode move at the take's own speed."""
+    """Returns the bones of the model that chains with ``mode`` move at the take's own speed, without
+    delay."""
     bones = set[int]()
     for chain in plan.chains:
-        plain = (chain.mode, chain.offset, chain.speed) == (mode, 0.0, 1.0)
-        plain = plain and not (chain.loop or chain.flip)
+        is_unchanged = (chain.mode, chain.offset, chain.speed) == (mode, 0.0, 1.0)
+        is_unchanged = is_unchanged and not (chain.loop or chain.flip)
         ends = [skeleton.names.index(name) for name in chain.target if name in skeleton.names]
-        if plain and ends and chain.weight > 0.0:
+        if is_unchanged and ends and chain.weight > 0.0:
             bones |= set(skeleton.path(ends[0], ends[-1])[1:])
     return bones
 
 
-def _legs_of(theirs: Anatomy, number: int) -> Pair:
-    """Returns the performer's legs for a pair of the model's, counted from behind."""
-    leg_pairs = len(theirs.legs)
+def _legs_of(performer: Anatomy, number: int) -> Pair:
+    """Returns the pair of the performer's legs for the model's pair with this number, counted from the
+    rear."""
+    leg_pairs = len(performer.legs)
     if number < leg_pairs:
-        return theirs.legs[leg_pairs - 1 - number]
-    left, right = theirs.legs[0]
+        return performer.legs[leg_pairs - 1 - number]
+    left, right = performer.legs[0]
     return (right, left) if (number - leg_pairs) % 2 == 0 else (left, right)
 
 
 def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
-    """Returns the joints of a leg down to the one at which its foot begins."""
+    """Returns the joints of a leg down to the ankle, where its foot begins."""
     if limb.knots:
         return limb.main
     return limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
 
 
 def standing_on_feet(clip: Clip) -> Float:
-    """Returns (F,) 1 while the performer is on their feet, and 0 while on knees, hands or other parts."""
+    """Returns (F,) 1 while the performer stands on the feet, and 0 while on knees, hands or other parts."""
     legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
     return foot_contact_weights(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
 
 
 class PerformerGait:
-    """The performer's motion, sampled at the times of the model, in the model's axes.
+    """The performer's motion in the model's axes, sampled at the times (T,) of the model's motion.
 
     Attributes:
-        skeleton: the performer's, at rest.
-        posed: (N, 3) metres from the root to the joints, in the pose in which bones point as the model's do.
-        beside: (T, N, 3) metres from the root to the joints. If the model does not turn, the rotation of the
-            whole body is left out.
+        skeleton: the performer's skeleton at rest.
+        posed: (N, 3) metres from the root to the joints, in the pose in which the performer's bones point in
+            the directions of the model's bones.
+        offsets: (T, N, 3) metres from the root to the joints. If the model does not turn with the performer,
+            these offsets do not contain the rotation of the whole body.
         root_height: (T,) metres from the floor up to the root.
-        scale: distance in metres that the model moves when the performer moves one metre.
+        scale: distance in metres that the model moves while the performer moves one metre.
         step: seconds between two times.
     """
 
-    def __init__(self, shape: Shape, clip: Clip, based: Clip, plan: Plan, times: Float, scale: float) -> None:
-        theirs, ours = facings(clip, shape, plan)
-        rest = based.skeleton.positions
-        self.posed = rotate_about_y(rest - rest[0], ours - theirs)
+    def __init__(
+        self, shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan, times: Float, scale: float
+    ) -> None:
+        take_facing, model_facing = facings(clip, shape, plan)
+        rest = rebased_clip.skeleton.positions
+        self.posed = rotate_about_y(rest - rest[0], model_facing - take_facing)
         self._legs = source_anatomy(clip).legs[0]
         self.rest = plan.rest
         self.skeleton, self.step, self.scale = clip.skeleton, float(times[1]), scale
-        places, number = joint_places(clip), np.arange(len(clip.turns)) * clip.step
-        low = np.percentile(places[..., 1].min(1), _LOWEST_PERCENT)
-        beside = places - clip.root[:, None]
+        places, frame_times = joint_places(clip), np.arange(len(clip.turns)) * clip.step
+        floor_height = np.percentile(places[..., 1].min(1), _LOWEST_PERCENT)
+        offsets = places - clip.root[:, None]
         if not plan.turn:
-            back = multiply(first_heading(clip), conjugate(heading_of(clip.turns[:, 0])))
-            beside = rotate(back[:, None], beside)
-        below = np.clip(np.searchsorted(number, times, side="right") - 1, 0, max(len(number) - 2, 0))
-        part = np.clip(times / clip.step - below, 0.0, 1.0)[:, None, None]
-        between = (1.0 - part) * beside[below] + part * beside[np.minimum(below + 1, len(beside) - 1)]
-        self.beside = rotate_about_y(between, ours - theirs)
-        self.root_height = np.interp(times, number, clip.root[:, 1]) - low
+            heading_change = multiply(first_heading(clip), conjugate(heading_of(clip.turns[:, 0])))
+            offsets = rotate(heading_change[:, None], offsets)
+        frames_before = np.clip(
+            np.searchsorted(frame_times, times, side="right") - 1, 0, max(len(frame_times) - 2, 0)
+        )
+        fractions = np.clip(times / clip.step - frames_before, 0.0, 1.0)[:, None, None]
+        interpolated = (1.0 - fractions) * offsets[frames_before] + fractions * offsets[
+            np.minimum(frames_before + 1, len(offsets) - 1)
+        ]
+        self.offsets = rotate_about_y(interpolated, model_facing - take_facing)
+        self.root_height = np.interp(times, frame_times, clip.root[:, 1]) - floor_height
 
     def floor(self, shape: Shape, root: Float) -> Float:
-        """Returns the height (T,) in metres of the floor under a posed shape, for heights ``root`` (T,)."""
+        """Returns the height (T,) in metres of the floor under a posed shape with the root heights ``root``
+        (T,)."""
         standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_of(shape)
         return np.asarray(root - standing - self.scale * (self.root_height + self.posed[:, 1].min()))
 
     def foot(self, leg: SkeletonLimb) -> int:
-        """Returns the joint of a leg's foot that moves least up and down while the foot stands."""
+        """Returns the joint of a leg's foot that moves least vertically while the foot stands."""
         height = self.skeleton.positions[:, 1]
-        low = height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
-        parts = [j for j in leg.chain if height[j] < low] or [leg.chain[-1]]
-        still = np.abs(np.diff(self.beside[:, parts, 1] + self.root_height[:, None], axis=0))
-        return parts[int(np.percentile(still, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
+        max_height = height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
+        foot_joints = [j for j in leg.chain if height[j] < max_height] or [leg.chain[-1]]
+        vertical_motion = np.abs(np.diff(self.offsets[:, foot_joints, 1] + self.root_height[:, None], axis=0))
+        return foot_joints[int(np.percentile(vertical_motion, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
 
     def home(self, foot: int, heading: Float) -> Float:
-        """Returns the position (3,) of a standing foot in metres from the root, for a body that faces +Z.
+        """Returns the mean position (3,) of a foot in metres from the root, for a body that faces +Z.
 
-        It is the position in the reference pose of the motion, or the median over the take.
+        The position is that of the motion's reference pose if the mapping defines a pose at one time.
+        Otherwise it is the median over the take.
 
         Args:
             foot: a joint of the performer.
             heading: (T, 4) the headings of the model's body.
         """
-        beside = rotate(conjugate(heading), self.beside[:, foot])
+        offsets = rotate(conjugate(heading), self.offsets[:, foot])
         if self.rest == "first" or isinstance(self.rest, int | float):
             seconds = 0.0 if self.rest == "first" else float(self.rest)
-            return np.asarray(beside[int(np.clip(round(seconds / self.step), 0, len(beside) - 1))])
-        home = np.median(beside, axis=0)
-        home[1] = np.percentile(beside[:, 1] + self.root_height, _LOWEST_PERCENT) - np.median(
+            return np.asarray(offsets[int(np.clip(round(seconds / self.step), 0, len(offsets) - 1))])
+        home = np.median(offsets, axis=0)
+        home[1] = np.percentile(offsets[:, 1] + self.root_height, _LOWEST_PERCENT) - np.median(
             self.root_height
         )
         return np.asarray(home)
 
     def walking_weights(self, arm: SkeletonLimb) -> Float:
-        """Returns (T,) 1 while the performer walks with a hanging arm, and 0 while the performer stands or
+        """Returns (T,) 1 while the performer walks and lets the arm hang, and 0 while the performer stands or
         raises the arm."""
-        below = self.beside[:, arm.proper[0], 1] - self.beside[:, arm.proper[-1], 1]
-        below /= _limb_length(self.skeleton, arm)
-        left, right = (self.beside[:, self.foot(leg)] for leg in self._legs)
-        passing = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1)
-        passing /= _limb_length(self.skeleton, self._legs[0])
-        passing = scipy.ndimage.maximum_filter1d(passing, max(round(STRIDE_S / self.step), 1), mode="nearest")
-        hangs = np.clip((below - _MAX_RAISED_DROP) / (_MIN_HANGING_DROP - _MAX_RAISED_DROP), 0.0, 1.0)
-        walking = hangs * np.clip(
-            (passing - _MAX_STANDING_SPEED) / (_MIN_WALKING_SPEED - _MAX_STANDING_SPEED), 0.0, 1.0
+        drop = self.offsets[:, arm.proper[0], 1] - self.offsets[:, arm.proper[-1], 1]
+        drop /= _limb_length(self.skeleton, arm)
+        left, right = (self.offsets[:, self.foot(leg)] for leg in self._legs)
+        speed = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1)
+        speed /= _limb_length(self.skeleton, self._legs[0])
+        speed = scipy.ndimage.maximum_filter1d(speed, max(round(STRIDE_S / self.step), 1), mode="nearest")
+        hanging = np.clip((drop - _MAX_RAISED_DROP) / (_MIN_HANGING_DROP - _MAX_RAISED_DROP), 0.0, 1.0)
+        walking = hanging * np.clip(
+            (speed - _MAX_STANDING_SPEED) / (_MIN_WALKING_SPEED - _MAX_STANDING_SPEED), 0.0, 1.0
         )
-        wide = max(round(_WALK_BLEND_S / self.step), 1)
-        return np.asarray(scipy.ndimage.uniform_filter1d(walking, wide, mode="nearest"))
+        window = max(round(_WALK_BLEND_S / self.step), 1)
+        return np.asarray(scipy.ndimage.uniform_filter1d(walking, window, mode="nearest"))

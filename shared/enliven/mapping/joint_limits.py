@@ -1,11 +1,12 @@
-"""Joint limits: keeps the joints of a model that is not a person within their ranges of motion.
+"""Joint limits: keeps the joints of a model that is not built like a person within their ranges of motion.
 
-limit_joints(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
+limit_joints(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of the limited
+ones
 
-A performer's arm swings by half a turn; a horse's foreleg does not. The range of each joint is what the
-model's own clips show, plus a free angle. Without clips it is a wide cone around the rest pose. See
-:mod:`enliven.motion.kinematics.ranges`. A body with any chain of mode "pose" is not limited, since it is
-built like the performer.
+A performer's arm swings by half a turn, but a horse's foreleg does not. The range of each joint is the range
+in the model's own clips, plus a free angle. Without clips it is a wide cone around the rest pose. See
+:mod:`enliven.motion.kinematics.ranges`. A body with a chain of mode "pose" is not limited, since it is built
+like the performer.
 """
 
 from __future__ import annotations
@@ -16,23 +17,24 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
-from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.ground import moments_of
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import Plan
-from enliven.motion.kinematics import JointRange, fit_joint_range, limit_turns
-from enliven.motion.layers import Player, bind_chain, clear_chain
+from enliven.motion.kinematics.ranges import JointRange, fit_joint_range, limit_turns
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.retarget import bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, multiply
+from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.facing import rotate_about_y
 
 _MAX_RATE_HZ = 60.0
-"""Maximum number of moments a second at which limits are applied: the rate of common displays."""
+"""Maximum rate at which limits are applied: the frame rate of common displays."""
 _CLIP_FRAMES = 120
 """Maximum number of frames of a clip that define a joint's range. Extreme poses last several frames."""
 _MIN_CHANGE = np.radians(1.0)
 """Minimum change of a joint (radians) that is applied and reported. Smaller changes are not visible."""
 _MIN_ANGLE_FRACTION = 0.05
-"""Minimum fraction of the free angle for each bone of a chain, so that short bones are not stiff."""
+"""Minimum fraction of the free angle that each bone of a chain gets, so that short bones are not stiff."""
 _MIN_BONE_LENGTH = 1e-6
 """Bones shorter than this fraction of the skeleton's size have no direction."""
 
@@ -45,13 +47,14 @@ def limit_joints(
     clips: Sequence[Clip] = (),
     without: Collection[int] = (),
 ) -> tuple[Project, tuple[str, ...]]:
-    """Returns the project with a shape's joints kept in their ranges, and the names of the corrected joints.
+    """Returns the project with a shape's joints limited to their ranges, and the names of the corrected
+    joints.
 
-    Bones that change play a new take. People, and takes of the shape's own skeleton, do not change.
+    Bones that change play a new take. People, and takes of the shape's own skeleton, are not limited.
 
     Args:
-        project: contains the shape, moved by the plan.
-        shape_id: ID of the shape.
+        project: the project, in which the plan moves the shape.
+        shape_id: id of the shape.
         clip: the performer's take.
         plan: the mapping.
         clips: the model's own clips. Takes of other skeletons among them are ignored.
@@ -69,23 +72,23 @@ def limit_joints(
     turns, joints = Player(project, shape_id).sample(times)
     own_clips = [candidate for candidate in clips if is_own_take(candidate, shape)]
     ranges, followers = joint_ranges(shape.skeleton, own_clips, fractions), _following_bones(shape, fractions)
-    limited_turns, beyond = limit_pose(shape.skeleton, turns, ranges, followers)
-    if not beyond:
+    limited_turns, limited_bones = limit_pose(shape.skeleton, turns, ranges, followers)
+    if not limited_bones:
         return project, ()
     step = float(times[1]) if len(times) > 1 else clip.step
     take = Clip(
         unused(f"{clip.id}: limits", project.takes), shape.skeleton, limited_turns, joints[:, 0], step
     )
     project = project.with_takes(take)
-    moved = {*fractions, *followers}
+    changed_bones = {*fractions, *followers}
     for chain in _group_chains(
-        shape.skeleton, {j for j in moved if _is_different(limited_turns[:, j], turns[:, j])}
+        shape.skeleton, {j for j in changed_bones if _is_different(limited_turns[:, j], turns[:, j])}
     ):
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
         project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
     names, parents = shape.skeleton.names, shape.skeleton.parents
-    return project, tuple(dict.fromkeys(names[int(parents[j])] for j in sorted(beyond)))
+    return project, tuple(dict.fromkeys(names[int(parents[j])] for j in sorted(limited_bones)))
 
 
 def joint_ranges(
@@ -93,12 +96,13 @@ def joint_ranges(
 ) -> dict[int, JointRange]:
     """Returns the range of each bone that has a direction.
 
-    Both bones of a left and right pair get the combined motion of both.
+    The left and the right bone of a pair both get the combined motion of the two.
 
     Args:
         skeleton: the skeleton.
         clips: takes of the same skeleton.
-        fractions: by bone, its fraction of its chain's free angle. The bones of a spine share one angle.
+        fractions: for each bone, its fraction of the free angle of its chain. The bones of a spine share one
+            angle.
     """
     sampled = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
     local = _local_rotations(skeleton, np.concatenate(sampled)) if sampled else None
@@ -119,34 +123,34 @@ def limit_pose(
 ) -> tuple[Float, set[int]]:
     """Returns world rotations (T, N, 4) with each bone in its range, and the bones that were outside.
 
-    The descendants of a bone move with it: their rotations relative to it do not change.
+    The descendants of a limited bone move with it: their rotations relative to their parents do not change.
 
     Args:
         skeleton: the skeleton.
         turns: (T, N, 4) world rotations.
         ranges: the range of each bone.
-        followers: by bone that copies another bone's rotation, that other bone.
+        followers: for each bone that copies another bone's rotation, the copied bone.
     """
-    local, limited_turns, beyond = _local_rotations(skeleton, turns), turns.copy(), set[int]()
-    for j, joint in ranges.items():
-        in_range = limit_turns(joint, local[:, j])
-        if _is_different(in_range, local[:, j]):
-            local[:, j] = in_range
-            beyond.add(j)
-    for j, other in followers.items():
-        local[:, j] = local[:, other]
+    local, limited_turns, limited_bones = _local_rotations(skeleton, turns), turns.copy(), set[int]()
+    for j, joint_range in ranges.items():
+        limited = limit_turns(joint_range, local[:, j])
+        if _is_different(limited, local[:, j]):
+            local[:, j] = limited
+            limited_bones.add(j)
+    for j, copied_bone in followers.items():
+        local[:, j] = local[:, copied_bone]
     for j in range(1, len(skeleton)):
-        up = int(skeleton.parents[j])
-        if followers.get(j, j) in beyond or _is_different(limited_turns[:, up], turns[:, up]):
-            limited_turns[:, j] = multiply(limited_turns[:, up], local[:, j])
-    return limited_turns, beyond
+        parent = int(skeleton.parents[j])
+        if followers.get(j, j) in limited_bones or _is_different(limited_turns[:, parent], turns[:, parent]):
+            limited_turns[:, j] = multiply(limited_turns[:, parent], local[:, j])
+    return limited_turns, limited_bones
 
 
 def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
-    """Returns the bones that may be limited, each with its fraction of its chain's length.
+    """Returns the bones that may be limited, each with its length as a fraction of its chain's length.
 
-    These are the bones that chains of mode "move" move at the take's own speed. It is empty for people, for
-    bodies with a chain of mode "pose", and if limits do not apply.
+    These are the bones that chains of mode "move" drive at the take's own speed. The result is empty for
+    people, for bodies with a chain of mode "pose", and if the plan turns limits off.
     """
     stretched = plan.stretch and bool(clip.tracks)
     if not plan.limits or stretched or (shape.modeling != IDENTITY).any() or is_own_take(clip, shape):
@@ -172,7 +176,7 @@ def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> d
 
 
 def _is_person(skeleton: Skeleton) -> bool:
-    """Returns True if the anatomy of a skeleton was found by the joint names of a person."""
+    """Returns True if the limbs of a skeleton have the joint names of a person."""
     return any(limb.knots for pair in anatomy_of(skeleton).pairs for limb in pair)
 
 
@@ -182,20 +186,20 @@ def _is_played_once(layer: Layer) -> bool:
 
 
 def _following_bones(shape: Shape, bones: Collection[int]) -> dict[int, int]:
-    """Returns other bones that share a parent and the motion with one of ``bones``, such as twist bones.
+    """Returns the bones that copy the motion of a sibling in ``bones``, such as twist bones.
 
-    Each is mapped to the bone that it copies.
+    Each bone is mapped to the sibling that it copies.
     """
     followers, parents = dict[int, int](), shape.skeleton.parents
     for j in bones:
-        for other in shape.skeleton.children[int(parents[j])]:
-            if other not in bones and shape.spans[other] == shape.spans[j]:
-                followers.setdefault(other, j)
+        for sibling in shape.skeleton.children[int(parents[j])]:
+            if sibling not in bones and shape.spans[sibling] == shape.spans[j]:
+                followers.setdefault(sibling, j)
     return followers
 
 
 def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
-    """Returns the bone on the other side for each bone of a pair of limbs."""
+    """Returns for each bone of a pair of limbs the corresponding bone on the other side."""
     partners = dict[int, int]()
     for left, right in anatomy_of(skeleton).pairs:
         if len(left.chain) == len(right.chain):
@@ -205,22 +209,23 @@ def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
 
 
 def _mirrored_rotations(turns: Float, facing: float) -> Float:
-    """Returns rotations (T, 4) mirrored in the plane between left and right of a body with that facing."""
-    ahead = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
-    return np.concatenate([turns[:, :1], rotate_about_y(ahead, facing)], axis=1)
+    """Returns rotations (T, 4) mirrored in the plane between left and right of a body with a facing in
+    radians."""
+    mirrored = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
+    return np.concatenate([turns[:, :1], rotate_about_y(mirrored, facing)], axis=1)
 
 
 def _local_rotations(skeleton: Skeleton, turns: Float) -> Float:
     """Returns rotations (T, N, 4) of bones relative to their parents, from world rotations (T, N, 4)."""
-    above = turns[:, np.maximum(skeleton.parents, 0)]
-    local = multiply(conjugate(above), turns)
+    parent_turns = turns[:, np.maximum(skeleton.parents, 0)]
+    local = multiply(conjugate(parent_turns), turns)
     local[:, 0] = turns[:, 0]
     return np.asarray(local)
 
 
-def _is_different(one: Float, other: Float) -> bool:
+def _is_different(first: Float, second: Float) -> bool:
     """Returns True if rotations (T, 4) differ by a visible angle at any moment."""
-    cosine = np.abs(np.sum(one * other, axis=-1)).min()
+    cosine = np.abs(np.sum(first * second, axis=-1)).min()
     return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _MIN_CHANGE)
 
 
@@ -229,8 +234,8 @@ def _group_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
     chains, remaining = list[tuple[int, ...]](), sorted(bones)
     while remaining:
         chain = [int(skeleton.parents[remaining[0]]), remaining[0]]
-        while following := [j for j in skeleton.children[chain[-1]] if j in remaining]:
-            chain.append(following[0])
+        while next_bones := [j for j in skeleton.children[chain[-1]] if j in remaining]:
+            chain.append(next_bones[0])
         remaining = [j for j in remaining if j not in chain[1:]]
         chains.append(tuple(chain))
     return chains

@@ -2,7 +2,7 @@
 
 own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
 clip_to_open(shape, clips)                   # the clip that a model plays when it is opened
-play_own_clip(project, shape_id, name)       # replaces the shape's other takes; None stops playback
+play_own_clip(project, shape_id, name)       # plays a clip instead of other takes; None stops it
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, joint_places
 from enliven.errors import InputError
-from enliven.formats.rig import play_clip
+from enliven.formats.rig.rig import play_clip
 
 _MAX_JOINT_DIFFERENCE = 1e-6
-"""Maximum distance of equal joints in identical skeletons, as a fraction of the size: rounding of files."""
+"""Maximum distance of equal joints in identical skeletons, as a fraction of the size. Files round
+positions."""
 _MAX_STILL_MOTION = 1e-3
-"""Maximum motion of joints in a clip that counts as a still pose, and at the seam of a loop, as a fraction of
-the size."""
+"""Maximum motion of the joints in a still pose, and maximum distance between the last and the first pose of a
+loop, as a fraction of the size."""
 _SEAM_FRAMES = 1.5
-"""Maximum step from the last pose of a loop to its first, in median frame steps. Not all files repeat the
-first frame at the end."""
+"""Maximum step from the last pose of a loop to its first, relative to the median step between frames. Not all
+files repeat the first frame at the end."""
 
 
 def is_own_take(clip: Clip, shape: Shape) -> bool:
@@ -45,33 +46,34 @@ def _is_same(first: Skeleton, second: Skeleton) -> bool:
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
     """Returns the names of the takes that were recorded on a shape's own skeleton.
 
-    They can be played joint by joint, without retargeting.
-
-    They still count if the shape has been rotated, moved or scaled since it was opened. Takes that
-    retargeting derived from another take, such as "walk: steps", are left out.
+    These takes can be played joint by joint, without retargeting. They still count if the shape has been
+    rotated, moved or scaled since it was opened. Takes that retargeting derived from another take, such as
+    "walk: steps", are excluded.
     """
-    played, takes = _joint_layers(project, shape), project.takes
-    skeleton = takes[played[0].take].skeleton if played else shape.skeleton
+    joint_layers, takes = _joint_layers(project, shape), project.takes
+    skeleton = takes[joint_layers[0].take].skeleton if joint_layers else shape.skeleton
     return tuple(
         name
         for name, take in takes.items()
-        if _is_same(take.skeleton, skeleton) and not any(name.startswith(f"{other}: ") for other in takes)
+        if _is_same(take.skeleton, skeleton)
+        and not any(name.startswith(f"{base_name}: ") for base_name in takes)
     )
 
 
 def played_clip(project: Project, shape: Shape) -> str | None:
     """Returns the name of the model's own clip that the shape plays, or None. Keys are ignored."""
-    played = _joint_layers(project, shape)
-    return played[0].take if played and not played[0].muted else None
+    joint_layers = _joint_layers(project, shape)
+    return joint_layers[0].take if joint_layers and not joint_layers[0].muted else None
 
 
 def is_looping(clip: Clip) -> bool:
-    """Returns True if a clip ends in its first pose. Travel over the ground is ignored."""
-    places = _relative_poses(clip)
-    if len(places) < 2:
+    """Returns True if a clip ends in its first pose, so that it can loop. Travel over the ground is
+    ignored."""
+    poses = _relative_poses(clip)
+    if len(poses) < 2:
         return False
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1)
-    seam = float(np.linalg.norm(places[-1] - places[0], axis=1).max())
+    steps = np.linalg.norm(np.diff(poses, axis=0), axis=2).max(1)
+    seam = float(np.linalg.norm(poses[-1] - poses[0], axis=1).max())
     return seam <= max(_MAX_STILL_MOTION * _clip_size(clip), _SEAM_FRAMES * float(np.median(steps)))
 
 
@@ -87,20 +89,20 @@ def clip_to_open(shape: Shape, clips: Sequence[Clip]) -> Clip | None:
 
 
 def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
-    """Returns a project in which a shape plays one of its own clips instead of its other takes, or none.
+    """Returns a project in which a shape plays one of its own clips, or none, instead of its other takes.
 
-    A clip that ends in its first pose loops. Keys are kept, and pins of feet are removed.
+    A clip that ends in its first pose loops. Keyframes are kept, and foot locks are removed.
 
     Raises:
         InputError: if the take does not exist, or has another skeleton.
     """
     shape = project.shape(shape_id)
-    clips, played = own_clips(project, shape), _joint_layers(project, shape)
+    clips, joint_layers = own_clips(project, shape), _joint_layers(project, shape)
     if name is not None and name not in clips:
-        mend = f"Known: {', '.join(clips) or 'none'}."
-        raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", mend=mend)
-    if played:
-        return _replace_clip(project, shape, played, name)
+        remedy = f"Known: {', '.join(clips) or 'none'}."
+        raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", remedy=remedy)
+    if joint_layers:
+        return _replace_clip(project, shape, joint_layers, name)
     project = mute_takes(project, shape_id)
     shape = project.shape(shape_id).with_changes(pins=())
     if name is None:
@@ -109,29 +111,30 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
     return loop_takes(project, shape_id) if is_looping(project.takes[name]) else project
 
 
-def _replace_clip(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
-    """Returns a project in which the layers that play a shape's own clip play another one, or are muted."""
-    others = [layer for layer in shape.layers if layer not in played]
-    new_layers = [replace(layer, muted=True) for layer in played]
+def _replace_clip(project: Project, shape: Shape, joint_layers: Sequence[Layer], name: str | None) -> Project:
+    """Returns a project in which the layers of a shape's own clip play another clip, or are muted if there is
+    none."""
+    other_layers = [layer for layer in shape.layers if layer not in joint_layers]
+    new_layers = [replace(layer, muted=True) for layer in joint_layers]
     if name is not None:
         clip = project.takes[name]
-        how = {"take": name, "muted": False, "loop": is_looping(clip), "stretch": bool(clip.tracks)}
-        new_layers = [replace(layer.timeless(), **how) for layer in played]
-    return project.with_characters(shape.with_changes(layers=(*new_layers, *others)))
+        changes = {"take": name, "muted": False, "loop": is_looping(clip), "stretch": bool(clip.tracks)}
+        new_layers = [replace(layer.timeless(), **changes) for layer in joint_layers]
+    return project.with_characters(shape.with_changes(layers=(*new_layers, *other_layers)))
 
 
 def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
-    """Returns the layers that play a shape's own clip joint by joint; empty if it plays none.
+    """Returns the layers that play a shape's own clip joint by joint, or none if it plays no clip of its own.
 
-    If the shape was rotated as a whole, one more of them plays the path of its root.
+    If the shape was rotated as a whole, an additional layer plays the path of its root.
     """
     layers = tuple(layer for layer in shape.layers if not project.takes[layer.take].keys)
     parents = shape.skeleton.parents
     chains = {(int(parents[j]), j) if j else (0,) for j in range(len(parents))}
     if {layer.chain for layer in layers} != chains or len({layer.take for layer in layers}) != 1:
         return ()
-    theirs = project.takes[layers[0].take].skeleton
-    return layers if theirs.names == shape.skeleton.names else ()
+    skeleton = project.takes[layers[0].take].skeleton
+    return layers if skeleton.names == shape.skeleton.names else ()
 
 
 def mute_takes(project: Project, shape_id: str) -> Project:
@@ -139,8 +142,11 @@ def mute_takes(project: Project, shape_id: str) -> Project:
     shape = project.shape(shape_id)
     key_layers = {layer.id for layer in shape.layers if project.takes[layer.take].keys}
     spans = tuple(
-        tuple(replace(span, refs=tuple(ref for ref in span.refs if ref.layer in key_layers)) for span in some)
-        for some in shape.spans
+        tuple(
+            replace(span, refs=tuple(ref for ref in span.refs if ref.layer in key_layers))
+            for span in bone_spans
+        )
+        for bone_spans in shape.spans
     )
     travel = {} if shape.travel in key_layers else {"travel": None, "travel_scale": None}
     return project.with_characters(shape.with_changes(spans=spans, **travel))
@@ -165,6 +171,6 @@ def _clip_size(clip: Clip) -> float:
 
 
 def _is_moving(clip: Clip) -> bool:
-    """Returns True if any joint moves by more than the rounding of files."""
+    """Returns True if any joint moves by more than rounding errors."""
     places = joint_places(clip)
     return bool(np.ptp(places, axis=0).max() > _MAX_STILL_MOTION * _clip_size(clip))

@@ -1,14 +1,14 @@
-"""Self-intersection: how much of a posed surface is inside another part of the body, and in which part.
+"""Self-intersection: the fraction of a posed surface that is inside another part of the body, for each part.
 
     overlap = Overlap(shape)                       # once: faces that are inside at rest do not count
-    overlap.at(vertices) -> (share, parts)         # of a pose, vertices (V, 3) in metres
+    overlap.at(vertices) -> (share, parts)         # for a pose, vertices (V, 3) in metres
 
-A face is inside if the winding number of the surface about a point just outside the face is 1 or more. Along
-a ray that number is the count of faces that the ray leaves by, minus the count of faces that it enters by
-(Nooruddin and Turk, "Simplification and repair of polygonal models using volumetric techniques", 2003). Rays
-along the three axes vote, so that the open borders of game models do not decide. The face is inside the part
-with the surface that its rays reach first. A fold at a joint does not count: bones that share a joint may
-overlap.
+A face is inside if the winding number of the surface about a point just outside the face is 1 or more. The
+winding number is counted along a ray: the number of faces through which the ray exits, minus the number of
+faces through which it enters (Nooruddin and Turk, "Simplification and repair of polygonal models using
+volumetric techniques", 2003). The median over rays along the three axes is used, because game models often
+have open borders. The face is inside the part with the surface that its rays reach first. A fold at a
+joint does not count: bones that share a joint may overlap.
 """
 
 from __future__ import annotations
@@ -20,20 +20,21 @@ from enliven.document import Shape
 from enliven.kernels import njit
 
 _TESTED_FACES = 3000
-"""Approximate number of tested faces, evenly spaced in the list of faces. The result then differs from that
-for all faces by at most half a per cent of the surface."""
+"""Approximate number of tested faces, evenly spaced in the list of faces. With this number the result differs
+from that for all faces by at most half a per cent of the surface."""
 _TEST_POINT_OFFSET = 1e-4
 """Distance of a test point from its face, as a fraction of the size: above rounding, below limb thickness."""
 _FACES_PER_CELL = 4.0
 """Average number of faces per cell of the ray grid. A ray then tests about twenty faces."""
 _UNCERTAIN_EXIT_M = 1e6
-"""Metres added to the exit distance of a ray that passed through other parts first: larger than any model."""
+"""Metres added to the exit distance of a ray that crosses other parts first. It is larger than any
+model, so direct exits come first."""
 _MAX_CELLS = 256
-"""Maximum number of cells along a side of that grid, which is 512 KB of indices."""
+"""Maximum number of cells along a side of the ray grid. The grid then has 512 KB of indices."""
 
 
 class Overlap:
-    """The tested faces of a shape, and which of them are inside another part at rest."""
+    """A test for self-intersection: the tested faces of a shape, and the faces that are inside at rest."""
 
     def __init__(self, shape: Shape) -> None:
         assert shape.mesh is not None and shape.skin is not None
@@ -45,33 +46,35 @@ class Overlap:
         self._rest = self._faces_inside(shape.mesh.vertices)[0]
 
     def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
-        """Returns the total fraction of the surface inside other parts, and this fraction by (inner bone,
-        outer bone)."""
-        inside, hit = self._faces_inside(vertices)
-        new = np.flatnonzero(inside & ~self._rest)
+        """Returns the fraction of the surface inside other parts: the total, and the fraction for each pair
+        of (inner bone, outer bone)."""
+        inside, outer_faces = self._faces_inside(vertices)
+        intersecting_faces = np.flatnonzero(inside & ~self._rest)
         total_area = max(float(self.area.sum()), 1e-300)
         parts: dict[tuple[int, int], float] = {}
-        for k in new:
-            pair = int(self.bone[self.tested_faces[k]]), int(self.bone[hit[k]])
+        for k in intersecting_faces:
+            pair = int(self.bone[self.tested_faces[k]]), int(self.bone[outer_faces[k]])
             parts[pair] = parts.get(pair, 0.0) + float(self.area[k]) / total_area
         return sum(parts.values()), parts
 
     def _faces_inside(self, vertices: Float) -> tuple[Bool, Int]:
         """Returns (K,) True for tested faces inside another part, and (K,) the face at which a ray exits."""
         corners = np.ascontiguousarray(vertices[self.faces], np.float64)
-        some = corners[self.tested_faces]
-        normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
+        tested_corners = corners[self.tested_faces]
+        normals = np.cross(
+            tested_corners[:, 1] - tested_corners[:, 0], tested_corners[:, 2] - tested_corners[:, 0]
+        )
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-        points = some.mean(1) + _TEST_POINT_OFFSET * size * normals
+        points = tested_corners.mean(1) + _TEST_POINT_OFFSET * size * normals
         cells = int(np.clip(np.sqrt(len(corners) / _FACES_PER_CELL), 1, _MAX_CELLS))
         numbers = np.empty((3, len(points)), np.int64)
-        exits, ways = np.full(len(points), -1), np.full(len(points), np.inf)
+        exits, exit_distances = np.full(len(points), -1), np.full(len(points), np.inf)
         for axis in range(3):
-            wind(points, corners, self.bone, axis, cells, numbers[axis], exits, ways)
+            wind(points, corners, self.bone, axis, cells, numbers[axis], exits, exit_distances)
         inside = (np.median(numbers, axis=0) >= 1) & (exits >= 0)
-        own, other = self.bone[self.tested_faces], self.bone[np.maximum(exits, 0)]
-        return inside & ~self._adjacent[own, other], exits
+        inner_bones, outer_bones = self.bone[self.tested_faces], self.bone[np.maximum(exits, 0)]
+        return inside & ~self._adjacent[inner_bones, outer_bones], exits
 
 
 def _face_areas(corners: Float) -> Float:
@@ -80,9 +83,11 @@ def _face_areas(corners: Float) -> Float:
 
 
 def _face_bones(shape: Shape) -> Int:
-    """Returns (F,) the bone with the largest total weight on the corners of each face."""
+    """Returns (F,) the bone with the largest total skin weight on the corners of each face."""
     assert shape.mesh is not None and shape.skin is not None
-    indices, weights = (np.asarray(of)[shape.mesh.faces].reshape(-1, 12) for of in _skin_arrays(shape))
+    indices, weights = (
+        np.asarray(skin_array)[shape.mesh.faces].reshape(-1, 12) for skin_array in _skin_arrays(shape)
+    )
     total = np.where(indices[:, :, None] == indices[:, None], weights[:, None], 0.0).sum(2)
     return np.asarray(np.take_along_axis(indices, total.argmax(1)[:, None], 1)[:, 0], np.int64)
 
@@ -93,18 +98,18 @@ def _skin_arrays(shape: Shape) -> tuple[Int, Float]:
 
 
 def _adjacent_bones(shape: Shape) -> Bool:
-    """Returns (N, N) True for pairs of bones that are identical or share a joint. The surface folds at such a
-    joint."""
+    """Returns (N, N) True for pairs of bones that share a joint, where the surface may fold, and for each
+    bone with itself."""
     skeleton, count = shape.skeleton, len(shape.skeleton)
-    ends = np.zeros((count, count), bool)
-    ends[np.arange(count), np.arange(count)] = True
-    ends[np.arange(count), np.maximum(skeleton.parents, 0)] = True
-    return np.asarray(ends.astype(np.int64) @ ends.T.astype(np.int64) > 0)
+    has_end = np.zeros((count, count), bool)
+    has_end[np.arange(count), np.arange(count)] = True
+    has_end[np.arange(count), np.maximum(skeleton.parents, 0)] = True
+    return np.asarray(has_end.astype(np.int64) @ has_end.T.astype(np.int64) > 0)
 
 
 @njit(cache=True, nogil=True)
 def wind(points, corners, bones, axis, cells, numbers, exits, ways):
-    """Kernel: computes winding numbers of faces about points, along rays parallel to an axis.
+    """Computes the winding numbers of faces about points (kernel), along rays parallel to an axis.
 
     Args:
         points: (P, 3) metres, the test points.
@@ -113,12 +118,14 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         axis: 0, 1 or 2, the direction of the rays.
         cells: number of grid cells along each of the two other axes.
         numbers: (P,) receives the winding numbers.
-        exits: (P,) receives the face at which the ray in either direction leaves the part around the point,
-            if that face is nearer than ``ways``.
-        ways: (P,) metres, the distances to ``exits``. They are updated together.
+        exits: (P,) receives the face through which the ray, in either direction, leaves the part that
+        contains
+            the point, if that face is nearer than ``ways``.
+        ways: (P,) metres, the distances of ``exits``. Both arrays are updated together.
     """
     u_axis, v_axis = (axis + 1) % 3, (axis + 2) % 3
-    # Build the grid across the axis: the first pass counts the faces of each cell, the second stores them.
+    # Build a grid perpendicular to the axis: the first pass counts the faces of each cell, the second stores
+    # them.
     low, high = np.empty(2), np.empty(2)
     for k in range(2):
         side = u_axis if k == 0 else v_axis
@@ -141,7 +148,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         if fill == 0:
             first = np.cumsum(first)
             cell_faces = np.empty(first[-1], np.int64)
-            # Each cell is filled from its end, so that its index counts down to its beginning.
+            # Each cell is filled from its end, so that ``first`` counts down to the beginning of the cell.
             first[:-1] = first[1:]
     most = np.diff(first).max()
     met, sides, faces = np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64)
@@ -151,7 +158,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         x, y, z = points[p, u_axis], points[p, v_axis], points[p, axis]
         if x < low[0] or x > high[0] or y < low[1] or y > high[1]:
             continue
-        # Intersect the ray with the faces of its cell, and sort the hits along the axis.
+        # Intersect the ray through a test point with the faces of its cell, and sort the hits along the axis.
         cell = min(int((x - low[0]) * per[0]), cells - 1) * cells + min(int((y - low[1]) * per[1]), cells - 1)
         count = 0
         for i in range(first[cell], first[cell + 1]):
@@ -163,15 +170,15 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
                     k -= 1
                 met[k], sides[k], faces[k] = at, side, cell_faces[i]
                 count += 1
-        # The winding number is the sum of the sides of all hits beyond the point.
+        # The winding number is the sum of the sides (1 or -1) of all hits beyond the point.
         above = 0
         while above < count and met[above] <= z:
             above += 1
         for k in range(above, count):
             numbers[p] += sides[k]
         for way in (1, -1):
-            # Find the exit in each direction. The ray leaves every part that it enters. The first face at
-            # which it leaves a part that it did not enter belongs to the part around the point.
+            # Find the exit in each direction. The ray leaves every part that it enters. So the first face at
+            # which it leaves a part that it did not enter belongs to the part that contains the point.
             count_in, k = 0, above if way > 0 else above - 1
             while 0 <= k < count:
                 part, entry = bones[faces[k]], -1
@@ -182,7 +189,8 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
                 elif entry >= 0:
                     entered[entry], count_in = entered[count_in - 1], count_in - 1
                 else:
-                    # A ray that reaches this face first is more reliable than one that met other parts.
+                    # A ray that reaches the exit directly is more reliable than a ray that crosses other
+                    # parts first.
                     far = way * (met[k] - z) + (
                         0.0 if k == (above if way > 0 else above - 1) else _UNCERTAIN_EXIT_M
                     )
@@ -194,7 +202,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
 
 @njit(cache=True, nogil=True)
 def _cell_span(values, low, per, cells):
-    """Kernel: returns the first and the last cell that contain three numbers."""
+    """Returns the first and the last grid cell that contain three coordinates (kernel)."""
     a = int((min(values[0], values[1], values[2]) - low) * per)
     b = int((max(values[0], values[1], values[2]) - low) * per)
     return min(max(a, 0), cells - 1), min(max(b, 0), cells - 1)
@@ -202,11 +210,11 @@ def _cell_span(values, low, per, cells):
 
 @njit(cache=True, nogil=True)
 def _intersect_face(corners, x, y, one, two, axis):
-    """Kernel: intersects a face with the line through (x, y) along an axis.
+    """Intersects a face with the line through (x, y) along an axis (kernel).
 
-    Returns the side and the coordinate of the hit on the axis. The side is 1 if the face looks along the
-    axis, -1 if it looks against it, and 0 if the line misses it. An edge belongs to exactly one of its two
-    faces, since both compute it from the same end.
+    Returns the side and the coordinate of the hit on the axis. The side is 1 if the face's normal points
+    along the axis, -1 if it points against it, and 0 if the line misses the face. A point on an edge belongs
+    to exactly one of the two faces, since both compute the edge from the same end.
     """
     inside = False
     for k in range(3):

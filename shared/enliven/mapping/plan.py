@@ -1,5 +1,5 @@
-"""A mapping: which chains of a take drive which chains of a shape, and how. Chains are given by joint names,
-so a mapping can be stored.
+"""A mapping: the chains of a take, and the chains of a shape that they drive. Chains are given by joint
+names, so a mapping can be stored.
 
 plan = automatic(clip, shape)                  # whole body
 plan = read_plan("horse.toml") ... write_plan(plan, path)

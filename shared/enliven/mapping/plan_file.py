@@ -27,10 +27,12 @@ from enliven.files import write_file
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.settings import load_settings, read_toml, refuse_later_toml
 
-_HEADER = """# What of the performer drives what of the model. Change what you like, and give it with --map.
-# rest: "auto", "mean", "first", "zero", or seconds into the take. mode: "pose" (the model's bones point
-# where the performer's do) or "move" (they move from their own rest pose). Of a chain also: flip,
-# weight (0 to 1), offset (s), speed, loop, extend, mirrored.
+_HEADER = """# Chains of the performer's take (source), and the chains of the model that they drive (target).
+# Edit this file and use it with --map.
+# rest: "auto", "mean", "first", "zero", or a time of the take in seconds.
+# mode: "pose" (the model's bones point in the directions of the performer's bones) or "move" (they keep
+# their own rest pose and add the performer's movement).
+# Other keys of a chain: flip, weight (0 to 1), offset (s), speed, loop, extend, mirrored.
 """
 
 
@@ -46,7 +48,7 @@ def read_plan(path: Path | str) -> Plan:
     if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
         raise InputError("chain must be tables: [[chain]]", where=str(path))
     if "chains" in document:
-        raise InputError("unknown key chains", where=str(path), mend="Did you mean [[chain]]?")
+        raise InputError("unknown key chains", where=str(path), remedy="Did you mean [[chain]]?")
     plan = load_settings(Plan, document, where=str(path))
     chains = []
     for number, table in enumerate(listed, 1):
@@ -54,14 +56,16 @@ def read_plan(path: Path | str) -> Plan:
         values = {k: _parse_joints(v) if k in ("source", "target") else v for k, v in table.items()}
         chain = load_settings(ChainPlan, values, where=location)
         if not chain.source or not chain.target:
-            mend = 'Give "first .. last" for both.'
-            raise InputError("it needs a source and a target", where=location, mend=mend)
+            remedy = 'Give "first .. last" for both, with the names of joints.'
+            raise InputError("the chain needs a source and a target", where=location, remedy=remedy)
         if chain.speed == 0.0:
-            raise InputError("a speed of 0 never plays", where=location, mend="Give 1, or -1 for backwards.")
+            raise InputError(
+                "a speed of 0 never plays the chain", where=location, remedy="Give 1, or -1 for backwards."
+            )
         chains.append(chain)
     if not chains:
-        mend = "Write one with --write-map to begin with."
-        raise InputError("it has no [[chain]]", where=str(path), mend=mend)
+        remedy = "Use --write-map to write a mapping file that you can edit."
+        raise InputError("the mapping file has no [[chain]]", where=str(path), remedy=remedy)
     return dataclasses.replace(plan, chains=tuple(chains))
 
 
@@ -69,7 +73,7 @@ def write_plan(plan: Plan, path: Path | str) -> None:
     """Writes a mapping file, which :func:`read_plan` reads.
 
     Raises:
-        InputError: if a file of a later version exists at the path. That file is kept.
+        InputError: if a file of a later format version exists at the path. That file is not overwritten.
         ResourceError: if the file cannot be written.
     """
     refuse_later_toml(Path(path))
@@ -79,8 +83,8 @@ def write_plan(plan: Plan, path: Path | str) -> None:
 def plan_text(plan: Plan) -> str:
     """Returns the text of a mapping file.
 
-    It contains all values of the plan that are not None. For each chain it contains source, target and mode,
-    and any values that differ from their defaults.
+    The text contains all values of the plan that are not None. For each chain it contains source, target,
+    mode and the values that differ from their defaults.
     """
     lines = [_HEADER]
     for field in dataclasses.fields(Plan):
@@ -100,7 +104,7 @@ def plan_text(plan: Plan) -> str:
 
 
 def _parse_joints(value: Any) -> Any:
-    """Returns the joint names in a text or an array. Invalid values are returned unchanged, and rejected by
+    """Returns the joint names in a text or an array. Returns invalid values unchanged; they are rejected by
     the settings class."""
     if not isinstance(value, str):
         return value

@@ -1,20 +1,20 @@
-"""Foot planting (foot lock) for a body in its performer's pose: the root's path is corrected so that feet do
+"""Foot planting (foot lock) for a body in its performer's pose: corrects the path of the root so that feet do
 not slide.
 
-    spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
+    spans = standing_spans(foot, root, step, length)     # the contacts of the performer's foot
     turns = remove_spin(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
-    plant_body(legs, root, step, floor)                     # the root's path, and the offset of each foot
+    plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
-The feet of a model with other proportions would slide in its performer's pose, because its strides have
-another length and its feet roll about other points. So the path of the root is corrected. Horizontally it
-moves so that the touching points of the standing foot do not move. Vertically it moves so that the sole of
-that foot is on the floor. The root's path stays smooth. The legs bend to close the remaining distance, also
-if two standing feet need different paths. In the air the root follows the performer's, and rises if a foot
-would be too low.
+In the performer's pose, the feet of a model with other proportions would slide, because its strides have
+another length and its feet roll about other points. So the path of the root is corrected. The horizontal
+correction keeps the touching points of the standing foot in place. The vertical correction puts the sole of
+that foot on the floor. The path of the root stays smooth. The legs bend to close the remaining distance, also
+if two standing feet need different paths. In the air the root follows the performer's path, and is raised if
+a foot would be too low.
 
-Feet of captured performers often rotate on the spot while they stand. The model's sole would slide, so each
-foot keeps one heading during a contact.
+The feet of captured performers often rotate on the spot while they stand. The model's sole would slide, so
+each foot gets a constant heading during a contact.
 """
 
 from __future__ import annotations
@@ -27,76 +27,79 @@ import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import Shape
-from enliven.motion.contact import find_runs, touching
+from enliven.motion.contact.contacts import find_runs, touching
 from enliven.rotation import conjugate, multiply, rotate
 
 Spans = tuple[tuple[int, int], ...]
-"""The first and the last frame of every contact of a foot with the floor."""
+"""The contacts of a foot with the floor: the first and the last frame of each."""
 
 _MAX_STANDING_HEIGHT = 0.1
-"""Largest height of a standing foot above its lowest position, in leg lengths. Floors of captures drift."""
+"""Largest height of a standing foot above its lowest position, in leg lengths. In captures the floor
+drifts."""
 _MAX_STANDING_SPEED = 0.4
-"""Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet drift slowly."""
+"""Largest speed of a standing foot if the body is at rest, in leg lengths per second. Captured feet drift."""
 _MAX_SPEED_FRACTION = 0.3
-"""Largest speed of a standing foot as a fraction of the body's speed: the foot of a runner rolls fast."""
+"""Largest speed of a standing foot, as a fraction of the body's speed. The foot of a runner rolls fast."""
 _SPEED_WINDOW_S = 0.4
 """Seconds over which the speed of the body is averaged: a stride."""
 _MIN_CONTACT_S = 0.05
-"""Shortest contact in seconds. Those of a sprint last 80 ms."""
+"""Shortest contact in seconds. In a sprint, contacts last 80 ms."""
 _RELEASE_FACTOR = 1.3
-"""Factor on the limits of height and speed at the end of a contact, relative to its beginning
-(hysteresis)."""
+"""Hysteresis: at the end of a contact, the limits of height and speed are higher than at its beginning by
+this factor."""
 _STANDING_PERCENTILE = 5.0
-"""Percentile of a joint's height over a take that counts as its height while the foot stands."""
+"""This percentile of a joint's height over a take is its height while the foot stands."""
 _BLEND_S = 0.1
-"""Seconds over which a foot moves from the performer's path to its planted position, and back."""
+"""Time in seconds in which a foot moves from the performer's path to its planted position, or back."""
 _SMOOTH_S = 0.05
-"""Time in seconds over which the root's speed and height are smoothed. A shorter one makes the root jerk, a
-longer one bends the legs more."""
+"""Time in seconds over which the root's speed and height are smoothed. A shorter time makes the root jerk, a
+longer time bends the legs more."""
 _MIN_AIR_HEIGHT = 0.7
-"""Smallest height of a foot in the air as a fraction of the performer's, so that it does not touch the
-floor."""
+"""Smallest height of a foot while the body is in the air, as a fraction of the performer's. It keeps the foot
+off the floor."""
 _MIN_SWING_HEIGHT = 0.03
-"""Smallest height of a swinging foot in leg lengths, unless the performer's is lower: 25 mm on an adult."""
+"""Smallest height of a swinging foot in leg lengths, unless the performer's foot is lower: 25 mm on an
+adult."""
 _CONTACT_DECAY = 0.006
 """Decay length of contact weights above a foot's lowest point, in leg lengths: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
 """Minimum total skin weight of a vertex on the foot's bones for the vertex to belong to the foot."""
 _SEARCH_DIRECTIONS = 128
-"""Number of directions, spread evenly, in which the outermost points of a foot are searched."""
+"""Number of evenly distributed directions in which the outermost points of a foot are searched."""
 _FRAMES_PER_BLOCK = 2048
-"""Number of frames that are processed at a time, to bound the memory for all points of a foot."""
+"""Number of frames that are processed at once, to limit the memory for all points of a foot."""
 _HEIGHT_WEIGHT = 1e-9
-"""Weight of the performer's own height, small enough to matter only while no foot stands."""
+"""Weight of the performer's height of the root. It is so small that it matters only while no foot stands."""
 _MAX_HEADING_DIFFERENCE = np.radians(30.0)
-"""Largest angle (radians) between the headings of a standing foot and the performer's foot. Ankle and hip
-allow no more."""
+"""Largest angle (radians) between the heading of the model's standing foot and that of the performer's foot.
+Ankle and hip allow no more."""
 _PATH_WEIGHT = 0.01
-"""Weight of the performer's path for the root, compared with a standing foot."""
+"""Weight of the performer's path in the correction of the root's path, if a standing foot has weight 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class PosedLeg:
-    """A leg in its performer's pose, over time.
+    """A model's leg in the performer's pose, over time.
 
     Attributes:
-        rolled: (T, 2) metres along x and z that the touching part of the sole has moved relative to the root;
-            see :func:`rolling_motion`.
+        rolled: (T, 2) metres along x and z, the accumulated motion relative to the root of the part of the
+        sole
+            that touches the floor; see :func:`rolling_motion`.
         sole: (T,) metres from the root up to the lowest point of the foot.
-        clear: (T,) height in metres of the performer's foot above the floor, scaled to the body's size.
+        clearance: (T,) height in metres of the performer's foot above the floor, scaled to the model's size.
         length: length of the leg in metres.
         spans: the contacts of the foot with the floor.
     """
 
     rolled: Float
     sole: Float
-    clear: Float
+    clearance: Float
     length: float
     spans: Spans
 
 
 def rolling_motion(points: Float, length: float) -> tuple[Float, Float]:
-    """Returns how a foot rolls over a floor.
+    """Computes the motion of a foot that rolls over a floor.
 
     A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
     the toes. So these points must have zero speed, not a joint of the foot.
@@ -106,47 +109,51 @@ def rolling_motion(points: Float, length: float) -> tuple[Float, Float]:
         length: length of the leg in metres.
 
     Returns:
-        (T, 2) metres along x and z that the touching points have moved relative to the root since the first
-        moment, and (T,) metres from the root up to the lowest point.
+        (T, 2) metres along x and z, the accumulated motion of the touching points relative to the root, and
+        (T,) metres from the root up to the lowest point.
     """
     height = points[..., 1]
-    between = 0.5 * (height[1:] + height[:-1])
-    above = between - between.min(axis=1, keepdims=True)
-    weights = np.exp(-above / (_CONTACT_DECAY * length))
+    mean_height = 0.5 * (height[1:] + height[:-1])
+    height_above_lowest = mean_height - mean_height.min(axis=1, keepdims=True)
+    weights = np.exp(-height_above_lowest / (_CONTACT_DECAY * length))
     steps = np.diff(points[..., [0, 2]], axis=0)
-    moved = np.einsum("tp,tpc->tc", weights, steps) / weights.sum(1, keepdims=True)
-    rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(moved, axis=0)])
+    touching_steps = np.einsum("tp,tpc->tc", weights, steps) / weights.sum(1, keepdims=True)
+    rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(touching_steps, axis=0)])
     return rolled, np.asarray(height.min(1))
 
 
 def standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
     """Returns the contacts of a foot: the spans in which one of its joints is low and slow.
 
-    The limit of speed rises with the speed of the body.
+    The speed limit rises with the speed of the body.
 
     Args:
         foot: (T, J, 3) metres, the joints about which the foot rolls, such as ankle, ball and tip.
         root: (T, 3) metres, the position of the body.
-        step: seconds between two frames.
+        step: seconds from one frame to the next.
         length: length of the leg in metres.
     """
     if len(foot) < 2:
         return ((0, len(foot) - 1),)
-    way = np.linalg.norm(np.gradient(root[:, [0, 2]], step, axis=0), axis=1)
-    pace = scipy.ndimage.uniform_filter1d(way, max(round(_SPEED_WINDOW_S / step), 1), mode="nearest")
-    allowed = np.maximum(_MAX_STANDING_SPEED * length, _MAX_SPEED_FRACTION * pace)
-    stands = np.zeros(len(foot), np.bool_)
+    root_speed = np.linalg.norm(np.gradient(root[:, [0, 2]], step, axis=0), axis=1)
+    body_speed = scipy.ndimage.uniform_filter1d(
+        root_speed, max(round(_SPEED_WINDOW_S / step), 1), mode="nearest"
+    )
+    speed_limit = np.maximum(_MAX_STANDING_SPEED * length, _MAX_SPEED_FRACTION * body_speed)
+    is_standing = np.zeros(len(foot), np.bool_)
     for joint in foot.swapaxes(0, 1):
         speed = np.linalg.norm(np.gradient(joint, step, axis=0), axis=1)
         height = joint[:, 1] - np.percentile(joint[:, 1], _STANDING_PERCENTILE)
-        down = np.empty(len(foot), np.bool_)
-        touching(height, speed / allowed, _MAX_STANDING_HEIGHT * length, 1.0, _RELEASE_FACTOR, down)
-        stands |= down
-    return tuple((a, b) for a, b in find_runs(stands) if (b - a) * step >= _MIN_CONTACT_S)
+        joint_stands = np.empty(len(foot), np.bool_)
+        touching(
+            height, speed / speed_limit, _MAX_STANDING_HEIGHT * length, 1.0, _RELEASE_FACTOR, joint_stands
+        )
+        is_standing |= joint_stands
+    return tuple((a, b) for a, b in find_runs(is_standing) if (b - a) * step >= _MIN_CONTACT_S)
 
 
 class Sole:
-    """The outermost points of a foot, with the bones that they follow.
+    """The outermost points of a foot, with the bones that move them.
 
     Args:
         shape: the body, at rest.
@@ -160,92 +167,99 @@ class Sole:
         if shape.mesh is None or shape.skin is None:
             return
         foot_weights = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
-        part = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
-        if not len(part):
+        foot_vertices = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
+        if not len(foot_vertices):
             return
-        carrier = shape.skin.indices[part, foot_weights[part].argmax(1)]
-        groups = [part[carrier == bone] for bone in np.unique(carrier)]
-        chosen = np.concatenate([some[_outermost_points(shape.mesh.vertices[some])] for some in groups])
-        self._points = shape.mesh.vertices[chosen]
-        self._bones, self._weights = shape.skin.indices[chosen], shape.skin.weights[chosen]
+        main_bone = shape.skin.indices[foot_vertices, foot_weights[foot_vertices].argmax(1)]
+        groups = [foot_vertices[main_bone == bone] for bone in np.unique(main_bone)]
+        outermost = np.concatenate([group[_outermost_points(shape.mesh.vertices[group])] for group in groups])
+        self._points = shape.mesh.vertices[outermost]
+        self._bones, self._weights = shape.skin.indices[outermost], shape.skin.weights[outermost]
 
     def points(self, turns: Float, joints: Float) -> Float:
-        """Returns the points (T, P, 3) in metres for turns (T, N, 4) and joints (T, N, 3)."""
+        """Returns the points (T, P, 3) in metres, for world rotations (T, N, 4) and joint positions (T, N,
+        3)."""
         positions = np.zeros((len(turns), *self._points.shape))
         for bone in np.unique(self._bones[self._weights > 0.0]):
             weight = np.where(self._bones == bone, self._weights, 0.0).sum(1)
-            ways = rotate(turns[:, bone, None], self._points - self._skeleton.positions[bone])
-            positions += weight[:, None] * (ways + joints[:, bone, None])
+            rotated = rotate(turns[:, bone, None], self._points - self._skeleton.positions[bone])
+            positions += weight[:, None] * (rotated + joints[:, bone, None])
         return positions
 
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
-        """Returns :func:`rolling_motion` of the points, for joints (T, N, 3) in metres relative to the
-        root."""
-        rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
+        """Returns :func:`rolling_motion` of the points, for world rotations (T, N, 4), and joint positions
+        (T, N, 3) in metres relative to the root."""
+        rolled, lowest, offset = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
-            part = slice(start, start + _FRAMES_PER_BLOCK + 1)
-            way, height = rolling_motion(self.points(turns[part], joints[part]), length)
-            rolled.append(at + way[1:])
-            at, low = at + way[-1], [*low, height if not start else height[1:]]
-        return np.concatenate(rolled), np.concatenate(low)
+            frames = slice(start, start + _FRAMES_PER_BLOCK + 1)
+            path, height = rolling_motion(self.points(turns[frames], joints[frames]), length)
+            rolled.append(offset + path[1:])
+            offset, lowest = offset + path[-1], [*lowest, height if not start else height[1:]]
+        return np.concatenate(rolled), np.concatenate(lowest)
 
     def spin(self, turns: Float, joints: Float, length: float) -> Float:
         """Returns the accumulated rotation (T,) of the touching part about +Y, in radians.
 
-        A foot that rolls turns about level axes only. Any other turn drags its sole over the floor.
+        A foot that rolls without sliding rotates about horizontal axes only. Rotation about +Y makes it
+        slide.
         """
-        leader = np.take_along_axis(self._bones, self._weights.argmax(1)[:, None], axis=1)[:, 0]
-        touching, bones = list[Float](), np.unique(leader)
+        main_bone = np.take_along_axis(self._bones, self._weights.argmax(1)[:, None], axis=1)[:, 0]
+        touching, bones = list[Float](), np.unique(main_bone)
         for start in range(0, len(turns), _FRAMES_PER_BLOCK):
-            part = slice(start, start + _FRAMES_PER_BLOCK)
-            height = self.points(turns[part], joints[part])[..., 1]
+            frames = slice(start, start + _FRAMES_PER_BLOCK)
+            height = self.points(turns[frames], joints[frames])[..., 1]
             weights = np.exp(-(height - height.min(axis=1, keepdims=True)) / (_CONTACT_DECAY * length))
-            touching.append(np.stack([weights[:, leader == bone].sum(1) for bone in bones], axis=1))
-        share = np.concatenate(touching)
-        share = share[1:] + share[:-1]
-        moved = multiply(turns[1:, bones], conjugate(turns[:-1, bones]))
-        about = 2.0 * np.arctan2(moved[..., 2], moved[..., 0])
-        about = (about + np.pi) % (2.0 * np.pi) - np.pi
-        steps = np.sum(share * about, axis=1) / share.sum(1)
+            touching.append(np.stack([weights[:, main_bone == bone].sum(1) for bone in bones], axis=1))
+        contact_weights = np.concatenate(touching)
+        contact_weights = contact_weights[1:] + contact_weights[:-1]
+        rotation_steps = multiply(turns[1:, bones], conjugate(turns[:-1, bones]))
+        angles = 2.0 * np.arctan2(rotation_steps[..., 2], rotation_steps[..., 0])
+        angles = (angles + np.pi) % (2.0 * np.pi) - np.pi
+        steps = np.sum(contact_weights * angles, axis=1) / contact_weights.sum(1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     def lowest(self, turns: Float, joints: Float) -> Float:
-        """Returns the height (T,) in metres of the lowest point, for turns (T, N, 4) and joints (T, N, 3)."""
-        parts = (slice(start, start + _FRAMES_PER_BLOCK) for start in range(0, len(turns), _FRAMES_PER_BLOCK))
-        return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
+        """Returns the height (T,) in metres of the lowest point, for rotations (T, N, 4) and joints (T, N,
+        3)."""
+        blocks = (
+            slice(start, start + _FRAMES_PER_BLOCK) for start in range(0, len(turns), _FRAMES_PER_BLOCK)
+        )
+        return np.concatenate(
+            [self.points(turns[frames], joints[frames])[..., 1].min(1) for frames in blocks]
+        )
 
     def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
         """Returns the height (T,) in metres of the lowest point relative to a joint, after all points are
-        rotated about that joint."""
-        low = list[Float]()
+        rotated about this joint by ``turning`` (T, 4)."""
+        lowest = list[Float]()
         for start in range(0, len(turns), _FRAMES_PER_BLOCK):
-            part = slice(start, start + _FRAMES_PER_BLOCK)
-            beside = self.points(turns[part], joints[part] - joints[part, about, None])
-            low.append(rotate(turning[part, None], beside)[..., 1].min(1))
-        return np.concatenate(low)
+            frames = slice(start, start + _FRAMES_PER_BLOCK)
+            offsets = self.points(turns[frames], joints[frames] - joints[frames, about, None])
+            lowest.append(rotate(turning[frames, None], offsets)[..., 1].min(1))
+        return np.concatenate(lowest)
 
 
 def _outermost_points(points: Float) -> Int:
-    """Returns the indices (P,) of the points (V, 3) that are farthest in some direction."""
+    """Returns the indices (P,) of the points (V, 3) that are farthest out in at least one direction."""
     if len(points) <= _SEARCH_DIRECTIONS:
         return np.arange(len(points))
     number = np.arange(_SEARCH_DIRECTIONS) + 0.5
     height, angle = 1.0 - 2.0 * number / _SEARCH_DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * number
-    level = np.sqrt(1.0 - height**2)
-    ways = np.stack([level * np.cos(angle), height, level * np.sin(angle)])
-    return np.unique((points @ ways).argmax(0))
+    radius = np.sqrt(1.0 - height**2)
+    directions = np.stack([radius * np.cos(angle), height, radius * np.sin(angle)])
+    return np.unique((points @ directions).argmax(0))
 
 
 def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
-    """Returns the rotations about +Y, (T,) radians, that keep a foot from spinning while it stands.
+    """Returns the rotations about +Y, (T,) radians, that stop a foot from spinning while it stands.
 
-    The foot keeps the median heading of each contact. If the performer's foot rotates farther than ankle and
-    hip allow, as in a pirouette, the foot follows it. The correction fades before and after a contact.
+    The foot gets the median heading of each contact. If the performer's foot rotates farther than ankle and
+    hip allow, as in a pirouette, the foot rotates with it. The correction fades in and out around a contact.
 
     Args:
-        spin: (T,) radians that the touching part has turned about +Y.
-        spans: when the foot stands.
-        step: seconds between two moments.
+        spin: (T,) radians, the accumulated rotation of the touching part about +Y.
+        spans: the contacts of the foot.
+        step: seconds from one frame to the next.
     """
     count, blend = len(spin), max(round(_BLEND_S / step), 1)
     spans, turns = _join_spans(spans, blend), np.zeros(count)
@@ -260,15 +274,18 @@ def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
                 )
             )
             turns[t] = standing_heading - spin[t]
-        before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
-        into, out = _fading_weights(before)[::-1] * turns[first], _fading_weights(after) * turns[last]
-        turns[max(first - len(into), 0) : first] += into[len(into) - min(len(into), first) :]
-        turns[last + 1 : last + 1 + len(out)] += out[: count - last - 1]
+        frames_before, frames_after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
+        fade_in, fade_out = (
+            _fading_weights(frames_before)[::-1] * turns[first],
+            _fading_weights(frames_after) * turns[last],
+        )
+        turns[max(first - len(fade_in), 0) : first] += fade_in[len(fade_in) - min(len(fade_in), first) :]
+        turns[last + 1 : last + 1 + len(fade_out)] += fade_out[: count - last - 1]
     return turns
 
 
 def _join_spans(spans: Spans, gap: int) -> Spans:
-    """Joins spans that are at most ``gap`` frames apart, and returns all spans."""
+    """Returns the spans, in which spans that are at most ``gap`` frames apart are joined."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
         if joined and first - joined[-1][1] <= gap:
@@ -279,14 +296,15 @@ def _join_spans(spans: Spans, gap: int) -> Spans:
 
 
 def contact_clearance(heights: Float, spans: Spans) -> Float:
-    """Returns the height (T,) in metres of a foot above its contacts: the height of the joint that has risen
-    least.
+    """Returns the height (T,) in metres of a foot above the floor: the smallest rise of its joints.
 
-    Floors of captures drift, so the reference is interpolated between the contacts before and after.
+    The rise of a joint is its height above its lowest position during contacts.
+
+    In captures the floor drifts, so the reference is interpolated between successive contacts.
 
     Args:
-        heights: (T, J) metres of the joints of a foot.
-        spans: when the foot stands.
+        heights: (T, J) metres, the heights of the joints of a foot.
+        spans: the contacts of the foot.
     """
     if spans:
         lows = np.array([heights[first : last + 1].min(0) for first, last in spans for _ in range(2)])
@@ -304,37 +322,45 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
     Args:
         legs: the legs of the body.
         root: (T, 3) metres, the performer's path scaled to the body's size.
-        step: seconds between two moments.
-        floor: metres, the height of the floor.
+        step: seconds from one frame to the next.
+        floor: the height of the floor in metres.
 
     Returns:
-        The root (T, 3) in metres, and for each leg the offset (T, 3) in metres of its foot.
+        The root (T, 3) in metres, and for each leg the remaining offset (T, 3) of its foot in metres.
     """
     root = root.copy()
     if not any(leg.spans for leg in legs):
         return root, [np.zeros_like(root) for _ in legs]
     smooth = (_SMOOTH_S / step) ** 2
-    stands = [_standing_mask(leg.spans, len(root)) for leg in legs]
-    both = [np.minimum(on[1:], on[:-1]) for on in stands]
+    standing = [_standing_mask(leg.spans, len(root)) for leg in legs]
+    standing_steps = [np.minimum(mask[1:], mask[:-1]) for mask in standing]
     for column, axis in enumerate((0, 2)):
         slips = [-np.diff(leg.rolled[:, column] + root[:, axis]) for leg in legs]
-        root[1:, axis] += np.cumsum(_smoothest_path(slips, both, smooth, _PATH_WEIGHT))
-    flies = _flight_weights(stands, step)
-    wanted = [floor - root[:, 1] - leg.sole for leg in legs]
-    up = _smoothest_path(wanted, stands, smooth, 0.0)
+        root[1:, axis] += np.cumsum(_smoothest_path(slips, standing_steps, smooth, _PATH_WEIGHT))
+    flight_weights = _flight_weights(standing, step)
+    target_heights = [floor - root[:, 1] - leg.sole for leg in legs]
+    rise = _smoothest_path(target_heights, standing, smooth, 0.0)
     # While the body is in the air, raise it until no foot is too low.
-    high = np.max(
-        [_MIN_AIR_HEIGHT * leg.clear + want for leg, want in zip(legs, wanted, strict=True)], axis=0
+    min_rise = np.max(
+        [
+            _MIN_AIR_HEIGHT * leg.clearance + target_height
+            for leg, target_height in zip(legs, target_heights, strict=True)
+        ],
+        axis=0,
     )
-    rises = np.where(high > up, flies, 0.0)
-    root[:, 1] += _smoothest_path([*wanted, high], [*stands, rises], smooth, 0.0) if rises.any() else up
-    return root, [_foot_offsets(leg, root, step, floor, flies) for leg in legs]
+    rise_weights = np.where(min_rise > rise, flight_weights, 0.0)
+    root[:, 1] += (
+        _smoothest_path([*target_heights, min_rise], [*standing, rise_weights], smooth, 0.0)
+        if rise_weights.any()
+        else rise
+    )
+    return root, [_foot_offsets(leg, root, step, floor, flight_weights) for leg in legs]
 
 
-def _smoothest_path(wanted: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
-    """Returns the x (T,) that minimises the sum of w (x - wanted)^2, smooth (x' - x)^2 and free x^2.
+def _smoothest_path(targets: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
+    """Returns the x (T,) that minimises sum w (x - target)^2 + smooth sum (x' - x)^2 + free sum x^2.
 
-    The first term is summed over all pairs of ``weights`` and ``wanted``. x' is the next value of x.
+    The first sum is over all pairs of ``weights`` and ``targets``, (T,) each. x' is the next value of x.
     """
     total = np.sum(weights, axis=0)
     count = len(total)
@@ -343,55 +369,59 @@ def _smoothest_path(wanted: Sequence[Float], weights: Sequence[Float], smooth: f
     bands[1, :-1] += smooth
     bands[1, 1:] += smooth
     bands[0, 1:] = -smooth
-    right = np.sum([weight * value for weight, value in zip(weights, wanted, strict=True)], axis=0)
-    return np.asarray(scipy.linalg.solveh_banded(bands, right))
+    right_side = np.sum([weight * value for weight, value in zip(weights, targets, strict=True)], axis=0)
+    return np.asarray(scipy.linalg.solveh_banded(bands, right_side))
 
 
 def _standing_mask(spans: Spans, count: int) -> Float:
     """Returns (T,) 1 within the spans and 0 elsewhere."""
-    on = np.zeros(count)
+    mask = np.zeros(count)
     for first, last in spans:
-        on[first : last + 1] = 1.0
-    return on
+        mask[first : last + 1] = 1.0
+    return mask
 
 
-def _flight_weights(stands: Sequence[Float], step: float) -> Float:
-    """Returns (T,) 1 while no foot stands, 0 while one does, with smooth changes."""
+def _flight_weights(standing: Sequence[Float], step: float) -> Float:
+    """Returns (T,) 1 while no foot stands, 0 while any foot stands, with smooth transitions."""
     return np.asarray(
         scipy.ndimage.uniform_filter1d(
-            1.0 - np.max(stands, axis=0), 2 * max(round(_BLEND_S / 4.0 / step), 1) + 1, mode="nearest"
+            1.0 - np.max(standing, axis=0), 2 * max(round(_BLEND_S / 4.0 / step), 1) + 1, mode="nearest"
         )
     )
 
 
-def _foot_offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float) -> Float:
+def _foot_offsets(leg: PosedLeg, root: Float, step: float, floor: float, flight_weights: Float) -> Float:
     """Returns the offset (T, 3) in metres of a foot to its planted position, faded around each contact."""
-    above, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
-    foot = np.stack([root[:, 0] + leg.rolled[:, 0], above, root[:, 2] + leg.rolled[:, 1]], axis=1)
+    height, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
+    foot = np.stack([root[:, 0] + leg.rolled[:, 0], height, root[:, 2] + leg.rolled[:, 1]], axis=1)
     offsets = np.zeros_like(foot)
     ends = [-1, *(b for _, b in leg.spans)]
     starts = [*(a for a, _ in leg.spans), count]
     for number, (first, last) in enumerate(leg.spans):
         correction = np.median(foot[first : last + 1], axis=0) - foot[first : last + 1]
-        correction[:, 1] = -above[first : last + 1]
+        correction[:, 1] = -height[first : last + 1]
         offsets[first : last + 1] = correction
-        before = min(blend, first - ends[number])
-        after = min(blend, starts[number + 1] - last)
-        offsets[first - before + 1 : first] += _fading_weights(before)[::-1, None] * correction[0]
-        offsets[last + 1 : last + after] += _fading_weights(after)[:, None] * correction[-1]
-    clear = (1.0 - _standing_mask(leg.spans, count)) * _min_clearance(leg, flies)
-    offsets[:, 1] = np.maximum(offsets[:, 1], clear - above)
+        frames_before = min(blend, first - ends[number])
+        frames_after = min(blend, starts[number + 1] - last)
+        offsets[first - frames_before + 1 : first] += (
+            _fading_weights(frames_before)[::-1, None] * correction[0]
+        )
+        offsets[last + 1 : last + frames_after] += _fading_weights(frames_after)[:, None] * correction[-1]
+    min_height = (1.0 - _standing_mask(leg.spans, count)) * _min_clearance(leg, flight_weights)
+    offsets[:, 1] = np.maximum(offsets[:, 1], min_height - height)
     return offsets
 
 
-def _min_clearance(leg: PosedLeg, flies: Float) -> Float:
-    """Returns the smallest height (T,) in metres of a foot above the floor while it swings.
+def _min_clearance(leg: PosedLeg, flight_weights: Float) -> Float:
+    """Returns the smallest allowed height (T,) in metres of a foot above the floor while it swings.
 
-    While the body is in the air, it is a large fraction of the performer's height. Otherwise the foot just
-    clears the floor.
+    While the body is in the air, this height is a large fraction of the performer's. Otherwise it is just
+    enough to clear the floor.
     """
-    clear = _MIN_AIR_HEIGHT * leg.clear
-    return np.asarray(np.maximum(flies * clear, np.minimum(clear, _MIN_SWING_HEIGHT * leg.length)))
+    air_height = _MIN_AIR_HEIGHT * leg.clearance
+    return np.asarray(
+        np.maximum(flight_weights * air_height, np.minimum(air_height, _MIN_SWING_HEIGHT * leg.length))
+    )
 
 
 def _fading_weights(count: int) -> Float:

@@ -2,11 +2,12 @@
 
     limb_errors(project, shape_id, clip, plan, duration) -> (LimbError("left shin", median=0.4, p90=1.2), ...)
 
-For each segment of a limb that a chain of the take drives, the direction from its first joint to its last is
-compared with the performer's, in the shape's axes. A chain of mode "pose" should match it. A chain of mode
-"move" should rotate from the shape's own rest pose as the performer rotates from theirs. Its expected
-direction is the rest direction, rotated by the smallest rotation between the performer's rest direction and
-current direction. One formula serves both modes: with mode "pose" the two rest directions are equal.
+For each limb segment that a chain of the take drives, the direction from its first joint to its last joint is
+compared with the performer's direction, in the shape's axes. With mode "pose" both should be equal. With mode
+"move" the segment should rotate from the shape's own rest pose as the performer rotates from theirs. So the
+expected direction is the rest direction, rotated by the smallest rotation from the performer's rest direction
+to the performer's current direction. This formula serves both modes: with mode "pose" the two rest directions
+are equal.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, joint_places
-from enliven.mapping.anatomy import SkeletonLimb, anatomy_of, is_tip_start
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.gait import legs_that_step, posed_legs_that_step
 from enliven.mapping.plan import Plan
-from enliven.motion.layers import Player
+from enliven.motion.layers.evaluate import Player
 from enliven.rotation import rotate, swing, unit
+from enliven.skeletons.anatomy import SkeletonLimb, anatomy_of, is_tip_start
 
 _MAX_FRAMES = 120
-"""Maximum number of compared frames, large enough that a dozen of them are above a limb's 90th percentile."""
+"""Maximum number of compared frames. A dozen of them are then above the 90th percentile."""
 _SEGMENT_NAMES = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
 """Names of a limb's segments, by (stands on the floor, number of segments)."""
 
@@ -48,33 +49,34 @@ class LimbError:
 def limb_errors(
     project: Project, shape_id: str, clip: Clip, plan: Plan, duration: float
 ) -> tuple[LimbError, ...]:
-    """Returns the errors of all limb segments that only the take drives, at its own speed.
+    """Returns the pose errors of all limb segments that only the take drives, at its own speed.
 
-    Legs that step without the performer's pose are left out: they do not follow the performer's angles.
+    Stepping legs that do not keep the performer's pose are excluded: they do not follow the performer's
+    angles.
 
     Args:
-        project: contains the shape, moved by the plan.
-        shape_id: ID of the shape.
+        project: the project, in which the plan moves the shape.
+        shape_id: id of the shape.
         clip: the performer's take.
         plan: the mapping.
-        duration: duration in seconds that is compared.
+        duration: duration of the compared motion in seconds.
     """
-    moved = project.shape(shape_id)
-    posed = posed_legs_that_step(moved, clip, plan)
-    stepping = {limb.proper for limb in legs_that_step(moved, clip, plan) if limb not in posed}
-    # The expected motion is that of the plan alone, before legs step and feet are locked.
-    asked, _ = apply_plan(Project(), moved.at_rest(moved.mesh)[0], clip, plan)
-    shape = asked.shape(shape_id)
+    retargeted = project.shape(shape_id)
+    posed = posed_legs_that_step(retargeted, clip, plan)
+    stepping = {limb.proper for limb in legs_that_step(retargeted, clip, plan) if limb not in posed}
+    # The expected motion is the result of the plan alone, before steps and foot locks.
+    planned, _ = apply_plan(Project(), retargeted.at_rest(retargeted.mesh)[0], clip, plan)
+    shape = planned.shape(shape_id)
     # Compare at frames of the take only. Between frames, interpolated directions differ from those of
     # interpolated rotations.
-    last = min(round(duration / clip.step), len(clip.turns) - 1)
-    times = clip.step * np.unique(np.round(np.linspace(0, last, min(_MAX_FRAMES, last + 1))))
+    last_frame = min(round(duration / clip.step), len(clip.turns) - 1)
+    times = clip.step * np.unique(np.round(np.linspace(0, last_frame, min(_MAX_FRAMES, last_frame + 1))))
     joints = Player(project, shape_id).sample(times)[1]
     errors = list[LimbError]()
     starts = {limb.proper[0] for pair in source_anatomy(clip).pairs for limb in pair}
-    for name, layer, chain in _driven_segments(asked, shape, clip, stepping):
-        wanted = _expected_directions(asked.takes[layer.take], layer, starts, shape, chain, times)
-        angles = _degrees_between(joints[:, chain[-1]] - joints[:, chain[0]], wanted)
+    for name, layer, chain in _driven_segments(planned, shape, clip, stepping):
+        expected = _expected_directions(planned.takes[layer.take], layer, starts, shape, chain, times)
+        angles = _degrees_between(joints[:, chain[-1]] - joints[:, chain[0]], expected)
         errors.append(LimbError(name, float(np.median(angles)), float(np.percentile(angles, 90.0))))
     return tuple(errors)
 
@@ -85,7 +87,7 @@ def _driven_segments(
     """Yields the name, layer and joints of each limb segment that one layer of the performer's take drives.
 
     Args:
-        without: limbs that are left out, by their joints.
+        without: limbs that are excluded, given by their joints.
     """
     for number, pair in enumerate(anatomy_of(shape.skeleton).pairs, 1):
         for side, limb in zip(("left", "right"), pair, strict=True):
@@ -100,12 +102,12 @@ def _driven_segments(
                 layer = shape.layer(name)
                 chain = shape.skeleton.path(int(shape.skeleton.parents[bones[0]]), bones[-1])
                 if is_tip_start(shape.skeleton, limb, chain[0]):
-                    continue  # A hand or foot keeps the model's own rest rotation.
+                    continue  # A hand or foot keeps the model's rest rotation, so it has no pose error.
                 yield f"{side} {_segment_name(limb, number, k, len(segments))}", layer, chain
 
 
 def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> str:
-    """Returns the name of a segment of a limb. ``number`` is that of its pair, counted from 1."""
+    """Returns the name of a segment of a limb. ``number`` is the number of the limb's pair, from 1."""
     names = _SEGMENT_NAMES.get((limb.grounded, count), ()) if limb.knots else ()
     if names:
         return names[segment]
@@ -114,13 +116,13 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
 
 
 def _bone_layers(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
-    """Returns for each bone of a chain the layer of the take if no other layer moves the bone, or None."""
+    """Returns the layer of the take for each bone of a chain, or None if another layer moves the bone."""
     sole_layers = list[Layer | None]()
     for bone in chain[1:]:
-        named = {ref.layer for span in shape.spans[bone] for ref in span.refs}
-        layers = [shape.layer(name) for name in named]
-        plain = [layer for layer in layers if _plays_unchanged(project, layer, clip)]
-        sole_layers.append(plain[0] if len(layers) == len(plain) == 1 else None)
+        layer_names = {ref.layer for span in shape.spans[bone] for ref in span.refs}
+        layers = [shape.layer(name) for name in layer_names]
+        unchanged_layers = [layer for layer in layers if _plays_unchanged(project, layer, clip)]
+        sole_layers.append(unchanged_layers[0] if len(layers) == len(unchanged_layers) == 1 else None)
     return sole_layers
 
 
@@ -138,24 +140,24 @@ def _expected_directions(
     Args:
         take: the take.
         layer: the layer that plays the take on the chain.
-        starts: joints at which limbs of the performer begin. A girdle before them is not compared.
+        starts: the first joints of the performer's limbs, after the girdle. Girdles are not compared.
         shape: the shape.
         chain: joints of the shape's segment.
         times: (T,) seconds.
     """
     first = next((joint for joint in layer.chain[:-1] if joint in starts), layer.chain[0])
     last = layer.chain[-1]
-    places, rest = joint_places(take, (first, last)), take.skeleton.positions
+    source_joints, rest = joint_places(take, (first, last)), take.skeleton.positions
     mirror = np.array([-1.0 if layer.mirrored else 1.0, 1.0, 1.0])
-    directions = rotate(layer.basis, mirror * (places[:, last] - places[:, first]))
-    rest_way = unit(rotate(layer.basis, mirror * (rest[last] - rest[first])))
+    directions = rotate(layer.basis, mirror * (source_joints[:, last] - source_joints[:, first]))
+    source_rest_direction = unit(rotate(layer.basis, mirror * (rest[last] - rest[first])))
     frames = np.arange(len(directions)) * take.step
-    at = np.stack([np.interp(times, frames, directions[:, k]) for k in range(3)], axis=1)
+    source_directions = np.stack([np.interp(times, frames, directions[:, k]) for k in range(3)], axis=1)
     rest_direction = shape.skeleton.positions[chain[-1]] - shape.skeleton.positions[chain[0]]
-    return np.asarray(rotate(swing(rest_way, unit(at)), rest_direction))
+    return np.asarray(rotate(swing(source_rest_direction, unit(source_directions)), rest_direction))
 
 
-def _degrees_between(one: Float, other: Float) -> Float:
+def _degrees_between(first: Float, second: Float) -> Float:
     """Returns the angles (T,) in degrees between vectors (T, 3)."""
-    cosines = np.sum(unit(one) * unit(other), axis=1)
+    cosines = np.sum(unit(first) * unit(second), axis=1)
     return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))

@@ -3,10 +3,10 @@
 Pose is the angle between the limbs and the performer's (:mod:`enliven.mapping.pose_error`).
 
 Stretch is the length of an edge of the mesh divided by its length at rest. Above ``MAX_STRETCH`` skin begins
-to look like a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers
-and of tiny separate parts do not count: their stretch is not visible.
+to look like a sheet. The measure of a motion is the 99th percentile over all edges and moments. Edges of
+slivers and of tiny separate parts are ignored, because their stretch is not visible.
 
-Floor contact and foot sliding are measured for the body. An object that a hand carries does not count.
+Floor contact and foot sliding are measured for the body. An object that a hand carries is ignored.
 """
 
 from __future__ import annotations
@@ -19,56 +19,60 @@ import scipy
 
 from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, Shape
-from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.ground import body_points, clearance, floor_of, posed_surfaces, stands_on_floor
 from enliven.mapping.overlap import Overlap
 from enliven.mapping.plan import Plan
 from enliven.mapping.pose_error import LimbError, limb_errors
-from enliven.motion.layers import Player, travel_scale
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.travel import travel_scale
+from enliven.skeletons.anatomy import anatomy_of
 
 MAX_STRETCH = 1.4
-"""Largest stretch at the 99th percentile. Above it, hands look like sheets. The running clips of models have
-1.1 to 1.5."""
+"""Largest good value of the 99th percentile of stretch. Above it, hands look like sheets. The running clips
+of models have 1.1 to 1.5."""
 MAX_INTERSECTION = 0.03
-"""Largest fraction of a surface inside other parts. Models' own clips reach this value."""
+"""Largest good value of the fraction of a surface inside other parts. Models' own clips reach it."""
 MAX_FLOOR_DISTANCE = 0.03
-"""Largest distance of the lowest point from the floor, as a fraction of the height. Beyond it feet visibly
-hover."""
+"""Largest good distance of the lowest point from the floor, as a fraction of the height. Beyond it feet
+visibly hover."""
 MAX_SLIDE_CM_S = 20.0
-"""Largest slide of standing feet in cm/s. Half of the test data's pairs of take and model have at most 8."""
+"""Largest good sliding speed of standing feet in cm/s. In the test data half of the motions have at most
+8."""
 MAX_POSE_DEGREES = 8.0
-"""Largest median angle (degrees) between a limb and the performer's. Within it the pose looks the same."""
+"""Largest good median angle (degrees) between a limb and the performer's limb. Within it both look the
+same."""
 MAX_POSE_P90_DEGREES = 15.0
-"""Largest 90th percentile of that angle (degrees)."""
+"""Largest good 90th percentile of the angle (degrees) between a limb and the performer's limb."""
 _MEASURED_MOMENTS = 24
-"""Number of moments at which a motion is measured. A pose that lasts for a twentieth of the motion is not
-missed."""
+"""Number of moments at which a motion is measured. It is large enough to include a pose that lasts for a
+twentieth of the motion."""
 _MIN_EDGE_LENGTH = 1e-3
 """Length of an edge, as a fraction of the size, below which its stretch is not visible."""
 _MIN_TRIANGLE_RATIO = 0.02
-"""Ratio of height to length below which a triangle is a sliver, which looks like a line on the screen."""
+"""Ratio of height to length below which a triangle is a sliver. A sliver looks like a line on the screen."""
 _MIN_PART_FRACTION = 1e-4
-"""A separate part of the mesh below this fraction of the surface is a crumb: a leftover of modelling."""
+"""Separate parts of the mesh below this fraction of the surface are ignored as leftovers of modelling."""
 _SAME_VERTEX_DISTANCE = 1e-5
-"""Distance, as a fraction of the size, within which vertices count as one."""
+"""Vertices that are closer than this fraction of the mesh's size are treated as one vertex."""
 _ON_FLOOR_HEIGHT = 0.03
 """Maximum height of a vertex that counts as on the floor, as a fraction of the shape's height."""
 _MIN_LEAP_HEIGHT = 0.005
 """Minimum height of the lowest point in a leap, as a fraction of the shape's height: 8 mm on an adult."""
 _SLIDE_INTERVAL_S = 1.0 / 60.0
-"""Seconds between the two moments that are compared to measure sliding: one frame of common displays."""
+"""Time in seconds between the two moments that are compared to measure sliding: one frame of common
+displays."""
 _MIN_STANDING_PERCENT = 10.0
-"""Minimum share of the vertices near the floor that stand still, in per cent. The others may be those of a
-swinging foot."""
+"""Percentile of the speeds of the vertices near the floor that counts as the sliding speed. Faster vertices
+may belong to a swinging foot."""
 _WITHIN_BOUND_WEIGHT = 0.05
-"""Weight of a measure's value within its bound, compared with its excess beyond the bound."""
+"""Weight of the part of a measure below its bound, relative to the part above the bound."""
 _MAX_NAMED_JOINTS = 4
 """Maximum number of joints that are named for stretch, and of pairs of parts that intersect."""
 
 
 @dataclass(frozen=True)
 class MotionQuality:
-    """The measures of a motion on a shape.
+    """The measures of a retargeted motion.
 
     Attributes:
         limbs: the pose error of each limb segment that the take drives; see
@@ -76,17 +80,18 @@ class MotionQuality:
         stretch: 99th percentile of stretch over all edges and moments.
         stretch_most: stretch of the edge that is stretched most.
         joints: the joints with the most edges stretched beyond the bound, the worst first.
-        sunk: largest depth of the body's lowest point below the floor, in heights of the shape; None if the
-            shape flies.
-        afloat: largest height of that point above the floor while the performer stands, in heights of the
-            shape; None if the shape flies.
+        sunk: largest depth of the body's lowest point below the floor, as a fraction of the shape's height;
+            None if the shape does not stand on the floor.
+        afloat: largest height of that point above the floor while the performer stands, as a fraction of the
+            shape's height; None if the shape does not stand on the floor.
         slide: speed in cm/s of standing feet over the floor, scaled to the performer's size; None if the
             shape does not travel or has no legs.
         through: largest fraction of the surface inside another part of the body. Faces that are inside at
             rest do not count.
         parts: the pairs of parts that intersect at that moment, named by the joints at which their bones
             begin, the largest first.
-        feet: the joints of the bones that carry the lowest point when it is farthest from the floor.
+        feet: the joints of the bones that move the lowest point at the moment of its largest distance to the
+            floor.
     """
 
     stretch: float
@@ -102,7 +107,7 @@ class MotionQuality:
 
     @property
     def worst_limbs(self) -> tuple[LimbError, ...]:
-        """The limb segments with a pose error beyond its bounds, the worst first."""
+        """The limb segments with a pose error above a bound, the worst first."""
         beyond = [
             limb for limb in self.limbs if limb.median > MAX_POSE_DEGREES or limb.p90 > MAX_POSE_P90_DEGREES
         ]
@@ -110,18 +115,18 @@ class MotionQuality:
 
     @property
     def beyond(self) -> float:
-        """Sum of the relative excess of all measures over their bounds; 0 if all are within."""
+        """Sum of the relative excess of all measures over their bounds; 0 if no measure exceeds its bound."""
         return sum(max(ratio - 1.0, 0.0) for ratio in self._bound_ratios)
 
     @property
     def faults(self) -> float:
-        """``beyond``, plus a small amount for measures within their bounds. Less is better."""
+        """``beyond``, plus a small term that compares motions within all bounds. Less is better."""
         return self.beyond + _WITHIN_BOUND_WEIGHT * sum(min(ratio, 1.0) for ratio in self._bound_ratios)
 
     @property
     def _bound_ratios(self) -> tuple[float, ...]:
         """Each measure divided by its bound: pose, stretch, floor, slide, and self-intersection."""
-        off = max(self.sunk or 0.0, self.afloat or 0.0)
+        floor_distance = max(self.sunk or 0.0, self.afloat or 0.0)
         stretch = (self.stretch - 1.0) / (MAX_STRETCH - 1.0)
         pose = max(
             (max(limb.median / MAX_POSE_DEGREES, limb.p90 / MAX_POSE_P90_DEGREES) for limb in self.limbs),
@@ -130,7 +135,7 @@ class MotionQuality:
         return (
             pose,
             stretch,
-            off / MAX_FLOOR_DISTANCE,
+            floor_distance / MAX_FLOOR_DISTANCE,
             (self.slide or 0.0) / MAX_SLIDE_CM_S,
             self.through / MAX_INTERSECTION,
         )
@@ -139,7 +144,7 @@ class MotionQuality:
         phrases = list[str]()
         if self.limbs:
             median, p90 = (
-                max(values) for values in zip(*((v.median, v.p90) for v in self.limbs), strict=True)
+                max(values) for values in zip(*((limb.median, limb.p90) for limb in self.limbs), strict=True)
             )
             phrases.append(
                 f"every limb points within {median:.0f}\u00b0 of the performer's (median; 90 % of the time "
@@ -159,39 +164,43 @@ class MotionQuality:
 
 
 def edges_of(shape: Shape) -> tuple[Int32, Float]:
-    """Returns the edges (E, 2) of a mesh that count for stretch, and their lengths (E,) in metres at rest.
+    """Returns the edges (E, 2) of a mesh with visible stretch, and their lengths (E,) in metres at rest.
 
-    Very short edges, edges of slivers alone, and edges of crumbs are left out. Without a mesh there are none.
+    Very short edges, and edges that belong only to slivers or tiny parts, are excluded. Without a mesh there
+    are none.
     """
     if shape.mesh is None:
         return np.empty((0, 2), np.int32), np.empty(0)
-    at = shape.mesh.vertices
-    faces = shape.mesh.faces[_is_visible(shape.mesh.faces, at)]
+    vertices = shape.mesh.vertices
+    faces = shape.mesh.faces[_is_visible(shape.mesh.faces, vertices)]
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    lengths = _edge_lengths(at, edges)
-    is_long = lengths > _MIN_EDGE_LENGTH * np.linalg.norm(np.ptp(at, axis=0))
+    lengths = _edge_lengths(vertices, edges)
+    is_long = lengths > _MIN_EDGE_LENGTH * np.linalg.norm(np.ptp(vertices, axis=0))
     return edges[is_long], lengths[is_long]
 
 
-def _is_visible(faces: Int32, at: Float) -> Bool:
-    """Returns (F,) True for faces that are neither slivers nor part of a crumb. If no face is left, returns
-    True for all."""
-    corners = at[faces]
+def _is_visible(faces: Int32, vertices: Float) -> Bool:
+    """Returns (F,) True for faces that are neither slivers nor in a tiny separate part. Without such
+    faces, returns True for all."""
+    corners = vertices[faces]
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    wide = doubled > _MIN_TRIANGLE_RATIO * sides.max(1) ** 2
-    # Merge vertices at one place: flat-shaded models have a vertex for each face, seams have two.
-    _, place = np.unique(
-        np.round(at / (_SAME_VERTEX_DISTANCE * max(float(np.ptp(at, axis=0).max()), 1e-300))),
+    double_areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    is_wide = double_areas > _MIN_TRIANGLE_RATIO * sides.max(1) ** 2
+    # Merge vertices at the same place. Flat-shaded models have one vertex per face, and texture seams have
+    # two.
+    _, merged_vertex = np.unique(
+        np.round(vertices / (_SAME_VERTEX_DISTANCE * max(float(np.ptp(vertices, axis=0).max()), 1e-300))),
         axis=0,
         return_inverse=True,
     )
-    place = place.reshape(-1)
-    pairs = place[faces[:, [[0, 1], [1, 2]]]].reshape(-1, 2)
-    graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(place.max() + 1,) * 2)
-    part = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][place[faces[:, 0]]]
-    is_large = np.bincount(part, doubled)[part] >= _MIN_PART_FRACTION * doubled.sum()
-    is_visible = wide & is_large
+    merged_vertex = merged_vertex.reshape(-1)
+    pairs = merged_vertex[faces[:, [[0, 1], [1, 2]]]].reshape(-1, 2)
+    graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(merged_vertex.max() + 1,) * 2)
+    part = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][merged_vertex[faces[:, 0]]]
+    is_large = np.bincount(part, double_areas)[part] >= _MIN_PART_FRACTION * double_areas.sum()
+    is_visible = is_wide & is_large
     return np.asarray(is_visible if is_visible.any() else np.ones(len(faces), bool))
 
 
@@ -200,7 +209,7 @@ def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple
     edges, rest = edges_of(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     return edges, np.array(
-        [_edge_lengths(at, edges) / rest for at in posed_surfaces(project, shape_id, times)]
+        [_edge_lengths(surface, edges) / rest for surface in posed_surfaces(project, shape_id, times)]
     )
 
 
@@ -214,7 +223,7 @@ def quality_of(
         shape_id: ID of the shape.
         clip: the performer's take.
         duration: duration of the motion in seconds.
-        plan: the mapping that moves the shape. Without one, the pose is not compared.
+        plan: the mapping that moves the shape. If None, pose errors are not measured.
     """
     shape = project.shape(shape_id)
     edges, stretch = stretch_over_time(project, shape_id, duration)
@@ -228,21 +237,23 @@ def quality_of(
         body_height = float(
             np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1])
         )
-        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / body_height
-        standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
-        sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
-        worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
-        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst], np.inf), body_height)
+        heights = (np.array([surface[body, 1].min() for surface in moments]) - floor_of(shape)) / body_height
+        is_standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
+        sunk, afloat = max(0.0, -float(heights.min())), max(0.0, float(heights[is_standing].max(initial=0.0)))
+        worst_moment = int(np.argmax(np.where(is_standing, np.abs(heights), -heights)))
+        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst_moment], np.inf), body_height)
     through, parts = _self_intersection(shape, moments)
-    goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
-    walks = goes and stands_on_floor(shape) and bool(anatomy_of(shape.skeleton).legs)
+    is_travelling = (
+        shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
+    )
+    is_walking = is_travelling and stands_on_floor(shape) and bool(anatomy_of(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
         _overstretched_joints(shape, edges, stretch),
         sunk,
         afloat,
-        _slide_speed(project, shape, clip, times) if walks else None,
+        _slide_speed(project, shape, clip, times) if is_walking else None,
         through,
         parts,
         feet,
@@ -253,59 +264,64 @@ def quality_of(
 def _self_intersection(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
     """Returns the largest fraction of a surface inside other parts, and the pairs of parts at that moment."""
     overlap = Overlap(shape)
-    through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
-    names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
+    through, parts = max((overlap.at(surface) for surface in moments), key=lambda result: result[0])
+    names, parents = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
     share_by_pair: dict[str, float] = {}
     for (a, b), fraction in parts.items():
-        name = f"{names[above[a]]} in {names[above[b]]}"
+        name = f"{names[parents[a]]} in {names[parents[b]]}"
         share_by_pair[name] = share_by_pair.get(name, 0.0) + fraction
     return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_MAX_NAMED_JOINTS])
 
 
-def _edge_lengths(at: Float, edges: Int32) -> Float:
-    return np.asarray(np.linalg.norm(at[edges[:, 0]] - at[edges[:, 1]], axis=1))
+def _edge_lengths(vertices: Float, edges: Int32) -> Float:
+    return np.asarray(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1))
 
 
 def _overstretched_joints(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
-    """Returns the joints of the bones that move most ends of edges stretched beyond the bound."""
-    torn = np.repeat((stretch > MAX_STRETCH).sum(0), 2).astype(float)
-    return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
+    """Returns the joints of the bones that move the most ends of overstretched edges."""
+    overstretched_counts = np.repeat((stretch > MAX_STRETCH).sum(0), 2).astype(float)
+    return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), overstretched_counts), np.float64))
 
 
-def _lowest_joints(shape: Shape, at: Float, body_height: float) -> tuple[str, ...]:
-    """Returns the joints of the bones that carry the lowest vertices of a shape, with vertices ``at`` (V,
-    3)."""
-    low = float(at[:, 1].min())
-    return _joints_of(shape, (at[:, 1] < low + _ON_FLOOR_HEIGHT * body_height).astype(float))
+def _lowest_joints(shape: Shape, vertices: Float, body_height: float) -> tuple[str, ...]:
+    """Returns the joints of the bones that move the lowest vertices of a shape, given its vertices (V, 3)."""
+    lowest = float(vertices[:, 1].min())
+    return _joints_of(shape, (vertices[:, 1] < lowest + _ON_FLOOR_HEIGHT * body_height).astype(float))
 
 
 def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
-    """Returns the joints of the bones that move most of the vertices, weighted by ``count`` (V,)."""
+    """Returns the joints of the bones that move most of the vertices.
+
+    Args:
+        shape: the shape.
+        count: (V,) the weight of each vertex.
+    """
     if shape.skin is None or not count.any():
         return ()
     weight = np.zeros(len(shape.skeleton))
     for k in range(shape.skin.indices.shape[1]):
         np.add.at(weight, shape.skin.indices[: len(count), k], count * shape.skin.weights[: len(count), k])
-    worst = np.argsort(-weight, kind="stable")[:_MAX_NAMED_JOINTS]
-    above = [int(max(shape.skeleton.parents[j], 0)) for j in worst if weight[j] > 0.0]
-    return tuple(dict.fromkeys(shape.skeleton.names[j] for j in above))
+    largest = np.argsort(-weight, kind="stable")[:_MAX_NAMED_JOINTS]
+    parents = [int(max(shape.skeleton.parents[j], 0)) for j in largest if weight[j] > 0.0]
+    return tuple(dict.fromkeys(shape.skeleton.names[j] for j in parents))
 
 
 def _slide_speed(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
-    """Returns the mean speed in cm/s of the slowest vertices near the floor: those of standing feet."""
+    """Returns the mean sliding speed in cm/s of the slowest vertices near the floor, which are in standing
+    feet."""
     body_height = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     floor, body, speeds = floor_of(shape), body_points(shape), []
-    before = posed_surfaces(project, shape.id, times[:-1])
-    after = posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
+    earlier_surfaces = posed_surfaces(project, shape.id, times[:-1])
+    later_surfaces = posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
     for earlier, later in (
-        (earlier[body], later[body]) for earlier, later in zip(before, after, strict=True)
+        (earlier[body], later[body]) for earlier, later in zip(earlier_surfaces, later_surfaces, strict=True)
     ):
-        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * body_height
-        touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height) & (
+        is_on_floor = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * body_height
+        is_touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height) & (
             later[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height
         )
-        if lands and touching.any():
-            moved = np.linalg.norm((later - earlier)[touching][:, [0, 2]], axis=1)
-            speeds.append(float(np.percentile(moved, _MIN_STANDING_PERCENT)) / _SLIDE_INTERVAL_S)
+        if is_on_floor and is_touching.any():
+            distances = np.linalg.norm((later - earlier)[is_touching][:, [0, 2]], axis=1)
+            speeds.append(float(np.percentile(distances, _MIN_STANDING_PERCENT)) / _SLIDE_INTERVAL_S)
     scale = travel_scale(shape.with_changes(travel_scale=None), clip)
     return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0

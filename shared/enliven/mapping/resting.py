@@ -1,4 +1,4 @@
-"""Rest poses of a take: the pose that its rotations are relative to. Any pose can be one.
+"""Rest poses of a take: a rest pose is the pose that the take's rotations are relative to.
 
 mean_pose(clip)            # (N, 4) the mean pose of the take, with the heading of its beginning
 hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
@@ -17,7 +17,7 @@ from enliven.document import Clip, Skeleton, joint_places
 from enliven.rotation import conjugate, multiply, normalized, rotate, rotate_strain
 
 _STRIDE_S = 1.0
-"""Duration of a stride in seconds. The mean heading over a stride does not sway with the hips."""
+"""Duration of a stride in seconds. The hips sway within a stride, but their mean heading does not."""
 _HANGING_FRACTION = 0.12
 """Fraction of a take's frames that are averaged for the hanging pose: about an eighth."""
 _MIN_STANDING_FRACTION = 0.25
@@ -34,7 +34,7 @@ def heading_of(turns: Float) -> Float:
 def mean_turn(turns: Float) -> Float:
     """Returns the mean (4,) of rotations (F, 4).
 
-    It is the eigenvector of sum q q^T with the largest eigenvalue (Markley et al. 2007).
+    The mean is the eigenvector of sum q q^T with the largest eigenvalue (Markley et al. 2007).
     """
     _, vectors = np.linalg.eigh(turns.T @ turns)
     mean = vectors[:, -1]
@@ -42,28 +42,31 @@ def mean_turn(turns: Float) -> Float:
 
 
 def first_heading(clip: Clip) -> Float:
-    """Returns the performer's initial heading (4,) about +Y: the mean of the first second, a stride."""
+    """Returns the performer's initial heading, a rotation (4,) about +Y: the mean over the first second."""
     frames = max(round(_STRIDE_S / clip.step), 1)
     return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
 
 
 def mean_pose(clip: Clip) -> Float:
-    """Returns the world rotations (N, 4) of a take's mean pose: the mean of each bone relative to its parent.
+    """Returns the world rotations (N, 4) of a take's mean pose: the mean rotation of each bone relative to
+    its parent.
 
-    The heading is that of the take's first second. A body that turns around in a take has no mean heading.
+    The heading is the mean over the first second, because a body that turns around in a take has no mean
+    heading.
     """
     return _mean_pose(clip, np.ones(len(clip.turns), bool))
 
 
 def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
-    """Returns the world rotations (N, 4) of an upright body with hanging arms and legs, from a take's frames.
+    """Returns the world rotations (N, 4) of a pose with hanging arms and legs, from the frames of a take.
 
-    If a performer waves all the time, the mean pose has raised arms. So this is the mean of the eighth of the
-    frames in which the bones of the limbs point down most. Its heading is that of the take's first second.
+    If a performer waves all the time, the arms of the mean pose are raised. So this is the mean over the
+    eighth of the frames in which the bones of the limbs point down most. Its heading is that of the take's
+    first second.
 
     Args:
         clip: the take.
-        limbs: chains of joints.
+        limbs: the chains of joints of the arms and legs.
     """
     bones = [joint for limb in limbs for joint in limb[1:]]
     height = rotate(clip.turns[:, bones], clip.skeleton.vectors[bones])[..., 1].sum(1)
@@ -73,37 +76,39 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     """Returns the mean world rotations (K, 4) of a foot's bones over the frames in which it stands flat.
 
-    This is needed because feet point down in the hanging pose. A foot counts as standing in frames in which
-    its joints are slow and low, compared with the rest of the take. Its heading is that of the take's first
-    second.
+    In the hanging pose the feet point down, so their rotations come from these frames. A foot counts as
+    standing in frames in which its joints are slow and low, compared with the rest of the take. Its heading
+    is that of the take's first second.
 
     Args:
         clip: the take.
         foot: K + 1 joints from the ankle to the end of the foot.
     """
-    places = joint_places(clip, foot)[:, list(foot)]
-    speed = np.linalg.norm(np.gradient(places, axis=0), axis=2).max(1) if len(places) > 1 else np.zeros(1)
-    height = places[..., 1].mean(1)
-    low = height <= np.quantile(height, 2.0 * _MIN_STANDING_FRACTION)
-    stands = low & (speed <= np.quantile(speed[low], 0.5))
-    back = conjugate(heading_of(clip.turns[stands, 0]))
-    turns = [mean_turn(multiply(back, clip.turns[stands, j])) for j in foot[1:]]
+    positions = joint_places(clip, foot)[:, list(foot)]
+    speed = (
+        np.linalg.norm(np.gradient(positions, axis=0), axis=2).max(1) if len(positions) > 1 else np.zeros(1)
+    )
+    height = positions[..., 1].mean(1)
+    is_low = height <= np.quantile(height, 2.0 * _MIN_STANDING_FRACTION)
+    is_standing = is_low & (speed <= np.quantile(speed[is_low], 0.5))
+    heading_change = conjugate(heading_of(clip.turns[is_standing, 0]))
+    turns = [mean_turn(multiply(heading_change, clip.turns[is_standing, j])) for j in foot[1:]]
     return np.asarray(multiply(first_heading(clip), np.array(turns)))
 
 
 def _mean_pose(clip: Clip, frames: Bool) -> Float:
-    """Returns world rotations (N, 4) from each bone's mean rotation relative to its parent.
+    """Returns the world rotations (N, 4) of the mean pose over some frames.
 
-    Only frames with True in ``frames`` (F,) count.
+    The mean of each bone is relative to its parent. ``frames`` (F,) is True for the frames to use.
     """
     parents, turns = clip.skeleton.parents, clip.turns[frames]
     heading = heading_of(turns[:, 0])
-    since = np.empty((len(parents), 4))
-    since[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), turns[:, 0])))
+    rest_rotations = np.empty((len(parents), 4))
+    rest_rotations[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), turns[:, 0])))
     for j in range(1, len(parents)):
         local = multiply(conjugate(turns[:, parents[j]]), turns[:, j])
-        since[j] = multiply(since[parents[j]], mean_turn(local))
-    return since
+        rest_rotations[j] = multiply(rest_rotations[parents[j]], mean_turn(local))
+    return rest_rotations
 
 
 def pose_at(clip: Clip, seconds: float) -> Float:
@@ -114,22 +119,22 @@ def pose_at(clip: Clip, seconds: float) -> Float:
 
 def pose_skeleton(skeleton: Skeleton, turns: Float) -> Skeleton:
     """Returns the skeleton in a pose of world rotations (N, 4). Its root stays in place."""
-    at = skeleton.positions.copy()
+    positions = skeleton.positions.copy()
     vectors = rotate(turns, skeleton.vectors)
     for j in range(1, len(skeleton)):
-        at[j] = at[skeleton.parents[j]] + vectors[j]
-    return replace(skeleton, positions=at)
+        positions[j] = positions[skeleton.parents[j]] + vectors[j]
+    return replace(skeleton, positions=positions)
 
 
-def rebase(clip: Clip, since: Float) -> Clip:
+def rebase(clip: Clip, rest_rotations: Float) -> Clip:
     """Returns the same motion relative to another rest pose.
 
-    ``since`` (N, 4) contains the world rotations of the new rest pose relative to the current one.
+    ``rest_rotations`` (N, 4) contains the world rotations of the new rest pose relative to the current one.
     """
-    turns = multiply(clip.turns, conjugate(since))
-    moved = replace(clip, skeleton=pose_skeleton(clip.skeleton, since), turns=turns, fine=None)
+    turns = multiply(clip.turns, conjugate(rest_rotations))
+    new_clip = replace(clip, skeleton=pose_skeleton(clip.skeleton, rest_rotations), turns=turns, fine=None)
     if clip.offsets is not None:
-        moved = replace(moved, offsets=rotate(since, clip.offsets))
+        new_clip = replace(new_clip, offsets=rotate(rest_rotations, clip.offsets))
     if clip.strains is not None:
-        moved = replace(moved, strains=rotate_strain(since, clip.strains))
-    return moved
+        new_clip = replace(new_clip, strains=rotate_strain(rest_rotations, clip.strains))
+    return new_clip

@@ -1,9 +1,5 @@
-"""Matching (AniMesh, section 4): finds the parts of a skeleton that a pose resembles, by abstraction and
-ranking.
+"""Matching (AniMesh, section 4): finds the parts of a skeleton that resemble a performer's pose.
 
-Also contains the interactive choice of a match, and the symmetry of limbs.
+Simplifies both skeletons by abstraction, and ranks the possible assignments of limbs. Also contains the
+interactive choice of a match, and the search for symmetric limbs.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

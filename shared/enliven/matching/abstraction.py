@@ -1,15 +1,16 @@
 """Simplifies a skeleton to a hierarchy of sub-trees, from small to large (AniMesh, section 4.1).
 
-A node is a *leaf* (one neighbour), a *chain* node (two) or a *branch* node (more). Every iteration
+A node is a *leaf* (one neighbour), a *chain* node (two) or a *branch* node (more). Each iteration has four
+steps:
 
-1. removes the chains between a leaf and a branch node,
-2. moves the leaf to the average of the chain's nodes, each weighted by the length of its outward bone, and
-adds up the lengths of the bones of the chain,
-3. makes every branch node with at most one neighbour that is not a leaf a candidate, and 4. turns each
-candidate into a leaf, at the average of its leaves weighted by their accumulated lengths,
+1. Remove the chains between a leaf and a branch node.
+2. Move the leaf to the average of the chain's nodes, each weighted by the length of its outward bone, and add
+   up the lengths of the bones of the chain.
+3. Make every branch node with at most one neighbour that is not a leaf a candidate.
+4. Turn each candidate into a leaf, at the average of its leaves weighted by their accumulated lengths.
 
-until only one node or one chain is left. A single node is the root. In a chain, the root is the node nearest
-to the centre of mass.
+The iterations end when only one node or one chain is left. A single node is the root. In a chain, the root is
+the node nearest to the centre of mass.
 
 The paper leaves some cases open. Here the last branch node is a candidate even if all its neighbours are
 leaves (otherwise a star would have no candidate). A tree without any branch node is one candidate at its
@@ -47,50 +48,50 @@ def abstract(
         positions: (N, 3) metres.
         links: pairs of joints, in any order.
         root: the joint that stays the root, or None to find one.
-        names: of the joints, for errors.
+        names: the joints' names for error messages; None numbers them.
 
     Raises:
         InputError: if the links form a cycle or leave joints unconnected; the message names those joints.
     """
-    at = np.array(positions, np.float64).reshape(-1, 3)
+    joint_positions = np.array(positions, np.float64).reshape(-1, 3)
     pairs = [(int(a), int(b)) for a, b in links]
-    if root is not None and not 0 <= root < len(at):
+    if root is not None and not 0 <= root < len(joint_positions):
         raise InputError(
-            f"joint {root} does not exist; the skeleton has {len(at)}",
+            f"joint {root} does not exist; the skeleton has {len(joint_positions)}",
             where="skeleton",
-            mend="Give another root.",
+            remedy=f"Choose a root from 0 to {len(joint_positions) - 1}.",
         )
-    skeleton_of(names or [f"joint {j}" for j in range(len(at))], pairs, at, root)
-    return _reduced_positions(at, _neighbour_lists(len(at), pairs), root)
+    skeleton_of(names or [f"joint {j}" for j in range(len(joint_positions))], pairs, joint_positions, root)
+    return _reduced_positions(joint_positions, _neighbour_lists(len(joint_positions), pairs), root)
 
 
 def _neighbour_lists(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
-    beside: list[list[int]] = [[] for _ in range(count)]
+    neighbours: list[list[int]] = [[] for _ in range(count)]
     for a, b in links:
-        beside[a].append(b)
-        beside[b].append(a)
-    return beside
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    return neighbours
 
 
-def _reduced_positions(positions: Float, beside: list[list[int]], root: int | None) -> Abstraction:
-    """Runs the iterations."""
-    work = Reduction(positions, [list(near) for near in beside], root)
+def _reduced_positions(positions: Float, neighbours: list[list[int]], root: int | None) -> Abstraction:
+    """Runs the iterations, given the (N, 3) positions of the joints and the neighbours of each joint."""
+    tree = Reduction(positions, [list(joints) for joints in neighbours], root)
     candidates: list[SubTree] = []
-    leaves = work.leaves()
+    leaves = tree.leaves()
     level = 0
-    while leaves and work.forks:
+    while leaves and tree.branch_nodes:
         level += 1
-        touched = {work.attach(leaf) for leaf in leaves}
+        branch_nodes = {tree.attach(leaf) for leaf in leaves}
         leaves = []
-        ready = (fork for fork in sorted(touched) if work.is_ready(fork))
-        for number, fork in enumerate(ready, 1):
-            candidates.append(SubTree(level, number, fork, work.branches(fork)))
-            if not work.beside[fork]:
-                return Abstraction(fork, tuple(candidates))
-            leaves.append(fork)
-        for fork in leaves:
-            work.collapse(fork)
-    central = work.nearest_to_mass(beside, leaves[0] if leaves else 0)
-    if not candidates and len(beside) > 1:
-        return _reduced_positions(positions, beside, central)
-    return Abstraction(central, tuple(candidates))
+        sub_tree_roots = (branch_node for branch_node in sorted(branch_nodes) if tree.is_ready(branch_node))
+        for number, branch_node in enumerate(sub_tree_roots, 1):
+            candidates.append(SubTree(level, number, branch_node, tree.branches(branch_node)))
+            if not tree.neighbours[branch_node]:
+                return Abstraction(branch_node, tuple(candidates))
+            leaves.append(branch_node)
+        for branch_node in leaves:
+            tree.collapse(branch_node)
+    central_joint = tree.nearest_to_centre_of_mass(neighbours, leaves[0] if leaves else 0)
+    if not candidates and len(neighbours) > 1:
+        return _reduced_positions(positions, neighbours, central_joint)
+    return Abstraction(central_joint, tuple(candidates))

@@ -1,12 +1,12 @@
-"""Assigns target branches to source branches, compiled: all choices of branches, or only the best of very
-many.
+"""Compiled assignment of target branches to source branches: scores all choices of branches, or only the best
+if there are very many.
 
-A *choice* is a set of m of n columns. Its score is that of the best of the m! ways to give one column to each
-row. All choices are scored at once by dynamic programming, f(S) = max over j in S of f(S without j) +
-gain[|S| - 1, j]. This takes sum_i C(n, i) i additions instead of C(n, m) m! m. If there are too many choices,
-only the k best are enumerated with Murty's algorithm (in the form of Lawler 1972). The best choice is an
-assignment problem. The remaining choices are split into m parts (without its first column; with it, without
-its second; ...), and each part is an assignment problem again.
+A *choice* is a set of m of n columns. Its score is the highest sum of gains among the m! ways to give one
+column to each row. All choices are scored at once by dynamic programming, f(S) = max over j in S of
+f(S without j) + gain[|S| - 1, j]. This needs sum_i C(n, i) i additions instead of C(n, m) m! m. If there are
+too many choices, only the k best are enumerated with Murty's algorithm (in the form of Lawler 1972). The best
+choice is an assignment problem. The remaining choices are split into m parts (without its first column; with
+its first column but without its second; ...), and each part is an assignment problem again.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from enliven.kernels import copy_row, njit
 
 @njit(cache=True, nogil=True)
 def binomials(most):
-    """Returns (most + 1, most + 2) C(n, k) as float64: exact up to 2^53, approximate beyond."""
+    """Returns (most + 1, most + 2) binomial coefficients C(n, k) as float64: exact up to 2^53."""
     table = np.zeros((most + 1, most + 2))
     table[:, 0] = 1.0
     for n in range(1, most + 1):
@@ -33,9 +33,9 @@ def all_choices(gain, count, scores, picks):
     """Scores every choice of m of n columns, m <= n, in colexicographic order.
 
     Args:
-        gain: (m, n).
-        count: (n + 1, n + 2) of :func:`binomials`, or a larger table.
-        scores: (C(n, m),) output.
+        gain: (m, n) the gain of giving column n to row m.
+        count: (n + 1, n + 2) binomial coefficients from :func:`binomials`, or a larger table.
+        scores: (C(n, m),) output, the highest sum of gains of each choice.
         picks: (C(n, m), m) int32 output, the column of each row.
     """
     m, n = gain.shape
@@ -79,7 +79,7 @@ def all_choices(gain, count, scores, picks):
 
 @njit(cache=True, nogil=True)
 def _rank_decrease(count, members, p, k):
-    """Returns the decrease of the rank of k members if member p is left out."""
+    """Returns by how much the rank of a set of k members falls if member p is removed."""
     change = int(count[members[p], p + 1])
     for i in range(p + 1, k):
         change += int(count[members[i], i + 1]) - int(count[members[i], i])
@@ -117,16 +117,22 @@ def _remove_member(members, k, value):
 
 
 def least_cost(cost: Float) -> tuple[Int, Int]:
-    """Solves the assignment problem for (M, N) costs: (K,) ascending rows, and (K,) their columns, K = min(M,
-    N).
+    """Solves the assignment problem with the lowest total cost.
 
-    It equals SciPy's ``linear_sum_assignment`` without loading ``scipy.optimize`` (0.1 s at each start).
+    Args:
+        cost: (M, N).
+
+    Returns:
+        (K,) ascending rows, and (K,) the column of each of them, K = min(M, N).
+
+    The result equals that of SciPy's ``linear_sum_assignment``. Importing ``scipy.optimize`` for it would
+    take 0.1 s at each start.
 
     Raises:
         ValueError: if a cost is not finite.
     """
     if not np.isfinite(cost).all():
-        raise ValueError("a cost is not finite")
+        raise ValueError("a cost of the assignment problem is not finite")
     if cost.shape[0] > cost.shape[1]:
         columns, rows = least_cost(cost.T)
         order = np.argsort(rows)
@@ -142,8 +148,9 @@ def assign(gain, state, columns):
 
     Args:
         gain: (m, n), m <= n.
-        state: (n,) int8: 1 for columns that must be used, -1 for those that must not. At most m must be used,
-            and at least m are allowed.
+        state: (n,) int8: 1 for columns that must be used, -1 for columns that must not. At most m columns
+        have 1,
+            and at least m do not have -1.
         columns: (m,) int32 output.
 
     Returns:
@@ -169,7 +176,7 @@ def assign(gain, state, columns):
 
 @njit(cache=True, nogil=True)
 def _assign_row(gain, state, bonus, row, rows_of, row_price, column_price):
-    """Assigns a column to one more row. Column n represents the row without a column."""
+    """Assigns a column to one more row. Column n is a placeholder for the row that has no column yet."""
     # Grow a tree of shortest alternating paths (Dijkstra with reduced costs) to a free column.
     n = gain.shape[1]
     nearest = np.full(n + 1, np.inf)
@@ -210,8 +217,8 @@ def best_choices(gain, scores, picks):
 
     Args:
         gain: (m, n), m <= n.
-        scores: (K,) output, K <= C(n, m).
-        picks: (K, m) int32 output.
+        scores: (K,) output, descending, K <= C(n, m).
+        picks: (K, m) int32 output, the column of each row.
     """
     m, n = gain.shape
     room = len(scores) * m + 1
@@ -223,7 +230,7 @@ def best_choices(gain, scores, picks):
     open_ = np.zeros(room, np.bool_)
     open_[0] = True
     for k in range(len(scores)):
-        # Open the best remaining part. Its optimum is the next choice (Murty's algorithm).
+        # The optimum of the best remaining part is the next choice (Murty's algorithm).
         best = -1
         for i in range(used):
             if open_[i] and (best < 0 or values[i] > values[best]):
@@ -231,8 +238,8 @@ def best_choices(gain, scores, picks):
         open_[best] = False
         scores[k] = values[best]
         copy_row(picks[k], columns[best])
-        # Split the rest of the part. Each new part forbids one column of the optimum, and requires the
-        # columns before it.
+        # Split the other choices of that part. Each new part forbids one column of the optimum, and requires
+        # the columns before it.
         state = states[best].copy()
         free = n
         for j in range(n):

@@ -25,21 +25,21 @@ LIMBS: dict[str, tuple[Joint, ...]] = {
 _TRUNK_CHAIN = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
 """The chain of the trunk, from the hips to the head."""
 _LIMB_CHAINS = (*LIMBS.values(), _TRUNK_CHAIN)
-"""The chains by the number of the limb. The last is the trunk."""
+"""The chain of each limb, indexed by the limb's number. The trunk is the last."""
 
 
 def limb_number(chain: Sequence[int]) -> int:
     """Returns the number of the limb that a chain of a body's joints belongs to, or -1 for none."""
     joints = tuple(int(joint) for joint in chain)
-    exact = [number for number, limb in enumerate(_LIMB_CHAINS) if joints == tuple(map(int, limb))]
-    near = [number for number, limb in enumerate(_LIMB_CHAINS) if joints and joints[-1] in limb[1:]]
-    return (exact or near or [-1])[0]
+    equal_limbs = [number for number, limb in enumerate(_LIMB_CHAINS) if joints == tuple(map(int, limb))]
+    limbs_with_tip = [number for number, limb in enumerate(_LIMB_CHAINS) if joints and joints[-1] in limb[1:]]
+    return (equal_limbs or limbs_with_tip or [-1])[0]
 
 
 def joints_of_limb(number: int) -> tuple[int, ...]:
     """Returns the joints at the outer ends of a limb's bones, or none for an unknown number."""
-    is_known = 0 <= number < len(_LIMB_CHAINS)
-    return tuple(int(joint) for joint in _LIMB_CHAINS[number][1:]) if is_known else ()
+    is_valid = 0 <= number < len(_LIMB_CHAINS)
+    return tuple(int(joint) for joint in _LIMB_CHAINS[number][1:]) if is_valid else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +56,14 @@ class BodySource:
 
 
 def body_source(body: Body, parts: str) -> BodySource:
-    """Returns the limbs that the parts belong to, with this body's lengths.
+    """Returns the limbs that the named parts belong to, with the lengths of this body's bones.
 
-    Limbs at one end of the trunk begin there. Limbs at both ends begin at the middle of the trunk, which
-    counts as one point. Parts of the trunk alone form one chain, from the hips to the head.
+    A limb that is attached to one end of the trunk begins there. If the limbs are attached to both ends of
+    the trunk, all begin at its middle, which counts as one point. Parts of the trunk alone form one chain,
+    from the hips to the head.
 
     Raises:
-        InputError: for an unknown part.
+        InputError: if a part is unknown.
     """
     named_parts = parse_parts(parts)
     chains = [chain for chain in LIMBS.values() if named_parts & set(chain[1:])]

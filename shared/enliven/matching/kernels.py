@@ -1,4 +1,4 @@
-"""Compiled ranking: computes cosines, and scores the choices of all candidates in flat arrays."""
+"""Compiled ranking: computes the cosines of branches, and scores the choices of all candidate sub-trees."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ def rank_rows(ends, first, source, rows, whole, missing):
     """Scores the matches of all candidates, unsorted.
 
     Args:
-        ends: (B, 2) the branches on the screen, as returned by :func:`seen_branches`.
+        ends: (B, 2) the target's branches on the screen, as returned by :func:`seen_branches`.
         first: (C + 1,) index of each candidate's first branch.
         source: (m, 2) the source's branches on the screen.
-        rows: (C + 1,) first match of each candidate.
-        whole: (C,) nonzero if a candidate's rows are all its choices, else only its best.
+        rows: (C + 1,) index of each candidate's first match.
+        whole: (C,) nonzero if all choices of a candidate are scored, zero if only its best.
         missing: score of a source branch without a target branch.
 
     Returns:
@@ -67,17 +67,18 @@ def rank_rows(ends, first, source, rows, whole, missing):
 
 @njit(cache=True, nogil=True)
 def seen_branches(points, first, axes, eye, perspective, blur, dots):
-    """Projects branches to the screen (B, 2), relative to their sub-tree's root, and normalizes them.
+    """Projects branches to the screen, relative to their sub-tree's root, and normalizes them.
 
     For cosines, each branch gets length one. A branch seen end-on has an unreliable direction. If less than
-    the fraction ``blur`` of it is visible, it is scaled in proportion, so that its cosines fade to zero. For
-    dot products, the longest branch of each sub-tree gets length one.
+    the fraction ``blur`` of its length is visible, it is shortened in proportion, so that its cosines fade to
+    zero. For dot products, the longest branch of each sub-tree gets length one.
 
     Args:
-        points: (C + B, 3) the sub-trees' roots, then the branches' abstract positions.
+        points: (C + B, 3) metres, the sub-trees' roots, then the branches' abstract positions.
         first: (C + 1,) index of each sub-tree's first branch.
-        axes, eye, perspective: of the view: (3, 3) right, up and forward; (3,) metres; and True if the eye is
-            used.
+        axes, eye, perspective: from the view: (3, 3) right, up and forward; (3,) metres; and True for a
+            perspective view, False to ignore the eye.
+        blur: visible fraction of a branch's length below which its cosines fade.
         dots: True to normalize for dot products, False for cosines.
     """
     count = len(first) - 1

@@ -12,7 +12,8 @@ from enliven.document import Skeleton
 
 
 class LimbShapes:
-    """A skeleton with the measures of every limb, by the limb's first joint."""
+    """The reach, length, joint count and centre of every limb of a skeleton, indexed by the limb's first
+    joint."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self.skeleton, self.at = skeleton, skeleton.positions
@@ -21,59 +22,66 @@ class LimbShapes:
         self.size, weighted = np.ones(count, np.int64), skeleton.lengths[:, None] * self.at
         weighted = weighted - 0.5 * skeleton.lengths[:, None] * skeleton.vectors
         for joint in range(count - 1, 0, -1):
-            above = int(skeleton.parents[joint])
-            self.reach[above] = max(self.reach[above], skeleton.lengths[above] + self.reach[joint])
-            self.length[above] += self.length[joint]
-            self.size[above] += self.size[joint]
-            weighted[above] += weighted[joint]
+            parent = int(skeleton.parents[joint])
+            self.reach[parent] = max(self.reach[parent], skeleton.lengths[parent] + self.reach[joint])
+            self.length[parent] += self.length[joint]
+            self.size[parent] += self.size[joint]
+            weighted[parent] += weighted[joint]
         self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
 
     def similar_limbs(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
-        """Yields joints with limbs that could be equal: with the same joint count, similar length and centre
-        distance.
+        """Yields joints with limbs that could be equal: they have the same number of joints, and similar
+        lengths and distances of their centres from the joint.
 
         Args:
-            tolerance, shortest: of :class:`enliven.matching.symmetry.SymmetrySettings`.
+            tolerance, shortest: settings from :class:`enliven.matching.symmetry.SymmetrySettings`.
         """
-        least = shortest * float(self.reach[1:].max(initial=0.0))
+        min_reach = shortest * float(self.reach[1:].max(initial=0.0))
         for joint, children in enumerate(self.skeleton.children):
-            remaining = [child for child in children if self.reach[child] > least]
+            remaining = [child for child in children if self.reach[child] > min_reach]
             while remaining:
                 first = remaining[0]
-                like = [other for other in remaining if self._are_similar(joint, first, other, tolerance)]
-                remaining = [other for other in remaining if other not in like]
-                if len(like) > 1:
-                    yield joint, like
+                similar = [other for other in remaining if self._are_similar(joint, first, other, tolerance)]
+                remaining = [other for other in remaining if other not in similar]
+                if len(similar) > 1:
+                    yield joint, similar
 
     def _are_similar(self, joint: int, a: int, b: int, tolerance: float) -> bool:
-        slack = tolerance * max(self.reach[a], self.reach[b])
-        far = [float(np.linalg.norm(self.middle[limb] - self.at[joint])) for limb in (a, b)]
+        max_distance = tolerance * max(self.reach[a], self.reach[b])
+        centre_distances = [float(np.linalg.norm(self.middle[limb] - self.at[joint])) for limb in (a, b)]
         return bool(
             self.size[a] == self.size[b]
-            and abs(self.reach[a] - self.reach[b]) <= 2 * slack
-            and abs(far[0] - far[1]) <= 2 * slack
+            and abs(self.reach[a] - self.reach[b]) <= 2 * max_distance
+            and abs(centre_distances[0] - centre_distances[1]) <= 2 * max_distance
         )
 
     def match(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> JointPairing | None:
-        """Pairs the joints of limbs a and b if ``linear`` maps a's joints to b's, else returns None."""
-        slack = tolerance * max(self.reach[a], self.reach[b])
+        """Returns the pairs of joints if the (3, 3) map ``linear`` takes limb a to limb b, else None."""
+        max_distance = tolerance * max(self.reach[a], self.reach[b])
         centre = self.at[joint]
-        pairs, squares, waiting = [], 0.0, [(a, b)]
-        while waiting:
-            first, second = waiting.pop()
-            off = float(np.linalg.norm(centre + linear @ (self.at[first] - centre) - self.at[second]))
-            mine, theirs = self.skeleton.children[first], list(self.skeleton.children[second])
-            if off > 2 * slack or len(mine) != len(theirs):
+        pairs, squares, open_pairs = [], 0.0, [(a, b)]
+        while open_pairs:
+            first, second = open_pairs.pop()
+            distance = float(np.linalg.norm(centre + linear @ (self.at[first] - centre) - self.at[second]))
+            first_children, second_children = (
+                self.skeleton.children[first],
+                list(self.skeleton.children[second]),
+            )
+            if distance > 2 * max_distance or len(first_children) != len(second_children):
                 return None
-            squares += off * off
+            squares += distance * distance
             pairs.append((first, second))
-            for child in mine:
-                goal = centre + linear @ (self.middle[child] - centre)
-                nearest = min(theirs, key=lambda k: float(np.linalg.norm(self.middle[k] - goal)))
-                theirs.remove(nearest)
-                waiting.append((child, nearest))
+            for child in first_children:
+                mapped_centre = centre + linear @ (self.middle[child] - centre)
+                nearest = min(
+                    second_children, key=lambda k: float(np.linalg.norm(self.middle[k] - mapped_centre))
+                )
+                second_children.remove(nearest)
+                open_pairs.append((child, nearest))
         error = (squares / len(pairs)) ** 0.5
-        return None if error > slack else JointPairing(pairs, error / max(float(self.reach[a]), 1e-300))
+        return (
+            None if error > max_distance else JointPairing(pairs, error / max(float(self.reach[a]), 1e-300))
+        )
 
 
 @dataclass(frozen=True)

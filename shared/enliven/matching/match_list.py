@@ -10,14 +10,15 @@ from enliven.arrays import Float
 
 @dataclass(frozen=True, eq=False)
 class MatchRow:
-    """One match.
+    """A match in the list.
 
     Attributes:
         name: name of the joint where the branches begin.
         place: rank of the match, from 0 for the best.
-        score: sum of cosines.
-        lines: for each branch of the source (K, 3) metres, the joints that it would drive; (0, 3) for none.
-        limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty if unknown.
+        score: sum of the cosines between source and target branches.
+        lines: for each branch of the source, the (K, 3) positions in metres of the joints that it would
+            drive.
+        limbs: for each line the performer's limb, a number from :func:`limb_number`; empty if unknown.
         body: id of the performer of these limbs; -1 if unknown.
     """
 
@@ -34,14 +35,14 @@ class MatchList:
     """The best matches of a performer's pose on a character, and the state of the choice.
 
     Attributes:
-        character: its id.
+        character: id of the character.
         state: "off": no choice is being made; "choosing"; "playing": the shown match drives the character.
         body: the performer's id; -1 for none.
-        time_ns: the sensor's clock.
-        shown: the chosen row; -1 for none.
+        time_ns: time of the frame on the sensor's clock, nanoseconds.
+        shown: index of the chosen row; -1 for none.
         rows: the best matches, and the chosen one.
         total: the number of matches.
-        held: 0..1, elapsed fraction of the time to hold still.
+        held: elapsed fraction of the time for which the performer must hold still, 0 to 1.
     """
 
     character: str

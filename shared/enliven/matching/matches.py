@@ -1,4 +1,4 @@
-"""A ranking of matches, and its entries."""
+"""Matches between a performer's limbs and parts of a skeleton, and their ranking."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Match:
 
     Attributes:
         candidate: the sub-tree of the target.
-        pairs: (m,) the target branch of each source branch, or None if the sub-tree has too few.
+        pairs: (m,) the target branch of each source branch, or None if the sub-tree has too few branches.
         score: sum of cosines, at most m.
     """
 
@@ -26,7 +26,7 @@ class Match:
 
     @property
     def key(self) -> tuple[tuple[int, ...], ...]:
-        """The joints that each source branch drives. It identifies the match in any order of the ranking."""
+        """The joints that each source branch drives. The key is the same at every rank."""
         return tuple(() if branch is None else branch.chain for branch in self.pairs)
 
 
@@ -36,14 +36,14 @@ class Ranking(Sequence[Match]):
 
     Attributes:
         candidates: the sub-trees of the target.
-        which: (R,) the candidate of each match.
+        candidate_indices: (R,) index of the candidate of each match.
         columns: (R, m) the candidate's branch that each source branch drives, -1 for none.
         scores: (R,) descending.
-        total: number of matches, including those that are not kept.
+        total: number of all matches, including matches that the ranking omits.
     """
 
     candidates: tuple[SubTree, ...]
-    which: Int32
+    candidate_indices: Int32
     columns: Int32
     scores: Float
     total: int
@@ -60,19 +60,19 @@ class Ranking(Sequence[Match]):
     def __getitem__(self, place: int | slice) -> Match | tuple[Match, ...]:
         if isinstance(place, slice):
             return tuple(self[number] for number in range(*place.indices(len(self))))
-        candidate = self.candidates[self.which[place]]
+        candidate = self.candidates[self.candidate_indices[place]]
         branches = candidate.branches
         pairs = tuple(branches[j] if j >= 0 else None for j in self.columns[place])
         return Match(candidate, pairs, float(self.scores[place]))
 
     def identity(self, place: int) -> tuple[int, ...]:
-        """Returns the candidate and the columns of a match. They identify it in every ranking of the same
-        matcher."""
-        return (int(self.which[place]), *(int(column) for column in self.columns[place]))
+        """Returns the candidate's index and the columns of a match. These numbers identify the match in every
+        ranking of the same matcher."""
+        return (int(self.candidate_indices[place]), *(int(column) for column in self.columns[place]))
 
     def find(self, identity: tuple[int, ...]) -> int:
-        """Returns the position of a match, or -1 if it is not among those kept."""
+        """Returns the rank of a match, from 0, or -1 if the ranking omits it."""
         if len(identity) != 1 + self.columns.shape[1]:
             return -1
-        same = (self.which == identity[0]) & (self.columns == identity[1:]).all(1)
-        return int(same.argmax()) if same.any() else -1
+        is_match = (self.candidate_indices == identity[0]) & (self.columns == identity[1:]).all(1)
+        return int(is_match.argmax()) if is_match.any() else -1

@@ -1,8 +1,8 @@
 """A state machine that selects the shown match during a live performance, and accepts it.
 
 The best match jitters with the performer. So the shown match stays until another one has been better by a
-margin for some time. The performer can also browse the ranking by hand. A match is accepted by a command
-(key, pedal, voice) or by holding the pose. The caller provides the time.
+margin for some time. The performer can also browse the ranking with a key. A match is accepted by a command
+(key, pedal, voice) or by holding the pose. The caller passes the time.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Pick:
 
     Attributes:
         match: the shown or accepted match, or None.
-        place: its position in the ranking, -1 if it is not among those kept.
-        held: 0 to 1, elapsed fraction of the time to hold still; 0 if holding is disabled.
-        accepted: whether it is accepted. Then nothing changes until :meth:`Picker.reset`.
+        place: its rank from 0, or -1 if the ranking omits it.
+        held: elapsed fraction of the time to hold still, 0 to 1; 0 if ``by_holding`` is off.
+        accepted: True if the match is accepted. It then stays until :meth:`Picker.reset`.
     """
 
     match: Match | None
@@ -66,8 +66,8 @@ class Pick:
 class Picker:
     """The selection of a match from the rankings of one matcher.
 
-    While the performer holds a pose, a match is selected only if the performer has moved since the start or
-    since the last match. So standing still selects nothing.
+    A held pose accepts a match only if the performer has moved since the start or since the previous match.
+    So a performer that only stands still accepts nothing.
     """
 
     def __init__(self, settings: PickingSettings | None = None) -> None:
@@ -75,64 +75,65 @@ class Picker:
         self.reset()
 
     def reset(self) -> None:
-        """Resets the state: nothing is shown or accepted, and the performer must move before holding
-        counts."""
+        """Forgets the shown and the accepted match. The performer must move before a held pose counts."""
         self._shown: tuple[int, ...] | None = None
         self._ranking: Ranking | None = None
         self._beaten_since: float | None = None
-        self._listed: list[tuple[int, ...]] = []
-        self._browsed: float | None = None
+        self._browsing_order: list[tuple[int, ...]] = []
+        self._browsed_at: float | None = None
         self._anchor: Float | None = None
         self._still_since: float | None = None
         self._moved = False
-        self._taken: Match | None = None
+        self._accepted: Match | None = None
         self._time = 0.0
 
     def update(self, ranking: Ranking, points: Float, seconds: float) -> Pick:
         """Processes a new frame.
 
         Args:
-            ranking: of this frame.
-            points: (m + 1, 3) metres of the source, as they were ranked.
-            seconds: of the sensor's clock.
+            ranking: the ranking of this frame.
+            points: (m + 1, 3) metres, the source's points that were ranked.
+            seconds: time of the frame on the sensor's clock.
         """
         self._time, self._ranking = seconds, ranking
-        if self._taken is not None:
-            return Pick(self._taken, self._shown_rank(), accepted=True)
+        if self._accepted is not None:
+            return Pick(self._accepted, self._shown_rank(), accepted=True)
         if not len(ranking):
             self._shown = None
             return Pick(None, -1)
-        before = self._shown
+        previously_shown = self._shown
         self._follow_best(ranking, seconds)
-        progress = self._held_fraction(points, seconds, before == self._shown)
+        progress = self._held_fraction(points, seconds, previously_shown == self._shown)
         if self.settings.by_holding and progress >= 1.0:
             self.accept()
         return self.now(progress)
 
     def now(self, held: float = 0.0) -> Pick:
         """Returns the current match to show. May be called between frames, for example after a key press."""
-        if self._taken is not None:
-            return Pick(self._taken, self._shown_rank(), accepted=True)
+        if self._accepted is not None:
+            return Pick(self._accepted, self._shown_rank(), accepted=True)
         place = self._shown_rank()
         if self._ranking is None or place < 0:
             return Pick(None, -1)
         return Pick(self._ranking[place], place, held if self.settings.by_holding else 0.0)
 
     def cycle(self, step: int = 1) -> Pick:
-        """Shows the next or previous match of the ranking, in its order at the first step. The list wraps
-        around."""
-        if self._ranking is not None and len(self._ranking) and self._taken is None:
-            if self._browsed is None or self._shown not in self._listed:
-                self._listed = [self._ranking.identity(place) for place in range(len(self._ranking))]
-            at = self._listed.index(self._shown) if self._shown in self._listed else -step
-            self._shown = self._listed[(at + step) % len(self._listed)]
-            self._browsed, self._beaten_since, self._still_since = self._time, None, None
+        """Shows the next or previous match of the ranking, and wraps around at the ends.
+
+        The order is that of the ranking at the first call, although later frames may rank differently.
+        """
+        if self._ranking is not None and len(self._ranking) and self._accepted is None:
+            if self._browsed_at is None or self._shown not in self._browsing_order:
+                self._browsing_order = [self._ranking.identity(place) for place in range(len(self._ranking))]
+            index = self._browsing_order.index(self._shown) if self._shown in self._browsing_order else -step
+            self._shown = self._browsing_order[(index + step) % len(self._browsing_order)]
+            self._browsed_at, self._beaten_since, self._still_since = self._time, None, None
         return self.now()
 
     def accept(self) -> Match | None:
-        """Accepts the shown match."""
-        self._taken = self._taken or self.now().match
-        return self._taken
+        """Accepts the shown match, and returns the accepted match, or None if none was shown."""
+        self._accepted = self._accepted or self.now().match
+        return self._accepted
 
     def _shown_rank(self) -> int:
         if self._ranking is None or self._shown is None:
@@ -140,12 +141,13 @@ class Picker:
         return self._ranking.find(self._shown)
 
     def _follow_best(self, ranking: Ranking, seconds: float) -> None:
-        """Replaces the shown match by the best one after the required time."""
+        """Shows the best match if it has been better than the shown match by the margin for the required
+        time."""
         settings, place = self.settings, self._shown_rank()
-        if self._browsed is not None and place >= 0:
-            if seconds - self._browsed < settings.browsing:
+        if self._browsed_at is not None and place >= 0:
+            if seconds - self._browsed_at < settings.browsing:
                 return
-            self._browsed = None
+            self._browsed_at = None
         branches = ranking.columns.shape[1]
         if place >= 0 and ranking.scores[0] <= ranking.scores[place] + settings.margin * branches:
             self._beaten_since = None
@@ -153,9 +155,9 @@ class Picker:
         if self._beaten_since is None:
             self._beaten_since = seconds
         if place < 0 or seconds - self._beaten_since >= settings.patience:
-            self._shown, self._beaten_since, self._browsed = ranking.identity(0), None, None
+            self._shown, self._beaten_since, self._browsed_at = ranking.identity(0), None, None
 
-    def _held_fraction(self, points: Float, seconds: float, same: bool) -> float:
+    def _held_fraction(self, points: Float, seconds: float, is_same_match: bool) -> float:
         """Returns the elapsed fraction of the time to hold the pose."""
         pose = points - points[0]
         size = float(np.linalg.norm(pose, axis=1).max())
@@ -163,7 +165,7 @@ class Picker:
             self._anchor, self._still_since = pose, seconds
         elif np.linalg.norm(pose - self._anchor, axis=1).max() > self.settings.still_share * size:
             self._anchor, self._still_since, self._moved = pose, seconds, True
-        elif not same or self._still_since is None:
+        elif not is_same_match or self._still_since is None:
             self._still_since = seconds
         if not self._moved or self._still_since is None:
             return 0.0

@@ -17,7 +17,7 @@ from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Ranking
 from enliven.matching.subtrees import Abstraction, SubTree
 from enliven.matching.views import ScreenView
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 _ORIGIN = np.zeros(3)
 
@@ -26,7 +26,7 @@ _ORIGIN = np.zeros(3)
 class RankingSettings:
     """Settings for scoring matches."""
 
-    most: int = setting(
+    most: int = parameter(
         256,
         "Number of best matches that are kept. All matches are scored.",
         unit="matches",
@@ -38,7 +38,7 @@ class RankingSettings:
         "Similarity of two branches: the cosine, or the dot product of branches scaled by the longest "
         'one. With "dot", short branches count little.',
     )
-    blur: float = setting(
+    blur: float = parameter(
         0.2,
         "Branches with a smaller visible fraction, which point at the viewer, lose weight gradually. "
         'Applies to "cosine" only.',
@@ -52,8 +52,8 @@ class RankingSettings:
         low=-1.0,
         high=0.0,
     )
-    tie: float = setting(1e-9, "Scores that differ by less than this are equal.", low=0.0, high=0.1)
-    exhaustive: int = setting(
+    tie: float = parameter(1e-9, "Scores that differ by less than this are equal.", low=0.0, high=0.1)
+    exhaustive: int = parameter(
         50_000,
         "Maximum number of branch combinations in a sub-tree that are all scored. Beyond it, only the "
         "best are searched.",
@@ -68,8 +68,8 @@ class Matcher:
 
     Args:
         target: a skeleton, or an abstraction of any tree.
-        positions: (N, 3) metres at rest; needed with an abstraction only.
-        root: as for :func:`abstract_skeleton`: chains start at the skeleton's own root; None finds one.
+        positions: (N, 3) metres, the joints at rest; required only if the target is an abstraction.
+        root: the root joint for :func:`abstract_skeleton`; None lets the abstraction determine it.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Matcher:
         self.abstraction = abstract_skeleton(target, root) if isinstance(target, Skeleton) else target
         at = target.positions if isinstance(target, Skeleton) else positions
         if at is None:
-            raise ValueError("an abstraction needs the positions of its joints")
+            raise ValueError("a Matcher for an Abstraction needs the positions of its joints: pass positions")
         trees = self.abstraction.candidates
         self._sizes = tuple(len(tree.branches) for tree in trees)
         self._first = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
@@ -100,10 +100,10 @@ class Matcher:
         """Ranks all matches.
 
         Args:
-            source: (m + 1, 3) root and abstract positions, as returned by :meth:`MatchSource.points`.
+            source: (m + 1, 3) metres, root and abstract positions, as returned by :meth:`MatchSource.points`.
             view: the view of the target.
-            source_view: the view of the source; None: the same.
-            positions: (N, 3) the target's joints in the visible pose; None at rest.
+            source_view: the view of the source; None for the target's view.
+            positions: (N, 3) metres, the target's joints in the visible pose; None for the rest pose.
         """
         settings = self.settings
         points = (
@@ -112,7 +112,7 @@ class Matcher:
         source_points = np.ascontiguousarray(source, np.float64)
         source_first = np.array([0, len(source_points) - 1])
         plan = _matching_plan(self._sizes, len(source_points) - 1, settings.exhaustive, settings.most)
-        which, columns, scores = rank_rows(
+        candidate_indices, columns, scores = rank_rows(
             self._seen_branches(points, self._first, view),
             self._first,
             self._seen_branches(source_points, source_first, source_view or view),
@@ -122,7 +122,7 @@ class Matcher:
         )
         order = _best_indices(scores, settings.most, settings.tie)
         trees = self.abstraction.candidates
-        return Ranking(trees, which[order], columns[order], scores[order], plan.total)
+        return Ranking(trees, candidate_indices[order], columns[order], scores[order], plan.total)
 
     def _seen_branches(self, points: Float, first: Int, view: ScreenView) -> Float:
         """Returns (B, 2) normalized branches on the screen."""
@@ -134,17 +134,17 @@ class Matcher:
         return np.asarray(branches)
 
     def _candidate_points(self, positions: Float) -> Float:
-        """Returns (C + B, 3) the candidates' roots, and all their branches."""
+        """Returns (C + B, 3) the candidates' roots, then the abstract positions of all their branches."""
         return np.asarray(self._average @ positions)
 
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """The number of matches of each candidate.
+    """The number of matches that are scored for each candidate.
 
     Attributes:
         first: (C + 1,) index of each candidate's first row.
-        whole: (C,) true if the rows are all matches, false if only the best.
+        whole: (C,) 1 if a candidate's rows are all its matches, 0 if only the best.
         total: number of all matches.
     """
 
@@ -155,15 +155,15 @@ class _Plan:
 
 @lru_cache(maxsize=64)
 def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
-    rows, takes_all, total = [0], [], 0
+    rows, are_complete, total = [0], [], 0
     for n in sizes:
         few, many = min(m, n), max(m, n)
         choices = comb(many, few)
-        all_ = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
-        rows.append(choices if all_ else min(choices, most))
-        takes_all.append(all_)
+        is_complete = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
+        rows.append(choices if is_complete else min(choices, most))
+        are_complete.append(is_complete)
         total += choices
-    return _Plan(np.cumsum(rows), np.array(takes_all, np.int64), total)
+    return _Plan(np.cumsum(rows), np.array(are_complete, np.int64), total)
 
 
 def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
@@ -177,11 +177,11 @@ def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
 
 
 def _best_indices(scores: Float, most: int, tie: float) -> Int:
-    """Returns the indices of the best scores, the best first. Ties keep their order."""
+    """Returns the indices of the ``most`` highest scores, the highest first. Ties keep their order."""
     rounded = np.round(scores / tie) if tie > 0.0 else scores
     if len(rounded) > most:
-        least = np.partition(rounded, len(rounded) - most)[len(rounded) - most]
-        chosen = np.flatnonzero(rounded >= least)
+        min_score = np.partition(rounded, len(rounded) - most)[len(rounded) - most]
+        candidates = np.flatnonzero(rounded >= min_score)
     else:
-        chosen = np.arange(len(rounded))
-    return np.asarray(chosen[np.argsort(-rounded[chosen], kind="stable")[:most]])
+        candidates = np.arange(len(rounded))
+    return np.asarray(candidates[np.argsort(-rounded[candidates], kind="stable")[:most]])

@@ -16,15 +16,15 @@ from enliven.matching.subtrees import Branch
 
 @dataclass(frozen=True, eq=False)
 class MatchSource:
-    """A skeleton simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
+    """A performer's skeleton, simplified in a single step to the branches of one joint (AniMesh, Figure 3b).
 
     Each branch is abstracted as in the target. Its position is a weighted average of joints, with weights
     computed once from the bones' lengths.
 
     Attributes:
         root: the joint where the branches begin.
-        branches: with joints of the whole skeleton.
-        weights: (m, N) the branches' abstract positions as averages of joints.
+        branches: the branches, with the joint numbers of the whole skeleton.
+        weights: (m, N) the weight of each joint in each branch's abstract position.
     """
 
     root: int
@@ -37,7 +37,7 @@ class MatchSource:
         return tuple(branch.extended for branch in self.branches)
 
     def points(self, positions: Float) -> Float:
-        """Returns (m + 1, 3) the root and the abstract positions, for (N, 3) joints in any pose."""
+        """Returns (m + 1, 3) metres, the root and the abstract positions, for (N, 3) joints in any pose."""
         positions = np.asarray(positions, np.float64)
         return np.concatenate([positions[None, self.root], self.weights @ positions])
 
@@ -50,29 +50,31 @@ def source_of(
     Args:
         positions: (N, 3) metres; only the lengths of the bones matter.
         links: pairs of joints.
-        root: the joint where the branches begin; None takes the root found by the abstraction.
+        root: the joint where the branches begin; None lets the abstraction determine it.
         joints: the subset; empty for all. They must be connected.
 
     Raises:
         InputError: if the joints are not connected, or form no bone.
     """
-    at = np.array(positions, np.float64).reshape(-1, 3)
-    used_joints = sorted(set(joints)) or list(range(len(at)))
+    joint_positions = np.array(positions, np.float64).reshape(-1, 3)
+    used_joints = sorted(set(joints)) or list(range(len(joint_positions)))
     number = {joint: i for i, joint in enumerate(used_joints)}
     if root is not None and root not in number:
-        problem = f"the root {root} is not among the joints"
-        raise InputError(problem, where="source", mend="Choose a root among them.")
+        problem = f"the root joint {root} is not one of the selected joints"
+        raise InputError(problem, where="source", remedy="Choose one of the selected joints as the root.")
     pairs = [(number[a], number[b]) for a, b in links if a in number and b in number]
     names = [f"joint {joint}" for joint in used_joints]
-    abstraction = abstract(at[used_joints], pairs, None if root is None else number[root], names)
+    abstraction = abstract(joint_positions[used_joints], pairs, None if root is None else number[root], names)
     if root is None:
-        abstraction = abstract(at[used_joints], pairs, abstraction.root, names)
+        abstraction = abstract(joint_positions[used_joints], pairs, abstraction.root, names)
     if not abstraction.candidates:
-        raise InputError("it has no bone", where="source", mend="Choose two joints or more.")
+        raise InputError(
+            "the selected joints form no bone", where="source", remedy="Choose two or more joints."
+        )
     branches = tuple(
         _renumbered_branch(branch, used_joints) for branch in abstraction.candidates[-1].branches
     )
-    weights = np.zeros((len(branches), len(at)))
+    weights = np.zeros((len(branches), len(joint_positions)))
     for row, branch in zip(weights, branches, strict=True):
         row[list(branch.weights)] = list(branch.weights.values())
     return MatchSource(used_joints[abstraction.root], branches, weights)

@@ -9,19 +9,19 @@ import numpy as np
 from enliven.arrays import Float
 
 Weights = dict[int, float]
-"""A point as a weighted average of joints. The weights sum to one."""
+"""A point as a weighted average of joints: joint number -> weight. The weights sum to one."""
 
 
 @dataclass(frozen=True)
 class Branch:
-    """One branch of a sub-tree.
+    """A branch of a sub-tree.
 
     Attributes:
         chain: real joints from the sub-tree's root to the next branch or leaf node, both included.
         extended: the chain, extended along the longest path to a leaf (Figure 5).
         weights: the abstract position as an average of joints.
         length: metres of all bones of the branch and of its sub-branches.
-        reach: metres along ``extended``.
+        reach: length of ``extended`` in metres.
     """
 
     chain: tuple[int, ...]
@@ -31,20 +31,20 @@ class Branch:
     reach: float
 
     def position(self, positions: Float) -> Float:
-        """Returns (3,) the abstract position, for (N, 3) joints at rest or in any pose."""
+        """Returns (3,) the abstract position, for (N, 3) joints in metres, in any pose."""
         joints = list(self.weights)
         return np.array(list(self.weights.values())) @ np.asarray(positions, np.float64)[joints]
 
 
 @dataclass(frozen=True)
 class SubTree:
-    """A candidate: a root joint and the branches around it.
+    """A candidate for a match: a root joint and the branches around it.
 
     Attributes:
-        level: the iteration that found it, from 1.
-        number: within its level, from 1, by the root joint's number.
+        level: number of the iteration that found the sub-tree, from 1.
+        number: number within its level, from 1. Candidates are sorted by the number of their root joint.
         root: the joint where all branches begin.
-        branches: by the number of their first joint.
+        branches: the branches, sorted by the number of their first joint.
     """
 
     level: int
@@ -60,11 +60,11 @@ class SubTree:
 
 @dataclass(frozen=True)
 class Abstraction:
-    """The result of the iterations.
+    """The hierarchy of sub-trees that results from the iterations.
 
     Attributes:
-        root: the joint that was given, or found.
-        candidates: from the first iteration to the last.
+        root: the root joint, given by the caller or determined by the iterations.
+        candidates: all sub-trees, from the first iteration to the last.
     """
 
     root: int

@@ -25,8 +25,8 @@ from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting
 
 _MIN_MAPPED_FRACTION = 0.75
-"""Minimum fraction of similar limbs that a rotation must map to one another. A smaller group may be a
-coincidence: of a spider's eight legs, about three are always rotated copies of one another."""
+"""Minimum fraction of similar limbs that a rotation must map to one another. Smaller groups are ignored as
+coincidences: of a spider's eight legs, about three are always rotated copies of one another."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class EqualLimb:
     """One of a group of equal limbs.
 
     Attributes:
-        joints: the limb's joints, in the order of the group's other limbs. The parent of the first is the
-            group's joint.
+        joints: the limb's joints, in the same order as in the group's other limbs. The first joint's parent
+            is the group's joint.
         linear: (3, 3) maps the group's first limb to this one, about the group's joint.
         error: remaining distance of the joints (root mean square), as a fraction of the limb's reach.
     """
@@ -63,7 +63,7 @@ class EqualLimb:
 
 @dataclass(frozen=True, eq=False)
 class EqualLimbs:
-    """Equal limbs of one joint.
+    """A group of equal limbs with the same parent joint.
 
     Attributes:
         kind: "rotation": limbs rotated about the axis; "mirror": two limbs, left and right of a plane.
@@ -92,8 +92,8 @@ class EqualLimbs:
 
 
 def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) -> tuple[EqualLimbs, ...]:
-    """Returns all groups of equal limbs, the largest groups first; among pairs, those of the body's main
-    plane first.
+    """Returns all groups of equal limbs, the largest groups first. Pairs about the body's main plane of
+    symmetry come before other pairs.
 
     Three or more limbs that are equal under rotation form one group. So do two limbs without a mirror plane.
     A limb may belong to two groups, one by rotation and one by reflection, such as the legs of a table.
@@ -101,36 +101,49 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
     similar = list(body.similar_limbs(settings.tolerance, settings.shortest))
-    turned = [group for joint, like in similar for group in _rotation_group(body, joint, like, settings)]
-    mirrored = [group for joint, like in similar for group in _mirrored_pairs(body, joint, like, settings)]
-    paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
-    turned = [
-        g for g in turned if len(g.limbs) > 2 or frozenset(limb.joints[0] for limb in g.limbs) not in paired
+    rotated = [
+        group
+        for joint, similar_children in similar
+        for group in _rotation_group(body, joint, similar_children, settings)
     ]
-    return tuple(sorted([*_by_plane(mirrored, body), *turned], key=lambda group: -len(group.limbs)))
+    mirrored = [
+        group
+        for joint, similar_children in similar
+        for group in _mirrored_pairs(body, joint, similar_children, settings)
+    ]
+    paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
+    rotated = [
+        candidate
+        for candidate in rotated
+        if len(candidate.limbs) > 2 or frozenset(limb.joints[0] for limb in candidate.limbs) not in paired
+    ]
+    return tuple(sorted([*_by_plane(mirrored, body), *rotated], key=lambda group: -len(group.limbs)))
 
 
 def _rotation_group(
-    body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings
+    body: LimbShapes, joint: int, similar: list[int], settings: SymmetrySettings
 ) -> list[EqualLimbs]:
-    """Finds the group of most of the similar limbs that are equal under rotation."""
+    """Returns the largest group of limbs that are equal under rotation, if it has most of the similar
+    limbs."""
     largest: EqualLimbs | None = None
-    for axis in _candidate_axes(body, joint, like):
-        group = _limbs_equal_around(body, joint, like, axis, settings)
+    for axis in _candidate_axes(body, joint, similar):
+        group = _limbs_equal_around(body, joint, similar, axis, settings)
         if group is not None and (largest is None or len(group.limbs) > len(largest.limbs)):
             largest = group
-        if largest is not None and len(largest.limbs) == len(like):
+        if largest is not None and len(largest.limbs) == len(similar):
             break
-    return [largest] if largest is not None and len(largest.limbs) >= _MIN_MAPPED_FRACTION * len(like) else []
+    return (
+        [largest] if largest is not None and len(largest.limbs) >= _MIN_MAPPED_FRACTION * len(similar) else []
+    )
 
 
 def _candidate_axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
-    """Returns candidate axes of rotation: of all limbs, of each three, or of the two."""
+    """Returns candidate axes of rotation, computed from all limbs and from triples, or from a pair."""
     middles = body.middle[limbs] - body.at[joint]
     if len(limbs) == 2:
         return [axis for axis in [_unit_vector(middles.sum(0))] if axis is not None]
-    about = middles - middles.mean(0)
-    axes = [np.linalg.eigh(about.T @ about)[1][:, 0]]
+    centred = middles - middles.mean(0)
+    axes = [np.linalg.eigh(centred.T @ centred)[1][:, 0]]
     # A limited number of triples is enough: any circle of three or more limbs contains three limbs that are
     # consecutive in the list.
     for a, b, c in itertools.islice(itertools.combinations(middles, 3), 200):
@@ -143,12 +156,12 @@ def _candidate_axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Floa
 def _limbs_equal_around(
     body: LimbShapes, joint: int, limbs: list[int], axis: Float, settings: SymmetrySettings
 ) -> EqualLimbs | None:
-    """Returns the limbs that equal the first one under rotation about an axis, or None if there are none."""
+    """Returns the largest group of limbs that are equal under rotation about an axis, or None."""
     if axis[int(np.argmax(np.abs(axis)))] < 0.0:
         axis = -axis
     best: list[EqualLimb] = []
     for first in limbs[: max(1, len(limbs) - 2)]:
-        members = []
+        matches = []
         for other in limbs:
             angle = _angle_about(
                 body.middle[first] - body.at[joint], body.middle[other] - body.at[joint], axis
@@ -156,12 +169,12 @@ def _limbs_equal_around(
             linear = to_matrix(from_rotation_vector(angle * axis))
             matched = body.match(joint, first, other, linear, settings.tolerance)
             if matched is not None:
-                members.append((angle % (2 * np.pi - 1e-9), matched, linear))
-        if len(members) > len(best):
-            order = [pair[0] for pair in members[0][1].pairs]
+                matches.append((angle % (2 * np.pi - 1e-9), matched, linear))
+        if len(matches) > len(best):
+            order = [pair[0] for pair in matches[0][1].pairs]
             best = [
                 EqualLimb(tuple(dict(matched.pairs)[j] for j in order), linear, matched.error)
-                for _, matched, linear in sorted(members, key=lambda entry: entry[0])
+                for _, matched, linear in sorted(matches, key=lambda entry: entry[0])
             ]
         if len(best) == len(limbs):
             break
@@ -175,39 +188,39 @@ def _angle_about(start: Float, end: Float, axis: Float) -> float:
 
 
 def _mirrored_pairs(
-    body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings
+    body: LimbShapes, joint: int, similar: list[int], settings: SymmetrySettings
 ) -> list[EqualLimbs]:
     """Returns all pairs that are equal under reflection in a plane through the joint."""
     groups = []
-    for a, b in itertools.combinations(like, 2):
-        across = _unit_vector(body.middle[a] - body.middle[b])
-        if across is None:
+    for a, b in itertools.combinations(similar, 2):
+        normal = _unit_vector(body.middle[a] - body.middle[b])
+        if normal is None:
             continue
-        if across[int(np.argmax(np.abs(across)))] < 0.0:
-            across = -across
-        linear = np.eye(3) - 2.0 * np.outer(across, across)
+        if normal[int(np.argmax(np.abs(normal)))] < 0.0:
+            normal = -normal
+        linear = np.eye(3) - 2.0 * np.outer(normal, normal)
         matched = body.match(joint, a, b, linear, settings.tolerance)
         if matched is not None:
             limbs = (
                 EqualLimb(tuple(own for own, _ in matched.pairs), np.eye(3), 0.0),
                 EqualLimb(tuple(other for _, other in matched.pairs), linear, matched.error),
             )
-            groups.append(EqualLimbs("mirror", joint, across, limbs))
+            groups.append(EqualLimbs("mirror", joint, normal, limbs))
     return groups
 
 
 def _by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
-    """Selects mirrored pairs such that each limb occurs once. Planes shared by the most bone length come
-    first."""
+    """Selects mirrored pairs such that each limb occurs once. Pairs come first if other pairs with much bone
+    length share their plane."""
     axes = np.array([group.axis for group in groups]).reshape(-1, 3)
     weights = np.array([body.length[group.limbs[0].joints[0]] for group in groups])
-    agree = (np.abs(axes @ axes.T) > 0.98) @ weights
-    chosen, used = [], set[int]()
-    for i in sorted(range(len(groups)), key=lambda i: (-round(float(agree[i]), 9), groups[i].joint)):
-        ends = {limb.joints[0] for limb in groups[i].limbs}
-        if not ends & used:
+    plane_weights = (np.abs(axes @ axes.T) > 0.98) @ weights
+    chosen, used_limbs = [], set[int]()
+    for i in sorted(range(len(groups)), key=lambda i: (-round(float(plane_weights[i]), 9), groups[i].joint)):
+        limb_joints = {limb.joints[0] for limb in groups[i].limbs}
+        if not limb_joints & used_limbs:
             chosen.append(groups[i])
-            used |= ends
+            used_limbs |= limb_joints
     return chosen
 
 

@@ -1,4 +1,4 @@
-"""Projections of a skeleton onto the screen, and the view that shows most of it."""
+"""Projections of a skeleton onto the screen, and the search for the view that shows most bone length."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 
 MIN_DEPTH_M = 1e-3
-"""Near distance of the projection in metres. Points nearer than this, or behind the eye, are projected at
+"""Near plane of the projection in metres. Points that are nearer, or behind the eye, are projected at
 this distance."""
 
 
@@ -22,8 +22,8 @@ def _float_vector(*values: float) -> Float:
 class ScreenView:
     """The view for projecting a skeleton: a direction, an up vector and, for perspective, an eye.
 
-    For a performer that acts as in front of a mirror, the view is opposite to the sensor's: the sensor's left
-    is then on the right.
+    If a performer acts as in front of a mirror, the performer's view is opposite to the sensor's: the
+    sensor's left is then on the right.
 
     Attributes:
         direction: (3,) from the eye into the scene; any length.
@@ -44,11 +44,13 @@ class ScreenView:
         forward, up = np.array(self.direction, np.float64), np.array(self.up, np.float64)
         length = float(np.linalg.norm(forward))
         right = np.cross(forward, up)
-        across = float(np.linalg.norm(right))
-        if not np.isfinite(across) or across <= 1e-9 * length * float(np.linalg.norm(up)):
-            mend = "Give a direction, and an up that is not along it."
-            raise InputError(f"direction {self.direction} with up {self.up}", where="view", mend=mend)
-        forward, right = forward / length, right / across
+        right_length = float(np.linalg.norm(right))
+        if not np.isfinite(right_length) or right_length <= 1e-9 * length * float(np.linalg.norm(up)):
+            remedy = "Give a direction that is not zero, and an up vector that is not parallel to it."
+            raise InputError(
+                f"direction {self.direction} with up {self.up} defines no view", where="view", remedy=remedy
+            )
+        forward, right = forward / length, right / right_length
         object.__setattr__(self, "direction", forward)
         object.__setattr__(self, "up", np.cross(right, forward))
         object.__setattr__(self, "frame", np.stack([right, self.up, forward]))
@@ -61,8 +63,10 @@ class ScreenView:
         return self.frame[:2]
 
     def project(self, points: Float) -> Float:
-        """Projects (..., 3) points to (..., 2) right and up on the screen, in metres (perspective: at
-        distance one)."""
+        """Projects (..., 3) points in metres to (..., 2) right and up on the screen.
+
+        The unit is metres for an orthographic view. For a perspective view it is metres at distance one.
+        """
         if self.eye is None:
             return np.asarray(points @ self.axes.T)
         return np.asarray((points - self.eye) @ self.axes.T / self.depths(points)[..., None])
@@ -75,7 +79,8 @@ class ScreenView:
 
 
 def is_end_on(vectors: Float, view: ScreenView, fraction: float = 0.2) -> Bool:
-    """Returns (N,) true for vectors (N, 3) seen so nearly end-on that their direction on the screen is noise.
+    """Returns (N,) True for (N, 3) vectors that point so nearly at the eye that their projection is
+    unreliable.
 
     Args:
         fraction: minimum visible fraction of a vector's length.
@@ -92,7 +97,7 @@ def projected_length(vectors: Float, direction: Float) -> float:
 
 
 def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, steps: int = 60) -> ScreenView:
-    """Finds the view that shows most bone: the largest sum of projected lengths (AniMesh, section 8).
+    """Finds the view that shows most bone length: the largest sum of projections (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
     sum(v v^T). The search starts there, at the current direction, and at the other eigenvectors. It increases
@@ -100,7 +105,7 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
     quadratic bound of it (iteratively reweighted scatter), so it never decreases.
 
     Args:
-        vectors: (N, 3) of the bones.
+        vectors: (N, 3) metres, the bones from their parent joint to their joint.
         view: the current one; its up vector is kept as far as possible.
         most_turn: maximum angle from the current direction in radians. pi / 2 covers all views, since a view
             from behind shows the same amount.
@@ -120,34 +125,35 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
 
 
 def _refined_direction(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
-    """Refines a direction, within reach of the current one, until no step shows more bone."""
+    """Refines a unit direction, at most ``most_turn`` from ``current``, until no step shows more bone
+    length."""
     squares = (vectors**2).sum(1)
     direction = _limited_direction(start, current, most_turn)
-    value = projected_length(vectors, direction)
+    sum_of_lengths = projected_length(vectors, direction)
     for _ in range(steps):
         projected = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
         # sqrt is concave, so sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x = x0.
         # Maximise this bound.
         scatter = vectors.T @ (vectors / projected[:, None])
         next_direction = _limited_direction(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
-        moved, better = _best_between(vectors, direction, next_direction, current, most_turn)
-        if better <= value * (1.0 + 1e-12):
+        best_direction, best_value = _best_between(vectors, direction, next_direction, current, most_turn)
+        if best_value <= sum_of_lengths * (1.0 + 1e-12):
             break
-        direction, value = moved, better
+        direction, sum_of_lengths = best_direction, best_value
     return direction
 
 
 def _best_between(
-    vectors: Float, here: Float, there: Float, current: Float, most_turn: float
+    vectors: Float, start: Float, end: Float, current: Float, most_turn: float
 ) -> tuple[Float, float]:
-    """Tries some directions along a step. Returns the best, and its sum of projected lengths."""
-    tried = [
-        _limited_direction(here + fraction * (there - here), current, most_turn)
+    """Tries four directions between two directions. Returns the best, and its sum of projected lengths."""
+    candidates = [
+        _limited_direction(start + fraction * (end - start), current, most_turn)
         for fraction in (1.0, 0.5, 0.2, 0.05)
     ]
-    values = [projected_length(vectors, direction) for direction in tried]
+    values = [projected_length(vectors, direction) for direction in candidates]
     best = int(np.argmax(values))
-    return tried[best], values[best]
+    return candidates[best], values[best]
 
 
 def _limited_direction(direction: Float, current: Float, most_turn: float) -> Float:
@@ -159,9 +165,9 @@ def _limited_direction(direction: Float, current: Float, most_turn: float) -> Fl
     angle = float(np.arccos(np.clip(direction @ current, -1.0, 1.0)))
     if angle <= most_turn:
         return np.asarray(direction)
-    across = direction - (direction @ current) * current
-    across /= np.linalg.norm(across)
-    return np.asarray(np.cos(most_turn) * current + np.sin(most_turn) * across)
+    perpendicular = direction - (direction @ current) * current
+    perpendicular /= np.linalg.norm(perpendicular)
+    return np.asarray(np.cos(most_turn) * current + np.sin(most_turn) * perpendicular)
 
 
 def _view_along(direction: Float, view: ScreenView) -> ScreenView:

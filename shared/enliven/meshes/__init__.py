@@ -1,4 +1,6 @@
-"""Triangle meshes: the type, readers of mesh files, repair, and surfaces of scans."""
+"""Triangle meshes: the mesh type, readers and writers of mesh files, repair, and surfaces through scanned
+points.
+"""
 
 import lazy_loader
 

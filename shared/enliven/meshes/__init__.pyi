@@ -4,7 +4,7 @@ from .files import (
     load_upright as load_upright,
     save_mesh as save_mesh,
 )
-from .gltf import GLTF_SUFFIXES as GLTF_SUFFIXES
+from .gltf.gltf_json import GLTF_SUFFIXES as GLTF_SUFFIXES
 from .kernels import (
     corner_sums as corner_sums,
     edge_lengths as edge_lengths,

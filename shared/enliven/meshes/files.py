@@ -1,4 +1,4 @@
-"""Reads and writes mesh files. An error in a file becomes one clear message."""
+"""Reads and writes mesh files. All errors of a damaged file are reported as one clear message."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from enliven.errors import InputError, plain_reason
 from enliven.files import ReferencedFiles, read_file, require_folder, write_file
-from enliven.meshes.gltf import GLTF_SUFFIXES
+from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
 from enliven.meshes.obj import read_obj
 from enliven.meshes.ply import read_ply
@@ -20,7 +20,7 @@ from enliven.meshes.tokens import DamagedMeshError
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _MAX_REASON_LETTERS = 200
-"""Maximum length of a reader's reason in a message."""
+"""Maximum number of characters of a reader's reason that an error message shows."""
 _TABLE_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 """Readers of formats that contain vertices and faces only."""
 
@@ -38,7 +38,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     A rigged glTF is read in its rest pose. Nothing is scaled: see :func:`enliven.meshes.mesh.fit_height`.
 
     Raises:
-        InputError: for a missing, empty, truncated or foreign file, one without usable faces, or one that
+        InputError: if the file is missing, empty, truncated, of another format, has no usable faces, or
             refers to files outside its folder.
     """
     path = Path(path)
@@ -48,16 +48,16 @@ def load_mesh(path: Path | str) -> LoadedMesh:
         raise InputError(
             f"{suffix or 'a file without an ending'} is not a known mesh format",
             where=str(path),
-            mend=known_formats,
+            remedy=known_formats,
         )
     mesh, read_notes = _read_unrepaired(path, suffix, known_formats)
     try:
         mesh, notes = repair(mesh)
         notes = [*read_notes, *notes]
     except InputError as error:
-        raise InputError(error.what, where=str(path), mend=error.mend) from None
+        raise InputError(error.what, where=str(path), remedy=error.remedy) from None
     if suffix == ".stl":
-        # STL shares no vertices at all, so duplicate positions are not shading seams. Weld them.
+        # STL never shares vertices between faces, so duplicate positions are not shading seams. Weld them.
         welded, _ = weld(mesh)
         notes = [note for note in notes if "repeat a position" not in note]
         notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
@@ -69,7 +69,7 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     """Reads a mesh as :func:`load_mesh` does, and turns it upright.
 
     Args:
-        up: the axis of the mesh that points up. None guesses it, except for a glTF, which has +Y up.
+        up: the axis of the mesh that points up. If None, it is guessed; glTF always has +Y up.
     """
     mesh, notes = load_mesh(path)
     if up is None and Path(path).suffix.lower() not in GLTF_SUFFIXES:
@@ -82,27 +82,29 @@ def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[st
     """Returns the mesh without repairs, and notes of its reader.
 
     Args:
-        known: the sentence about known formats, for errors.
+        known: the sentence that lists the known formats, for errors.
     """
     if suffix in GLTF_SUFFIXES:
         # Imported here, because it loads the image library, which only glTF files need.
-        from enliven.meshes.gltf import gltf_surface
+        from enliven.meshes.gltf.surface import gltf_surface
 
         surface = gltf_surface(path, still=True)
         return surface.mesh, surface.notes
     data = read_file(path)
     if not data:
-        raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
+        raise InputError("the file is empty", where=str(path), remedy="Export the mesh again.")
     try:
         return _read_format(path, suffix, data)
     except InputError as error:
-        raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
+        raise InputError(error.what, where=str(path), remedy="Export the mesh again.") from None
     except Exception as error:  # Third-party readers may raise any exception for damaged data.
         # Show only messages that were written for users.
         reason = str(error) if isinstance(error, DamagedMeshError) else plain_reason(error, "it is damaged")
         problem = f"it cannot be read as {suffix[1:]}: {reason[:_MAX_REASON_LETTERS]}"
         raise InputError(
-            problem, where=str(path), mend="Check that it is complete and that its ending is right. " + known
+            problem,
+            where=str(path),
+            remedy="Check that it is complete and that its ending is right. " + known,
         ) from None
 
 
@@ -119,7 +121,8 @@ def _read_format(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:
-    """Writes a mesh as obj, off, ply, stl or glb, by the path's suffix, completely or not at all.
+    """Writes a mesh as obj, off, ply, stl or glb, depending on the path's suffix. The file is written
+    completely or not at all.
 
     Raises:
         InputError: for an unknown suffix.
@@ -129,12 +132,14 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     if path.suffix.lower() not in WRITABLE:
         known_formats = ", ".join(s[1:] for s in WRITABLE)
         raise InputError(
-            f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known_formats}."
+            f"cannot write {path.suffix or 'no'} files", where=str(path), remedy=f"Known: {known_formats}."
         )
     require_folder(path)
     kind = path.suffix.lower()[1:]
     if kind == "glb":
-        from enliven.meshes.gltf import mesh_glb  # Imported here, because only glTF files need pygltflib.
+        from enliven.meshes.gltf.scene import (
+            mesh_glb,  # Imported here, because only glTF files need pygltflib.
+        )
 
         write_file(path, mesh_glb(mesh))
         return

@@ -1,4 +1,6 @@
-"""Compiled loops over a mesh's arrays: welding by position, normals, shells, splitting of long edges."""
+"""Compiled loops over a mesh's arrays: welding by position, normals, connected components (shells), splitting
+of long edges.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,9 @@ from enliven.union_find import join, root_of
 
 @njit(cache=True, nogil=True)
 def face_vectors(vertices, faces):
-    """Returns (F, 3) the cross product of two edges of each face: its normal with a length of twice its
-    area."""
+    """Returns (F, 3) the cross product of two edges of each face. It points along the face normal, and its
+    length is twice the area.
+    """
     out = np.empty((faces.shape[0], 3))
     for f in range(faces.shape[0]):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
@@ -98,7 +101,7 @@ def normals_of(vertices, faces, wanted):
 
 @njit(cache=True, nogil=True)
 def _double_capacity(rows, of):
-    """Returns both arrays with doubled capacity."""
+    """Returns copies of both arrays with doubled capacity."""
     more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
     copy_rows(more[: rows.shape[0]], rows)
     copy_row(longer[: of.shape[0]], of)
@@ -129,7 +132,9 @@ def _mix_bits(bits):
 
 
 def space_curve(points: Float) -> Any:
-    """Returns (N,) an order of points (N, 3) along a Z-curve, so that near points are near in memory."""
+    """Returns (N,) an order of points (N, 3) along a Z-order curve, so that nearby points are nearby in
+    memory.
+    """
     if not len(points):
         return np.zeros(0, np.int64)
     size = max(float(np.ptp(points, axis=0).max()), 1e-300)
@@ -173,7 +178,9 @@ def _first_equal(rows):
 
 @njit(cache=True, nogil=True)
 def shells(faces, count):
-    """Returns (count,) the shell (0, 1, ... by first vertex) of each vertex, connected by ``faces``."""
+    """Returns (count,) the shell (connected component) of each vertex. Shells are numbered 0, 1, ... in the
+    order of their first vertices.
+    """
     parent = np.arange(count)
     for f in range(faces.shape[0]):
         for c in range(1, 3):
@@ -262,8 +269,7 @@ def _split_faces(faces, middle, lengths):
         a, b, c = faces[f, s], faces[f, (s + 1) % 3], faces[f, (s + 2) % 3]
         ab, bc, ca = middle[f, s], middle[f, (s + 1) % 3], middle[f, (s + 2) % 3]
         for side in range(2):
-            # Process the half a-ab-c, with the cut ca, and the half ab-b-c, with the cut bc. Each stays whole
-            # or is split once more.
+            # Process both halves: a-ab-c may be split at ca, and ab-b-c may be split at bc.
             corner, cut = (a, ca) if side == 0 else (b, bc)
             if cut < 0:
                 out[n, 0], out[n, 1], out[n, 2] = (corner, ab, c) if side == 0 else (ab, corner, c)

@@ -1,7 +1,7 @@
 """The materials of a mesh with encoded textures, in the form of glTF 2.0, and its texture coordinates.
 
-Nothing is decoded: images stay the bytes of the file, and a material stays its JSON. Texture coordinates
-belong to the corners of faces, so vertices can be welded safely.
+Nothing is decoded: an image is stored as the bytes of its file, and a material as its JSON. Texture
+coordinates are stored per face corner, not per vertex, so vertices can be welded safely.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Texture:
 
     Attributes:
         image: (N,) the bytes of a PNG or JPEG file.
-        sampler: the JSON of a glTF sampler. Empty for none.
+        sampler: the JSON of a glTF sampler. Empty if there is none.
     """
 
     image: UInt8
@@ -34,13 +34,15 @@ class Texture:
 
     def __post_init__(self) -> None:
         if not self.kind:
-            raise InputError("a texture is neither PNG nor JPEG", where="materials", mend=_EXPORT_ADVICE)
+            raise InputError("a texture is neither PNG nor JPEG", where="materials", remedy=_EXPORT_ADVICE)
         if self.sampler:
             _material_object(self.sampler)
 
     @property
     def kind(self) -> str:
-        """The image's media type by its first bytes. Empty for a type that glTF does not allow."""
+        """The image's media type, determined from its first bytes. Empty for a type that glTF does not
+        allow.
+        """
         head = np.asarray(self.image, np.uint8)[:8].tobytes()
         return "image/png" if head == b"\x89PNG\r\n\x1a\n" else "image/jpeg" * (head[:3] == b"\xff\xd8\xff")
 
@@ -52,13 +54,14 @@ class MeshMaterials:
     Attributes:
         definitions: JSON objects of glTF materials. They refer to textures by their number in ``textures``.
         textures: the textures of the materials.
-        of: (F,) int32 the material of each face, or -1 for none. Without material, only vertex colours apply.
+        of: (F,) int32 the material of each face, or -1 for none. A face without material shows only its
+            vertex colours.
         uvs: (F, 3, S, 2) float32, the S sets of texture coordinates of each corner.
-        tints: (F, 3, 4) float32, the linear colour and opacity of each corner, multiplied with the
-            material's. None for white.
+        tints: (F, 3, 4) float32, the linear colour and opacity of each corner. They are multiplied with those
+            of the material. None for white.
 
     Raises:
-        InputError: if the parts do not match.
+        InputError: if the shapes or numbers of the arrays do not match.
     """
 
     definitions: tuple[str, ...]
@@ -74,9 +77,9 @@ class MeshMaterials:
             object.__setattr__(self, "tints", np.ascontiguousarray(self.tints, np.float32))
         faces, problem = len(self.of), ""
         for material in self.definitions:
-            named = textures_in(_material_object(material))
-            if named and not 0 <= min(named) <= max(named) < len(self.textures):
-                problem = f"a material names texture {max(named)} of {len(self.textures)}"
+            texture_numbers = textures_in(_material_object(material))
+            if texture_numbers and not 0 <= min(texture_numbers) <= max(texture_numbers) < len(self.textures):
+                problem = f"a material names texture {max(texture_numbers)} of {len(self.textures)}"
         if self.uvs.ndim != 4 or self.uvs.shape[:2] != (faces, 3) or self.uvs.shape[3] != 2:
             problem = f"the texture coordinates are {self.uvs.shape}, expected ({faces}, 3, S, 2)"
         elif self.tints is not None and self.tints.shape != (faces, 3, 4):
@@ -86,10 +89,10 @@ class MeshMaterials:
         elif not (np.isfinite(self.uvs).all() and (self.tints is None or np.isfinite(self.tints).all())):
             problem = "a corner's place in a texture, or its tint, is not finite"
         if problem:
-            raise InputError(problem, where="materials", mend=_EXPORT_ADVICE)
+            raise InputError(problem, where="materials", remedy=_EXPORT_ADVICE)
 
     def taken(self, faces: Int | Bool) -> MeshMaterials:
-        """Returns the materials of some faces, by number or by mask."""
+        """Returns the materials of some faces, which are selected by number or by mask."""
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
@@ -102,10 +105,10 @@ class MeshMaterials:
         return replace(self, uvs=uvs, tints=tints)
 
     def within(self, faces: Int, shares: Float) -> MeshMaterials:
-        """Returns the materials of new faces (K,) that lie in old ones.
+        """Returns the materials of K new faces that lie within old faces.
 
         Args:
-            faces: (K,) the old face that contains each. -1 for none, which gives no material.
+            faces: (K,) the old face that contains each new face. -1 for none: the new face gets no material.
             shares: (K, 3, 3) barycentric coordinates of each new corner in the old face.
         """
         if not len(self.of):
@@ -138,7 +141,7 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
     of, uvs, tints = list[Int32](), list[Float32](), list[Float32]()
     for group, count in groups:
         material_numbers: Int32 = np.full(count, -1, np.int32)
-        place = np.zeros((count, 3, sets, 2), np.float32)
+        padded_uvs = np.zeros((count, 3, sets, 2), np.float32)
         tint = np.ones((count, 3, 4), np.float32)
         if group is not None:
             texture_of = [
@@ -149,14 +152,14 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
             number = np.array(
                 [*(materials.setdefault(text, len(materials)) for text in definitions), -1], np.int32
             )
-            material_numbers, place[:, :, : group.uvs.shape[2]] = number[group.of], group.uvs
+            material_numbers, padded_uvs[:, :, : group.uvs.shape[2]] = number[group.of], group.uvs
             tint = tint if group.tints is None else group.tints
         of.append(material_numbers)
-        uvs.append(place)
+        uvs.append(padded_uvs)
         tints.append(tint)
-    kept = tuple(texture for _, texture in textures.values())
+    all_textures = tuple(texture for _, texture in textures.values())
     all_tints = np.concatenate(tints) if tinted else None
-    return MeshMaterials(tuple(materials), kept, np.concatenate(of), np.concatenate(uvs), all_tints)
+    return MeshMaterials(tuple(materials), all_textures, np.concatenate(of), np.concatenate(uvs), all_tints)
 
 
 def textures_in(material: Any) -> list[int]:
@@ -175,14 +178,14 @@ def renumbered(material: str, number: Callable[[int], int]) -> str:
 
 def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
     """Replaces every texture number in a JSON value by the result of ``number``."""
-    for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-        if isinstance(key, str) and key.endswith("Texture") and isinstance(inner, dict):
-            at = inner.get("index")
-            if not isinstance(at, int) or isinstance(at, bool):
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+        if isinstance(key, str) and key.endswith("Texture") and isinstance(item, dict):
+            texture_number = item.get("index")
+            if not isinstance(texture_number, int) or isinstance(texture_number, bool):
                 raise InputError(f"a material's {key} names no texture", where="materials")
-            inner["index"] = number(at)
-        if isinstance(inner, (dict, list)):
-            _replace_texture_numbers(inner, number)
+            item["index"] = number(texture_number)
+        if isinstance(item, (dict, list)):
+            _replace_texture_numbers(item, number)
 
 
 def _refuse_constant(constant: str) -> None:
@@ -197,21 +200,22 @@ def _material_object(material: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         value = None
     if not isinstance(value, dict):
-        raise InputError("a material is not a JSON object", where="materials", mend=_EXPORT_ADVICE)
+        raise InputError("a material is not a JSON object", where="materials", remedy=_EXPORT_ADVICE)
     return value
 
 
 def barycentric(points: Float, corners: Float) -> Float:
-    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3), within 0..1, with
-    sum one."""
+    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3). They lie within 0..1,
+    and their sum is one.
+    """
     u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
     wu, wv = (w * u).sum(1), (w * v).sum(1)
     area = uu * vv - uv * uv
-    good = area > 1e-14 * np.maximum(uu, vv) ** 2
-    scale = np.where(good, area, 1.0)
-    b = np.where(good, (vv * wu - uv * wv) / scale, 0.0)
-    c = np.where(good, (uu * wv - uv * wu) / scale, 0.0)
+    is_regular = area > 1e-14 * np.maximum(uu, vv) ** 2
+    scale = np.where(is_regular, area, 1.0)
+    b = np.where(is_regular, (vv * wu - uv * wv) / scale, 0.0)
+    c = np.where(is_regular, (uu * wv - uv * wu) / scale, 0.0)
     coordinates = np.clip(np.stack([1 - b - c, b, c], 1), 0.0, 1.0)
     return np.asarray(coordinates / coordinates.sum(1, keepdims=True))
 
@@ -219,15 +223,16 @@ def barycentric(points: Float, corners: Float) -> Float:
 def materials_within(
     own: MeshMaterials | None, old: AnyArray, corners: Float, faces: Int
 ) -> MeshMaterials | None:
-    """Returns the materials of new faces, by the position of their corners in old faces. None stays None.
+    """Interpolates materials at the corners of new faces that lie within old faces. Returns None if there are
+    no materials.
 
     Args:
-        old: (F, 3, 3) metres, the corners of the old faces.
-        corners: (K, 3, 3) metres, those of the new ones.
-        faces: (K,) the old face that contains each, or -1.
+        old: (F, 3, 3) corners of the old faces, metres.
+        corners: (K, 3, 3) corners of the new faces, metres.
+        faces: (K,) the old face that contains each new face, or -1.
     """
     if own is None:
         return None
-    around = np.repeat(old[faces] if len(old) else np.zeros((len(faces), 3, 3)), 3, 0)
-    shares = barycentric(corners.reshape(-1, 3), around)
-    return own.within(faces, shares.reshape(-1, 3, 3))
+    old_corners = np.repeat(old[faces] if len(old) else np.zeros((len(faces), 3, 3)), 3, 0)
+    coordinates = barycentric(corners.reshape(-1, 3), old_corners)
+    return own.within(faces, coordinates.reshape(-1, 3, 3))

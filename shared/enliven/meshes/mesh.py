@@ -1,4 +1,4 @@
-"""A triangle mesh: vertices, faces, normals, areas; welding, refinement and scaling to a height."""
+"""The triangle mesh: vertices, faces, normals and areas, with welding, refinement and scaling to a height."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ _MAX_STANDING_OFFSET = 0.02
 """Maximum distance of the lowest point from zero, as a fraction of the mesh's extent, for a mesh that was
 modelled to stand on zero."""
 _LYING_RATIO = 4.0
-"""Ratio of length to height above which a mesh may lie on its side. A crocodile has more, a horse 1.5."""
+"""If length divided by height is above this ratio, the mesh may lie on its side. A horse has a ratio of 1.5.
+(A crocodile has a larger ratio although it stands upright.)"""
 
 
 _UNCOLOURED_SRGB = 204
-"""sRGB for the vertices of a mesh without colours when it is joined with a coloured mesh."""
+"""sRGB grey value for the vertices of a mesh without colours that is joined with a coloured mesh."""
 Paint = tuple[UInt8 | None, Float32 | None]
-"""The paint of vertices: (V, 3) sRGB and (V,) stiffness. Each is None if it is missing."""
+"""The vertex paint: (V, 3) sRGB colours and (V,) stiffness. Each is None if it is missing."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,11 @@ class Mesh:
     """A triangle mesh.
 
     Attributes:
-        vertices: (V, 3) float64, metres once it is fitted.
+        vertices: (V, 3) float64. In metres after :func:`fit_height`, before that in the unit of the file.
         faces: (F, 3) int32, counter-clockwise seen from outside.
         name: its display name.
-        colours: (V, 3) uint8 sRGB, or None. If there are materials, too, programs without textures draw the
-            colours.
+        colours: (V, 3) uint8 sRGB, or None. If there are materials too, programs that cannot draw textures
+            draw these colours.
         materials: the materials of the faces, or None.
         stiffness: (V,) float32 above 0, as painted by an artist. Above 1, the surface bends less when
             performers move it, and below 1 it bends more. None means 1 everywhere.
@@ -77,10 +78,12 @@ class Mesh:
         elif self.stiffness is not None:
             problem = stiffness_error(self.stiffness, len(self.vertices))
         if problem:
-            raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
+            raise InputError(problem, where=f"mesh {self.name!r}", remedy="Export the mesh again.")
 
     def with_faces(self, keep: Bool | Int) -> Mesh:
-        """Returns the mesh with some of its faces, by mask or by number, and all vertices."""
+        """Returns the mesh with all its vertices, but only some of its faces, which are selected by mask or
+        by number.
+        """
         materials = None if self.materials is None else self.materials.taken(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
@@ -94,7 +97,7 @@ class Mesh:
 
     @cached_property
     def area(self) -> float:
-        """Square metres of all faces (one side)."""
+        """Surface area, square metres. Each face counts once."""
         return float(face_areas(self.vertices, self.faces).sum() / 2)
 
     @property
@@ -112,7 +115,9 @@ class Mesh:
         return rows
 
     def paint_at(self, kept: Bool | Int) -> Paint:
-        """Returns colours and stiffness of some vertices, by mask or by number. None for missing paint."""
+        """Returns colours and stiffness of some vertices, which are selected by mask or by number. None for
+        missing paint.
+        """
         colours = None if self.colours is None else self.colours[kept]
         return colours, None if self.stiffness is None else self.stiffness[kept]
 
@@ -147,64 +152,67 @@ def stiffness_error(stiffness: Float32, count: int) -> str:
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:
     """Merges vertices at equal positions. Returns the mesh, and (V,) the welded vertex of each vertex.
 
-    Mesh files duplicate a vertex if its faces differ in normals, colours or texture coordinates. Connectivity
-    must be computed without these seams. Paint is dropped, and faces keep their order.
+    Mesh files duplicate a vertex if its faces differ in normals, colours or texture coordinates. Welding
+    removes these seams, so that connectivity can be computed. Paint is dropped, and faces keep their order.
     """
-    first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
-    if np.array_equal(first, np.arange(len(first))):
-        return Mesh(mesh.vertices, mesh.faces, mesh.name), first
-    kept = np.flatnonzero(first == np.arange(len(first)))
-    number = np.zeros(len(first), np.int64)
-    number[kept] = np.arange(len(kept))
-    welded_of = number[first]
-    return Mesh(mesh.vertices[kept], welded_of[mesh.faces].astype(np.int32), mesh.name), welded_of
+    first_equal = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
+    if np.array_equal(first_equal, np.arange(len(first_equal))):
+        return Mesh(mesh.vertices, mesh.faces, mesh.name), first_equal
+    kept_vertices = np.flatnonzero(first_equal == np.arange(len(first_equal)))
+    number = np.zeros(len(first_equal), np.int64)
+    number[kept_vertices] = np.arange(len(kept_vertices))
+    welded_of = number[first_equal]
+    return Mesh(mesh.vertices[kept_vertices], welded_of[mesh.faces].astype(np.int32), mesh.name), welded_of
 
 
 def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
     """Returns the faces selected by ``keep_faces`` (F,), and the vertices that they use."""
-    kept = mesh.with_faces(keep_faces)
-    faces = kept.faces
+    kept_mesh = mesh.with_faces(keep_faces)
+    faces = kept_mesh.faces
     used = np.zeros(len(mesh.vertices), bool)
     used[faces] = True
     number = np.cumsum(used) - 1
     colours, stiffness = mesh.paint_at(used)
     vertices, faces = mesh.vertices[used], number[faces].astype(np.int32)
-    return Mesh(vertices, faces, mesh.name, colours, kept.materials, stiffness)
+    return Mesh(vertices, faces, mesh.name, colours, kept_mesh.materials, stiffness)
 
 
 def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
-    """Returns the same surface with no edge longer than ``longest`` metres, so that it can bend smoothly.
+    """Subdivides a surface until no edge is longer than ``longest`` metres, so that it can bend smoothly.
 
     Long edges are split repeatedly. Both sides of an edge are split at the same point, also if its vertices
-    are duplicated, so no cracks open. The first V vertices are those of ``mesh``. It stops early after a
-    complete pass if the next would exceed ``most_vertices``.
+    are duplicated, so no cracks open. The first V vertices are those of ``mesh``. The subdivision stops early
+    if the next pass would exceed ``most_vertices``.
     """
     if not longest > 0:
-        raise InputError(f"the longest edge is {longest} m", where="refine", mend="Give a length above 0.")
+        raise InputError(f"the longest edge is {longest} m", where="refine", remedy="Give a length above 0.")
     while True:
         vertices, faces, parents, origin = split_long_edges(mesh.vertices, mesh.faces, longest)
         if len(parents) == 0 or len(vertices) > most_vertices:
             return mesh
         colours = mesh.colours
         if colours is not None:
-            middle = colours[parents].astype(np.uint16).sum(1) // 2
-            colours = np.concatenate([colours, middle.astype(np.uint8)])
+            mean_colours = colours[parents].astype(np.uint16).sum(1) // 2
+            colours = np.concatenate([colours, mean_colours.astype(np.uint8)])
         stiffness = mesh.stiffness
         if stiffness is not None:
-            between = np.exp(np.log(stiffness[parents]).mean(1))
-            stiffness = np.concatenate([stiffness, between.astype(np.float32)])
+            mean_stiffness = np.exp(np.log(stiffness[parents]).mean(1))
+            stiffness = np.concatenate([stiffness, mean_stiffness.astype(np.float32)])
         materials = materials_within(mesh.materials, mesh.vertices[mesh.faces], vertices[faces], origin)
         mesh = Mesh(vertices, faces, mesh.name, colours, materials, stiffness)
 
 
 def upright(mesh: Mesh, up: Axis) -> Mesh:
-    """Returns the mesh rotated so that its own axis ``up`` points along +Y. z-up turns -Y to +Z, as
-    Blender does."""
+    """Rotates the mesh so that its axis ``up`` points along +Y. With z up, -Y is rotated to +Z, as Blender
+    does.
+    """
     return mesh if up == "y" else replace(mesh, vertices=mesh.vertices @ _UP_ROTATIONS[up].T)
 
 
 def guess_up(mesh: Mesh) -> tuple[Axis, str]:
-    """Guesses the upward axis of a mesh from its lowest points. Adds a note if another axis is possible."""
+    """Guesses the upward axis of a mesh from its lowest points. Returns the axis, and a note if another axis
+    is possible.
+    """
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low
     stands = (np.abs(low) <= _MAX_STANDING_OFFSET * size) & (size > 0)
@@ -217,25 +225,27 @@ def guess_up(mesh: Mesh) -> tuple[Axis, str]:
 
 
 def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
-    """Returns the mesh upright, ``height`` metres tall, standing on y = 0, its box centred on x and z.
+    """Rotates a mesh upright, scales it to ``height`` metres, and places it on y = 0.
+
+    The centre of its bounding box gets x = 0 and z = 0.
 
     Args:
-        mesh: in any unit.
-        height: metres from its lowest to its highest point, once ``up`` is turned to +Y.
-        up: the axis of the mesh that points up. z-up turns -Y to +Z, as Blender's export does.
+        mesh: the mesh, in any unit.
+        height: metres from the lowest to the highest point, after ``up`` was rotated to +Y.
+        up: the axis of the mesh that points up. With z up, -Y is rotated to +Z, as Blender's export does.
 
     Raises:
         InputError: if the mesh has no extent along ``up``, or ``height`` is not positive.
     """
     if not (np.isfinite(height) and height > 0):
-        raise InputError(f"the height is {height} m", where=mesh.name, mend="Give a height above 0.")
-    turned = upright(mesh, up).vertices
-    low, high = turned.min(0), turned.max(0)
+        raise InputError(f"the height is {height} m", where=mesh.name, remedy="Give a height above 0.")
+    rotated_vertices = upright(mesh, up).vertices
+    low, high = rotated_vertices.min(0), rotated_vertices.max(0)
     if not high[1] - low[1] > 1e-9 * max(1e-30, float((high - low).max())):
         raise InputError(
             f"the mesh is flat along {up}, it has no height to fit",
             where=mesh.name,
-            mend="Name another axis as up.",
+            remedy="Name another axis as up.",
         )
-    foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-    return replace(mesh, vertices=(turned - foot) * (height / (high[1] - low[1])))
+    base = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    return replace(mesh, vertices=(rotated_vertices - base) * (height / (high[1] - low[1])))

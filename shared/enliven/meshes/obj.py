@@ -32,7 +32,7 @@ _SPACE_BYTES = (ord(" "), ord("\t"))
 
 
 class _WrongLine(Exception):
-    """An error in the line that starts at a byte of the file."""
+    """An error in the line that starts at the given byte of the file."""
 
     def __init__(self, offset: int, what: str) -> None:
         super().__init__(what)
@@ -40,7 +40,7 @@ class _WrongLine(Exception):
 
 
 class _Lines(NamedTuple):
-    """The lines of a block: start and length of each, and the first two letters of its first word."""
+    """The lines of a block of text: start, length, and the first two letters of the first word of each."""
 
     starts: Int
     lengths: Int
@@ -61,10 +61,10 @@ class _Faces:
     """The polygons of a file, one list entry per block.
 
     Attributes:
-        corners: (C, 3) vertex, texture coordinate and normal of each corner. -1 for none.
-        sizes: (P,) corners of each polygon.
-        materials: (P,) number in ``names``, -1 for none.
-        offsets: (P,) byte of the file at the start of its line.
+        corners: (C, 3) numbers of vertex, texture coordinate and normal of each corner. -1 for none.
+        sizes: (P,) number of corners of each polygon.
+        materials: (P,) material number in ``names`` of each polygon, -1 for none.
+        offsets: (P,) byte offset in the file of each polygon's line.
         vertices_in_block: the number of vertices in each block of the file.
     """
 
@@ -89,10 +89,10 @@ def read_obj(data: bytes, beside: ReferencedFiles, name: str = "mesh") -> tuple[
     Vertices are split if corners differ in texture coordinates or normals, and at material boundaries.
 
     Args:
-        beside: opens the material files that it names.
+        beside: opens the material files to which the file refers.
 
     Raises:
-        DamagedMeshError: if a line is wrong, which it names, or if there are no faces.
+        DamagedMeshError: if a line is wrong (the message gives its number), or if the file has no faces.
     """
     text = text_bytes(data)
     try:
@@ -108,10 +108,10 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     corners, sizes = _concatenate_parts(faces.corners, (0, 3)), _concatenate_parts(faces.sizes, (0,))
     if not (sizes > 2).any():
         raise InputError("it has no faces")
-    wrong = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
-    if len(wrong):
-        polygon = np.searchsorted(np.cumsum(sizes), wrong[0], "right")
-        problem = f"a face names vertex {corners[wrong[0], 0] + 1} of {faces.vertex_count}"
+    invalid_corners = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
+    if len(invalid_corners):
+        polygon = np.searchsorted(np.cumsum(sizes), invalid_corners[0], "right")
+        problem = f"a face names vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
         raise _WrongLine(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
@@ -119,11 +119,11 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     corners[:, 0] = np.searchsorted(np.flatnonzero(is_used), corners[:, 0])
     notes = list[str]()
     if len(vertices) < faces.vertex_count:
-        loose = faces.vertex_count - len(vertices)
-        notes.append(f"dropped {loose} of {faces.vertex_count} vertices that no face uses")
+        unused_count = faces.vertex_count - len(vertices)
+        notes.append(f"dropped {unused_count} of {faces.vertex_count} vertices that no face uses")
     palette = _read_palette(faces, beside, notes)
     materials = _concatenate_parts(faces.materials, (0,))
-    _, places = triangulate(vertices, corners[:, 0], sizes)
+    _, used_corners = triangulate(vertices, corners[:, 0], sizes)
     kinds = np.column_stack([corners, np.repeat(materials, sizes)])
     split, source, kind = _split_vertices(kinds)
     vertices = vertices[source]
@@ -131,7 +131,7 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
         colours = palette[kind]
     elif colours is not None:
         colours = colours[source]
-    return Mesh(vertices, split[places].astype(np.int32), name, colours), notes
+    return Mesh(vertices, split[used_corners].astype(np.int32), name, colours), notes
 
 
 def _concatenate_parts(parts: list[Int], empty: tuple[int, ...]) -> Int:
@@ -168,19 +168,21 @@ def _read_faces(text: bytes) -> _Faces:
         kinds = np.stack(
             [lines.starting_with("v"), lines.starting_with("v", "t"), lines.starting_with("v", "n")], 1
         )
-        before = counts + np.cumsum(kinds, 0) - kinds
+        counts_before = counts + np.cumsum(kinds, 0) - kinds
         counts = counts + kinds.sum(0)
         faces.vertices_in_block.append(int(kinds[:, 0].sum()))
         are_faces = lines.starting_with("f")
         materials = _materials_by_line(block, lines, faces)
         if not are_faces.any():
             continue
-        at = offset + lines.starts[are_faces]
-        corners, sizes = _read_polygons(_number_lines(block, lines, are_faces), at, before[are_faces])
+        line_offsets = offset + lines.starts[are_faces]
+        corners, sizes = _read_polygons(
+            _number_lines(block, lines, are_faces), line_offsets, counts_before[are_faces]
+        )
         faces.corners.append(corners)
         faces.sizes.append(sizes)
         faces.materials.append(materials[are_faces])
-        faces.offsets.append(at)
+        faces.offsets.append(line_offsets)
     return faces
 
 
@@ -207,7 +209,7 @@ def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     """Returns (C, 3) corners and (P,) sizes of the face lines in ``chunk``.
 
     Args:
-        offsets: (P,) byte of the file at the start of each line.
+        offsets: (P,) byte offset in the file of each line.
         before: (P, 3) number of vertices, texture coordinates and normals above each line, for negative
             indices.
     """
@@ -217,16 +219,16 @@ def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     starts = word_starts(chunk)
     polygon = word_lines(chunk, starts)
     slashes = np.frombuffer(chunk, np.uint8) == ord("/")
-    parts = 1 + (np.add.reduceat(slashes, starts, dtype=np.int64) if len(starts) else starts)
+    part_counts = 1 + (np.add.reduceat(slashes, starts, dtype=np.int64) if len(starts) else starts)
     try:
         numbers = parse_numbers(chunk.replace(b"/", b" "), np.int64)
     except WrongWordError as error:
         raise _WrongLine(int(offsets[error.line]), error.what) from None
-    first = np.cumsum(parts) - parts
+    first_parts = np.cumsum(part_counts) - part_counts
     corners = np.full((len(starts), 3), -1, np.int64)
     for column in range(3):
-        has = np.flatnonzero(parts > column)
-        indices = numbers[first[has] + column]
+        has = np.flatnonzero(part_counts > column)
+        indices = numbers[first_parts[has] + column]
         corners[has, column] = np.where(indices < 0, before[polygon[has], column] + indices, indices - 1)
         wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
         if wrong.any():
@@ -288,7 +290,8 @@ def _colour_bytes(colours: Float) -> UInt8 | None:
 
 
 def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> UInt8 | None:
-    """Returns (M + 1, 3) sRGB of each used material, grey for the last entry (no material).
+    """Returns (M + 1, 3) sRGB colours of the M used materials. The last entry is the grey of faces without
+    material.
 
     Returns None if no material has a colour.
     """
@@ -330,20 +333,21 @@ def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
 
 
 def _split_vertices(kinds: Int) -> tuple[Int, Int, Int]:
-    """Splits vertices with differing corners.
+    """Splits vertices if their corners differ in texture coordinate, normal or material.
 
-    Vertices of the last material come first, then each material's in the order of the file. Stored sessions
-    refer to vertices by their numbers in this order, so it must not change.
+    Vertices of the last material come first, then those of the other materials in the order of the file.
+    Stored sessions refer to vertices by their numbers in this order, so it must not change.
 
     Args:
         kinds: (C, 4) vertex, texture coordinate, normal and material of each corner.
 
     Returns:
-        (C,) the new vertex of each corner, and for each new vertex (N,) its old vertex and (N,) its material.
+        (C,) the new vertex of each corner, (N,) the old vertex of each new vertex, and (N,) the material of
+        each new vertex.
     """
     key = np.zeros(len(kinds), np.int64)
     for column in (-kinds[:, 3], kinds[:, 0], kinds[:, 1], kinds[:, 2]):
-        kept, other = np.unique(column, return_inverse=True)
-        key = np.unique(key * len(kept) + other.reshape(-1), return_inverse=True)[1].reshape(-1)
-    _, first, key = np.unique(key, return_index=True, return_inverse=True)
-    return key.reshape(-1), kinds[first, 0], kinds[first, 3]
+        distinct, new_indices = np.unique(column, return_inverse=True)
+        key = np.unique(key * len(distinct) + new_indices.reshape(-1), return_inverse=True)[1].reshape(-1)
+    _, first_corners, key = np.unique(key, return_index=True, return_inverse=True)
+    return key.reshape(-1), kinds[first_corners, 0], kinds[first_corners, 3]

@@ -1,4 +1,6 @@
-"""Opens the encoded image of a texture, so that its size is known before memory is allocated."""
+"""Opens the encoded image of a texture without decoding it, so that its size can be checked before memory is
+allocated.
+"""
 
 from __future__ import annotations
 

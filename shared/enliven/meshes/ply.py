@@ -19,23 +19,24 @@ _NUMPY_TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8",
 }  # fmt: skip
-"""NumPy's name of each type of a header."""
+"""NumPy type for each type name in a PLY header."""
 _MAX_PROPERTIES = 256
 """Maximum number of properties in a file. Scanners write about 20."""
 _MAX_HEAD_BYTES = 1 << 16
 """Maximum size of a header with its comments, in bytes."""
 _MAX_SIDES = 1 << 16
-"""Maximum number of corners of a polygon. The outline of a scan has a few thousand."""
+"""Maximum number of corners of a polygon. Even the outline of a scan has only a few thousand."""
 _HEADER_END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
 _CORNER_PROPERTIES = ("vertex_indices", "vertex_index", "vertex_indexes")
 
 
 @dataclass
 class _Element:
-    """A table of the file.
+    """A table of the file, such as its vertices or its faces.
 
     Attributes:
-        properties: (name, type, type of the count or "") of each column. A list has a count.
+        properties: (name, type, type of the count) of each column. The type of the count is empty unless the
+            column contains lists.
     """
 
     name: str
@@ -44,7 +45,7 @@ class _Element:
 
     @property
     def has_lists(self) -> bool:
-        """True if rows differ in length."""
+        """True if a column contains lists, so that rows may differ in length."""
         return any(count for _, _, count in self.properties)
 
 
@@ -57,10 +58,10 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     kind, elements, body = _read_head(data)
     tables = _ascii_tables(elements, body) if kind == "ascii" else _binary_tables(elements, body, kind)
     notes = list[str]()
-    rest = tables.pop("", None)
-    if rest is not None:
+    extra = tables.pop("", None)
+    if extra is not None:
         notes.append(
-            f"ignored {len(rest['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element"
+            f"ignored {len(extra['rest'])} {'numbers' if kind == 'ascii' else 'bytes'} after its last element"
         )
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not all(axis in vertex for axis in "xyz"):
@@ -70,10 +71,10 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
     sizes = face[f"{key} count"] if key else np.empty(0, np.int64)
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(vertices):
-        at = int(np.argmax((corners < 0) | (corners >= len(vertices))))
-        polygon = int(np.searchsorted(np.cumsum(sizes), at, "right"))
+        bad_corner = int(np.argmax((corners < 0) | (corners >= len(vertices))))
+        polygon = int(np.searchsorted(np.cumsum(sizes), bad_corner, "right"))
         raise DamagedMeshError(
-            f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}"
+            f"face {polygon} names vertex {corners[bad_corner]}, and there are 0..{len(vertices) - 1}"
         )
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _vertex_colours(vertex)), notes
@@ -120,21 +121,21 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
     element."""
     tables: dict[str, dict[str, AnyArray]] = {}
     numbers = parse_numbers(text_bytes(body))
-    at = 0
+    offset = 0
     for element in elements:
         width = len(element.properties)
         if not element.has_lists:
-            rows = numbers[at : at + element.count * width]
+            rows = numbers[offset : offset + element.count * width]
             if len(rows) < element.count * width:
                 raise _early_end_error(element)
             columns = rows.reshape(-1, width).T if width else rows.reshape(0, 0)
             properties = zip(element.properties, columns, strict=True)
             tables[element.name] = {word: _typed_column(column, of) for (word, of, _), column in properties}
-            at += element.count * width
+            offset += element.count * width
             continue
-        tables[element.name], at = _walk_ascii(element, numbers, at)
-    if at < len(numbers):
-        tables[""] = {"rest": numbers[at:]}
+        tables[element.name], offset = _walk_ascii(element, numbers, offset)
+    if offset < len(numbers):
+        tables[""] = {"rest": numbers[offset:]}
     return tables
 
 
@@ -162,15 +163,15 @@ def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, A
         for word, _, count in element.properties:
             if at >= len(numbers):
                 raise _early_end_error(element)
-            many = 1
+            list_length = 1
             if count:
-                many = _list_length(float(numbers[at]))
-                counts.setdefault(word, []).append(many)
+                list_length = _list_length(float(numbers[at]))
+                counts.setdefault(word, []).append(list_length)
                 at += 1
-            if at + many > len(numbers):
+            if at + list_length > len(numbers):
                 raise _early_end_error(element)
-            parts.setdefault(word, []).append(numbers[at : at + many])
-            at += many
+            parts.setdefault(word, []).append(numbers[at : at + list_length])
+            at += list_length
     return _joined_columns(parts, counts), at
 
 
@@ -194,19 +195,19 @@ def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str
     """Returns the tables of a binary body; see :func:`_ascii_tables`."""
     order = "<" if kind == "binary_little_endian" else ">"
     tables: dict[str, dict[str, AnyArray]] = {}
-    at = 0
+    offset = 0
     for element in elements:
         if element.has_lists:
-            tables[element.name], at = _walk_binary(element, body, at, order)
+            tables[element.name], offset = _walk_binary(element, body, offset, order)
             continue
         row = np.dtype([(f"{k}", order + of) for k, (_, of, _) in enumerate(element.properties)])
-        if at + element.count * row.itemsize > len(body):
+        if offset + element.count * row.itemsize > len(body):
             raise _early_end_error(element)
-        table = np.frombuffer(body, row, element.count, at) if row.itemsize else np.empty(0, row)
-        at += element.count * row.itemsize
+        table = np.frombuffer(body, row, element.count, offset) if row.itemsize else np.empty(0, row)
+        offset += element.count * row.itemsize
         tables[element.name] = {word: table[f"{k}"] for k, (word, _, _) in enumerate(element.properties)}
-    if at < len(body):
-        tables[""] = {"rest": np.frombuffer(body, np.uint8, -1, at)}
+    if offset < len(body):
+        tables[""] = {"rest": np.frombuffer(body, np.uint8, -1, offset)}
     return tables
 
 
@@ -217,14 +218,14 @@ def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[d
     """
     if element.count == 0:
         return {}, at
-    row, many = _row_at(element, body, at, order)
+    row, value_counts = _row_at(element, body, at, order)
     if row.itemsize and at + element.count * row.itemsize <= len(body):
         table = np.frombuffer(body, row, element.count, at)
         lists = [k for k, (_, _, count) in enumerate(element.properties) if count]
-        if all((table[f"n{k}"] == many[k]).all() for k in lists):
+        if all((table[f"n{k}"] == value_counts[k]).all() for k in lists):
             columns = {word: table[f"{k}"].reshape(-1) for k, (word, _, _) in enumerate(element.properties)}
             for k in lists:
-                columns[f"{element.properties[k][0]} count"] = np.full(element.count, many[k])
+                columns[f"{element.properties[k][0]} count"] = np.full(element.count, value_counts[k])
             return columns, at + element.count * row.itemsize
     return _walk_rows(element, body, at, order)
 
@@ -236,17 +237,17 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
         for _, of, count in element.properties
     ]
     endian: Literal["little", "big"] = "little" if order == "<" else "big"
-    places: list[list[int]] = [[] for _ in sizes]
+    value_offsets: list[list[int]] = [[] for _ in sizes]
     counts: list[list[int]] = [[] for _ in sizes]
     for _ in range(element.count):
         for k, (counted, size) in enumerate(sizes):
-            many = 1
+            list_length = 1
             if counted:
-                many = int.from_bytes(body[at : at + counted], endian)
+                list_length = int.from_bytes(body[at : at + counted], endian)
                 at += counted
-                counts[k].append(many)
-            places[k].append(at)
-            at += many * size
+                counts[k].append(list_length)
+            value_offsets[k].append(at)
+            at += list_length * size
         if at > len(body):
             raise _early_end_error(element)
     columns: dict[str, AnyArray] = {}
@@ -254,9 +255,9 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
     for k, (word, of, count) in enumerate(element.properties):
         lengths = np.array(counts[k], np.int64) if count else np.ones(element.count, np.int64)
         _list_length(float(lengths.max(initial=0)))
-        within = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-        first = np.repeat(np.array(places[k], np.int64), lengths) + within * sizes[k][1]
-        values = raw[first[:, None] + np.arange(sizes[k][1])]
+        index_in_list = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        first_bytes = np.repeat(np.array(value_offsets[k], np.int64), lengths) + index_in_list * sizes[k][1]
+        values = raw[first_bytes[:, None] + np.arange(sizes[k][1])]
         columns[word] = values.reshape(-1).view(order + of)
         if count:
             columns[f"{word} count"] = lengths
@@ -264,10 +265,10 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
 
 
 def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dtype, list[int]]:  # type: ignore[type-arg]
-    """Returns the layout of the row at an offset, and the length of each of its lists (1 for a plain
-    column)."""
+    """Returns the layout of the row at an offset, and the number of values in each column (1 for a column
+    without lists)."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
-    many = list[int]()
+    value_counts = list[int]()
     for k, (_, of, count) in enumerate(element.properties):
         length = 1
         if count:
@@ -278,9 +279,9 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
             fields.append((f"n{k}", order + count))
             at += size
         fields.append((f"{k}", order + of, (length,)))
-        many.append(length)
+        value_counts.append(length)
         at += length * np.dtype(of).itemsize
-    return np.dtype(fields), many
+    return np.dtype(fields), value_counts
 
 
 def _vertex_colours(vertex: dict[str, AnyArray]) -> UInt8 | None:

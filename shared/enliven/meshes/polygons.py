@@ -1,4 +1,6 @@
-"""Triangulates the polygons of mesh files: convex ones become fans, others are cut by ear clipping."""
+"""Triangulates the polygons of mesh files: convex polygons become fans, and others are triangulated by ear
+clipping.
+"""
 
 from __future__ import annotations
 
@@ -9,39 +11,41 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.rotation import unit
 
 _MAX_STRAIGHT_SINE = 1e-9
-"""Maximum sine of the angle at three corners that count as collinear. It covers the rounding error of the
-cross product, which is far below that of float32 coordinates."""
+"""Maximum sine of the turning angle at a corner that counts as straight (three collinear points). It covers
+the rounding error of the cross product, which is far below that of float32 coordinates."""
 
 
 def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
     """Triangulates polygons. Each polygon of N corners becomes N - 2 triangles with its winding.
 
     Convex polygons become fans from their first corner. The others are projected along their mean normal and
-    cut by ear clipping, so that a notch stays empty. Every corner is used, which keeps shared edges closed.
+    triangulated by ear clipping, so that notches stay empty. Every corner is used, so that shared edges stay
+    closed.
 
     Args:
         vertices: (V, 3).
         corners: (C,) the vertices of all polygons, one polygon after the other.
-        sizes: (P,) the number of corners of each. Polygons of fewer than three are left out.
+        sizes: (P,) the number of corners of each polygon. Polygons with fewer than three corners are left
+            out.
 
     Returns:
-        (F, 3) triangles, and (F, 3) the numbers in ``corners`` of their corners.
+        (F, 3) vertices of the triangles, and (F, 3) the index in ``corners`` of each triangle corner.
     """
     sizes = np.asarray(sizes, np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
-    first = np.concatenate([[0], np.cumsum(np.maximum(sizes - 2, 0))]).astype(np.int64)
-    places: Int = np.empty((int(first[-1]), 3), np.int64)
+    first_triangles = np.concatenate([[0], np.cumsum(np.maximum(sizes - 2, 0))]).astype(np.int64)
+    corner_indices: Int = np.empty((int(first_triangles[-1]), 3), np.int64)
     for size in np.unique(sizes[sizes > 2]):
         of = np.flatnonzero(sizes == size)
         fan = np.stack([np.zeros(size - 2, int), np.arange(1, size - 1), np.arange(2, size)], 1)
-        places[first[of, None] + np.arange(size - 2)] = starts[of, None, None] + fan
+        corner_indices[first_triangles[of, None] + np.arange(size - 2)] = starts[of, None, None] + fan
         if size > 3:
             points = vertices[np.asarray(corners)[starts[of, None] + np.arange(size)]]
-            for at in np.flatnonzero(~_are_convex(points)):
-                polygon = of[at]
-                rows = slice(first[polygon], first[polygon + 1])
-                places[rows] = starts[polygon] + _cut_ears(points[at], fan)
-    return np.asarray(corners)[places].astype(np.int32), places
+            for polygon_index in np.flatnonzero(~_are_convex(points)):
+                polygon = of[polygon_index]
+                rows = slice(first_triangles[polygon], first_triangles[polygon + 1])
+                corner_indices[rows] = starts[polygon] + _cut_ears(points[polygon_index], fan)
+    return np.asarray(corners)[corner_indices].astype(np.int32), corner_indices
 
 
 def _mean_normals(points: Float) -> Float:
@@ -49,8 +53,8 @@ def _mean_normals(points: Float) -> Float:
 
     Zero for a polygon without area.
     """
-    apart = points - points[:, :1]
-    return unit(np.cross(apart, np.roll(apart, -1, 1)).sum(1))
+    relative = points - points[:, :1]
+    return unit(np.cross(relative, np.roll(relative, -1, 1)).sum(1))
 
 
 def _are_convex(points: Float) -> Bool:

@@ -1,4 +1,4 @@
-"""Repairs of a mesh: unusable vertices and faces are removed, and each repair is reported in a sentence."""
+"""Repairs a mesh: removes unusable vertices and faces, and reports each repair in a sentence."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from enliven.meshes.winding import repair_winding
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
-    """Returns the mesh without defects that break a deformation, and one sentence for every repair.
+    """Removes defects that would break a deformation. Returns the repaired mesh, and one sentence for each
+    repair.
 
-    It removes vertices that are not finite with their faces, faces without area, duplicate faces, and unused
-    vertices. It flips faces that are wound against their neighbours, and closed parts that are inside out.
-    Separate shells and duplicate vertex positions are kept, but reported.
+    It removes non-finite vertices and their faces, faces without area, duplicate faces, and unused vertices.
+    It flips faces that are wound against their neighbours, and closed parts that are inside out. Separate
+    shells and duplicate vertex positions are kept, but reported.
 
     Raises:
         InputError: if no face is left.
@@ -29,32 +30,34 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     mesh = _remove_useless_faces(mesh, notes)
     if len(mesh.faces) == 0:
         problem = "no usable face is left" if notes else "it has no faces"
-        mend = "Give a triangle mesh; a point cloud must be meshed first."
-        raise InputError("; ".join([problem, *notes]), where=mesh.name, mend=mend)
-    mesh, turned = repair_winding(mesh)
-    notes += turned
+        advice = "Give a triangle mesh; a point cloud must be meshed first."
+        raise InputError("; ".join([problem, *notes]), where=mesh.name, remedy=advice)
+    mesh, winding_notes = repair_winding(mesh)
+    notes += winding_notes
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
-    loose = int((~used).sum())
-    if loose:
-        notes.append(f"dropped {loose} of {count} vertices that no face uses")
+    unused_count = int((~used).sum())
+    if unused_count:
+        notes.append(f"dropped {unused_count} of {count} vertices that no face uses")
         mesh = submesh(mesh, np.ones(len(mesh.faces), bool))
     _describe_oddities(mesh, notes)
     return mesh, notes
 
 
 def _remove_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
-    """Removes faces at vertices that are not finite, or extremely far. The vertices remain, unused."""
-    # The limit is far below the largest number, because the squares of coordinates must stay finite too.
-    good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
-    if good.all():
+    """Removes faces at vertices that are not finite or extremely far away. The vertices themselves remain,
+    but are unused.
+    """
+    # The limit is far below the largest float64, because the squares of coordinates must stay finite too.
+    is_valid = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
+    if is_valid.all():
         return mesh
-    keep = np.asarray(good[mesh.faces].all(1))
+    face_mask = np.asarray(is_valid[mesh.faces].all(1))
     notes.append(
-        f"removed {int((~good).sum())} vertices that are not finite, with {int((~keep).sum())} faces"
+        f"removed {int((~is_valid).sum())} vertices that are not finite, with {int((~face_mask).sum())} faces"
     )
-    vertices = np.where(good[:, None], mesh.vertices, 0.0)
-    return replace(mesh, vertices=vertices).with_faces(keep)
+    vertices = np.where(is_valid[:, None], mesh.vertices, 0.0)
+    return replace(mesh, vertices=vertices).with_faces(face_mask)
 
 
 def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
@@ -73,26 +76,28 @@ def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
 
 
 def _repeated_faces(mesh: Mesh) -> Bool:
-    """Returns (F,) True if an earlier face has the same three positions."""
+    """Returns (F,) True for each face with the same three positions as an earlier face."""
     welded, _ = weld(mesh)
     corners = np.sort(welded.faces.astype(np.int64), 1)
     count = len(welded.vertices)
     order = np.lexsort((corners[:, 2], corners[:, 0] * count + corners[:, 1]))
-    same = (corners[order[1:]] == corners[order[:-1]]).all(1)
+    equals_previous = (corners[order[1:]] == corners[order[:-1]]).all(1)
     repeated = np.zeros(len(corners), bool)
-    repeated[order[1:][same]] = True
+    repeated[order[1:][equals_previous]] = True
     return repeated
 
 
 def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
-    """Reports unusual properties that are kept."""
+    """Reports unusual properties that are not repaired."""
     welded, _ = weld(mesh)
-    doubles = len(mesh.vertices) - len(welded.vertices)
-    if doubles:
-        notes.append(f"{doubles} vertices repeat a position: kept for shading, welded for deformation")
-    pieces = int(shells(welded.faces, len(welded.vertices)).max()) + 1
-    if pieces > 1:
-        notes.append(f"it has {pieces} separate shells, all kept")
+    duplicate_count = len(mesh.vertices) - len(welded.vertices)
+    if duplicate_count:
+        notes.append(
+            f"{duplicate_count} vertices repeat a position: kept for shading, welded for deformation"
+        )
+    shell_count = int(shells(welded.faces, len(welded.vertices)).max()) + 1
+    if shell_count > 1:
+        notes.append(f"it has {shell_count} separate shells, all kept")
     low, high = mesh.bounds
     extent = np.sort(high - low)
     if extent[0] <= 1e-6 * extent[2]:

@@ -1,7 +1,8 @@
-"""Builds a surface through the points of a scan from one side. Parts that the sensor did not see stay open.
+"""Builds a surface through the points of a scan that was made from one position. Parts that the sensor did
+not see stay open.
 
-Visible points are joined in the sensor's image (a Delaunay triangulation of their directions). A triangle
-that spans a gap, or the depth step from one object to the background, is left out.
+Visible points are connected by a Delaunay triangulation of their directions from the sensor. Triangles that
+span a gap, or a depth step between an object and its background, are left out.
 """
 
 from __future__ import annotations
@@ -23,56 +24,65 @@ _MIN_FACING_COSINE = 0.13
 """Minimum cosine between a triangle's normal and the ray to the sensor. Steeper triangles are depth steps,
 not surfaces."""
 _OCCLUSION_SPACINGS = 4.0
-"""Minimum depth difference of an occluded point to the occluding one, as a multiple of the point spacing."""
+"""Minimum depth difference between an occluded point and the point in front of it, as a multiple of the point
+spacing."""
 _MIN_PART_FRACTION = 0.01
-"""Minimum fraction of all triangles in a piece. Smaller pieces are specks."""
+"""Minimum fraction of all triangles in a connected piece. Smaller pieces are removed as specks."""
 _MAX_COLUMNS = 1024
 """Maximum number of values per point in a file."""
 _MAX_PIXELS = 1 << 24
-"""Maximum pixels of the image of the points: 4096 x 4096, 40 m wide at one pixel per spacing."""
+"""Maximum number of pixels of the occlusion image: 4096 x 4096. At one pixel per 1 cm of spacing, the image
+is 40 m wide."""
 _MAX_DISTANCE_M = 1e6
 """Maximum distance of a valid point from the sensor, in metres."""
 
 
 def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan") -> Mesh:
-    """Returns the triangles that the sensor at ``viewpoint`` saw, facing it.
+    """Returns the surface through the points that are visible from ``viewpoint``. Its triangles face the
+    sensor.
 
     Args:
         points: (P, 3) metres, not finite for missing measurements.
         viewpoint: (3,) metres, position of the sensor.
-        spacing: metres between the vertices. Denser points are averaged.
+        spacing: minimum distance between vertices, metres. Denser points are averaged.
 
     Raises:
         InputError: if there are too few points for a surface.
     """
     points = points - viewpoint
     points = points[(np.abs(points) < _MAX_DISTANCE_M).all(1)]
-    middle = points.mean(0) if len(points) else np.zeros(3)
-    depth = float(np.linalg.norm(middle))
+    centroid = points.mean(0) if len(points) else np.zeros(3)
+    depth = float(np.linalg.norm(centroid))
     if len(points) < 3 or depth < 1e-6:
         raise _too_few_points_error(len(points), name)
-    forward = middle / depth
+    forward = centroid / depth
     right = np.cross(forward, [0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(forward, right), forward])
-    seen = points @ axes.T
-    seen = _thin_points(_unoccluded_points(seen[seen[:, 2] > 0.05 * depth], spacing), spacing)
-    if len(seen) < 3:
-        raise _too_few_points_error(len(seen), name)
-    faces = np.asarray(scipy.spatial.Delaunay(seen[:, :2] / seen[:, 2:]).simplices, np.int64)
-    faces = faces[_is_surface(seen, faces, spacing)]
+    sensor_points = points @ axes.T
+    sensor_points = _thin_points(
+        _unoccluded_points(sensor_points[sensor_points[:, 2] > 0.05 * depth], spacing), spacing
+    )
+    if len(sensor_points) < 3:
+        raise _too_few_points_error(len(sensor_points), name)
+    faces = np.asarray(
+        scipy.spatial.Delaunay(sensor_points[:, :2] / sensor_points[:, 2:]).simplices, np.int64
+    )
+    faces = faces[_is_surface(sensor_points, faces, spacing)]
     if len(faces) == 0:
         raise _too_few_points_error(0, name)
-    mesh = Mesh(seen @ axes + viewpoint, _facing_triangles(seen, faces).astype(np.int32), name)
+    mesh = Mesh(
+        sensor_points @ axes + viewpoint, _facing_triangles(sensor_points, faces).astype(np.int32), name
+    )
     return _remove_specks(mesh)
 
 
 def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
-    """Returns (P, 3) the points of a PCD file, ASCII or binary, and (3,) its viewpoint.
+    """Parses a PCD file, ASCII or binary. Returns (P, 3) its points, and (3,) its viewpoint.
 
     Raises:
-        InputError: if it is not such a file, is compressed, or lacks x, y, z of 4 or 8 bytes. The error names
-            ``where``.
+        InputError: if the data is not a PCD file, is compressed, or lacks x, y, z of 4 or 8 bytes. The error
+            names ``where``.
     """
     head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
     if head is None:
@@ -99,13 +109,13 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError):
         raise InputError(
-            "its header and its points do not agree", where=where, mend="Copy it again."
+            "its header and its points do not agree", where=where, remedy="Copy it again."
         ) from None
     return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 
 def _too_few_points_error(count: int, name: str) -> InputError:
-    return InputError(f"{count} points are too few for a surface", where=name, mend="Give a denser scan.")
+    return InputError(f"{count} points are too few for a surface", where=name, remedy="Give a denser scan.")
 
 
 def _unoccluded_points(seen: Float, spacing: float) -> Float:
@@ -120,7 +130,7 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
             f"its points are spread over {pixels.max(0)[0]} x {pixels.max(0)[1]} spacings of {spacing:g} m"
         )
         raise InputError(
-            problem, where="scan", mend="Remove the points that are far from the scanned object."
+            problem, where="scan", remedy="Remove the points that are far from the scanned object."
         )
     nearest = np.full(pixels.max(0) + 2, np.inf)
     np.minimum.at(nearest, (pixels[:, 0], pixels[:, 1]), seen[:, 2])
@@ -129,7 +139,7 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
 
 
 def _thin_points(seen: Float, spacing: float) -> Float:
-    """Returns one point for each occupied cube of ``spacing``: the mean of its points."""
+    """Returns one point for each occupied cube with side ``spacing``: the mean of the points in the cube."""
     cells = np.floor(seen / spacing).astype(np.int64)
     _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = np.stack([np.bincount(of.reshape(-1), seen[:, a]) for a in range(3)], -1)
@@ -138,21 +148,23 @@ def _thin_points(seen: Float, spacing: float) -> Float:
 
 def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
     """Returns (F,) True for triangles that span neither a gap nor a depth step."""
-    near = float(np.median(scipy.spatial.cKDTree(seen).query(seen, k=2)[0][:, 1]))
+    typical_spacing = float(np.median(scipy.spatial.cKDTree(seen).query(seen, k=2)[0][:, 1]))
     corners = seen[faces]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     ray = corners.mean(1)
     product = np.linalg.norm(normal, axis=1) * np.linalg.norm(ray, axis=1)
     facing = np.abs((normal * ray).sum(1)) / np.maximum(product, 1e-30)
-    return np.asarray((edges < _MAX_EDGE_IN_SPACINGS * max(near, spacing)) & (facing > _MIN_FACING_COSINE))
+    return np.asarray(
+        (edges < _MAX_EDGE_IN_SPACINGS * max(typical_spacing, spacing)) & (facing > _MIN_FACING_COSINE)
+    )
 
 
 def _facing_triangles(seen: Float, faces: Int) -> Int:
-    """Returns (F, 3) the triangles, counter-clockwise as the sensor sees them."""
+    """Returns the triangles (F, 3), oriented counter-clockwise as seen from the sensor."""
     a, b, c = (seen[faces[:, k]] for k in range(3))
-    away = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) > 0
-    return np.where(away[:, None], faces[:, [0, 2, 1]], faces)
+    faces_away = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) > 0
+    return np.where(faces_away[:, None], faces[:, [0, 2, 1]], faces)
 
 
 def _remove_specks(mesh: Mesh) -> Mesh:

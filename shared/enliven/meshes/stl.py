@@ -14,13 +14,13 @@ _BINARY_HEADER_BYTES = 84
 """Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
 _TRIANGLE_DTYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _SEARCHED_BYTES = 4096
-"""Number of bytes at the beginning and at the end of a file that are searched for the words of an ASCII
+"""Number of bytes at the beginning and at the end of a file that are searched for the keywords of an ASCII
 file."""
 _VERTEX_LINE = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """Returns (3F, 3) corners and (F, 3) triangles of an STL file, and notes.
+    """Reads an STL file. Returns (3F, 3) corners, (F, 3) triangles, and notes on unusual content.
 
     Raises:
         DamagedMeshError: if the file is shorter than its header declares, or is neither binary nor ASCII.
@@ -59,7 +59,7 @@ def _text_of(data: bytes) -> bytes | None:
 
 
 def _read_ascii(text: bytes) -> Float:
-    """Returns (3F, 3) the numbers after each word "vertex"."""
+    """Reads an ASCII file. Returns (3F, 3) the coordinates after each word "vertex"."""
     parts = [_corner_numbers(_VERTEX_LINE.findall(block)) for _, block in blocks(text, b"endloop")]
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(
@@ -73,5 +73,5 @@ def _read_ascii(text: bytes) -> Float:
 
 
 def _corner_numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
-    """Returns (N, 3) the coordinates of corners, from their words."""
+    """Parses the words of N corners to coordinates (N, 3)."""
     return parse_numbers(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

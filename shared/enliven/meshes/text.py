@@ -22,19 +22,18 @@ _OFF_HEADER = re.compile(
 """Pattern of a header. The word OFF is optional. The count of edges is optional if the counts are on one
 line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
-"""Number of values of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
-coordinates."""
+"""Number of additional values per vertex (normal, colour, texture coordinates), by the letters before OFF."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
-"""Number of values in a line of each section of a Medit file: coordinates or vertices, and a reference
+"""Number of values per line in each section of a Medit file: coordinates or vertex numbers, then a reference
 number."""
 
 
 def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """Returns (V, 3) vertices and (F, 3) triangles of an OFF file (also COFF, NOFF, STOFF), and notes.
+    """Reads an OFF file (also COFF, NOFF, STOFF). Returns (V, 3) vertices, (F, 3) triangles, and notes.
 
-    Words may be wrapped over lines, and several vertices or faces may share one. Normals and texture
-    coordinates are skipped, and colours with a note.
+    A vertex or face may extend over several lines, and several may share a line. Normals and texture
+    coordinates are skipped. Colours are skipped with a note.
 
     Raises:
         DamagedMeshError: if the file contradicts its header.
@@ -68,11 +67,11 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
-    """Yields the vertices (V, 3) and the offset after them, for each interpretation of the file, the
-    likeliest first.
+    """Yields the vertices (V, 3) and the offset after them for each possible layout of the file, the most
+    likely layout first.
 
-    In nearly every file each vertex has its own line, with any number of colours. Otherwise the word before
-    OFF gives the number of values per vertex.
+    In nearly every file, each vertex has its own line, with any number of colour values. Otherwise, the
+    letters before OFF determine the number of values per vertex.
     """
     if count == 0:
         yield np.empty((0, 3)), 0
@@ -84,11 +83,13 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
         rows = np.unique(word_lines(part, word_starts(part)), return_counts=True)[1]
         if rows.min() == rows.max() >= 3:
             yield _first_three(part, rows), len(part)
-    width = 3 + sum(many for letters, many in _OFF_EXTRAS.items() if letters in kind.removesuffix(b"OFF"))
+    width = 3 + sum(
+        extra_count for letters, extra_count in _OFF_EXTRAS.items() if letters in kind.removesuffix(b"OFF")
+    )
     starts = word_starts(body)
     if len(starts) >= count * width:
-        stop = int(starts[count * width]) if len(starts) > count * width else len(body)
-        yield _first_three(body[:stop], np.full(count, width)), stop
+        vertices_end = int(starts[count * width]) if len(starts) > count * width else len(body)
+        yield _first_three(body[:vertices_end], np.full(count, width)), vertices_end
     if len(rows) == count and rows.min() >= 3:
         yield _first_three(body[: ends[-1]], rows), int(ends[-1])
 
@@ -96,7 +97,7 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
 def _first_three(text: bytes, widths: Int) -> Float:
     """Returns (V, 3) the first three numbers of every vertex.
 
-    ``widths`` (V,) gives the numbers per vertex.
+    ``widths`` (V,) is the number of values of each vertex.
     """
     numbers = parse_numbers(text)
     return numbers[(np.cumsum(widths) - widths)[:, None] + np.arange(3)]
@@ -112,10 +113,10 @@ def _line_ends(body: bytes, count: int) -> Int:
 
 
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
-    """Returns corners, sizes and the number of words after the faces. If the faces are invalid, returns a
-    sentence instead.
+    """Parses the faces. Returns their corners, their sizes, and the number of words after the last face. If
+    the faces are invalid, returns a sentence that describes the error instead.
 
-    Either faces follow each other without colours, or a face's colour fills the rest of its last line.
+    Two layouts are tried: faces without colours, and faces with a colour that fills the rest of the line.
     """
     try:
         numbers = parse_numbers(body, np.int64)
@@ -133,17 +134,17 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
         (numbers.tolist(), None),
         ([_integer_of(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
     ):
-        corners, sizes, at = list[int](), list[int](), 0
+        corners, sizes, offset = list[int](), list[int](), 0
         while len(sizes) < count:
-            size = words[at] if at < len(words) else -1
-            if size < 0 or at + size >= len(words):
+            size = words[offset] if offset < len(words) else -1
+            if size < 0 or offset + size >= len(words):
                 break
-            corners += words[at + 1 : at + 1 + size]
+            corners += words[offset + 1 : offset + 1 + size]
             sizes.append(size)
-            at = at + 1 + size if after is None else after[at + size]
+            offset = offset + 1 + size if after is None else after[offset + size]
         wrong = _invalid_corner(np.array(corners, np.int64), vertex_count)
         if len(sizes) == count and wrong is None:
-            return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - at
+            return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - offset
         problem = f"face {len(sizes)} is cut short or wrong"
         if wrong is not None:
             problem = f"a face names vertex {wrong} of 0..{vertex_count - 1}"
@@ -152,19 +153,19 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
 
 def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
     """Returns an invalid vertex number, or None if all are valid."""
-    wrong = corners[(corners < 0) | (corners >= vertex_count)]
-    return int(wrong[0]) if len(wrong) else None
+    invalid = corners[(corners < 0) | (corners >= vertex_count)]
+    return int(invalid[0]) if len(invalid) else None
 
 
 def _integer_of(word: bytes) -> int:
-    """Returns an integer, or -1 for another word, such as a colour with a fraction."""
+    """Parses an integer. Returns -1 for any other word, such as a colour with a fraction."""
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 
 def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
-    """Returns (V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes.
+    """Reads an ASCII MEDIT file. Returns (V, 3) vertices, (F, 3) triangles, and an empty list of notes.
 
-    For a file with tetrahedra, the triangles are the boundary.
+    If the file contains tetrahedra, the triangles are their boundary.
 
     Raises:
         DamagedMeshError: if the file is not MEDIT, or ends early.

@@ -1,4 +1,4 @@
-"""Finds words and numbers in large text files by whole-array operations instead of loops."""
+"""Finds words and numbers in large text files by vectorized NumPy operations."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _COMMENT = re.compile(rb"#[^\n]*")
 
 
 class DamagedMeshError(ValueError):
-    """An error in a file, in words for the user."""
+    """An error in a mesh file. Its message is written for the user."""
 
 
 class WrongWordError(DamagedMeshError):
     """An error about an invalid word in a text.
 
     Attributes:
-        line: its line in the text, from 0.
+        line: line number of the word in the text, from 0.
         what: description of the error.
     """
 
@@ -37,15 +37,19 @@ class WrongWordError(DamagedMeshError):
 
 
 def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
-    """Yields (offset, block) of about :data:`BLOCK_BYTES`. Each block except the last ends after ``end``."""
-    at = 0
-    while at < len(text):
-        cut = len(text) if at + BLOCK_BYTES >= len(text) else text.rfind(end, at, at + BLOCK_BYTES)
-        if cut < at:
-            cut = text.find(end, at)
-        stop = len(text) if cut < 0 or cut == len(text) else cut + len(end)
-        yield at, text[at:stop]
-        at = stop
+    """Splits a text into blocks of about :data:`BLOCK_BYTES`, and yields (offset, block). Each block except
+    the last ends after the delimiter ``end``.
+    """
+    offset = 0
+    while offset < len(text):
+        cut = (
+            len(text) if offset + BLOCK_BYTES >= len(text) else text.rfind(end, offset, offset + BLOCK_BYTES)
+        )
+        if cut < offset:
+            cut = text.find(end, offset)
+        block_end = len(text) if cut < 0 or cut == len(text) else cut + len(end)
+        yield offset, text[offset:block_end]
+        offset = block_end
 
 
 def remove_comments(text: bytes) -> bytes:
@@ -68,13 +72,13 @@ def word_lines(text: bytes, offsets: Int) -> Int:
 
 
 def parse_numbers(text: bytes, dtype: Any = np.float64) -> AnyArray:
-    """Returns (N,) the numbers of a text, separated by white space.
+    """Parses the numbers of a text, separated by white space. Returns (N,) numbers.
 
     Args:
         dtype: float64 or int64.
 
     Raises:
-        WrongWordError: for a word that is not such a number.
+        WrongWordError: if a word is not a number of this type.
     """
     with warnings.catch_warnings():
         # If the text is not a number, some versions of NumPy end the parsing with a warning, others with an
@@ -85,10 +89,10 @@ def parse_numbers(text: bytes, dtype: Any = np.float64) -> AnyArray:
         except (DeprecationWarning, ValueError):
             pass
         warnings.simplefilter("ignore", DeprecationWarning)
-        at = _first_non_number(text, dtype)
-    word = text[at : at + _MAX_SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
+        word_start = _first_non_number(text, dtype)
+    word = text[word_start : word_start + _MAX_SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
     kind = "whole number" if np.dtype(dtype).kind == "i" else "number"
-    raise WrongWordError(text.count(b"\n", 0, at), f"{word!r} is not a {kind}")
+    raise WrongWordError(text.count(b"\n", 0, word_start), f"{word!r} is not a {kind}")
 
 
 def _first_non_number(text: bytes, dtype: Any) -> int:

@@ -1,4 +1,4 @@
-"""Repairs the winding of faces: neighbours agree, and closed shells face outwards."""
+"""Repairs the winding of faces, so that neighbouring faces agree and closed shells face outwards."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from enliven.meshes.kernels import face_areas
 from enliven.meshes.mesh import Mesh, weld
 
 _MIN_VOLUME_RATIO = 1e-6
-"""Minimum volume of a shell that encloses space, divided by its area to the power 1.5. A sphere has 0.094,
-and two sheets back to back have 0."""
+"""Minimum ratio of volume to area^1.5 of a shell that counts as enclosing space. A sphere has 0.094, and two
+sheets back to back have 0."""
 
 
 _MAX_NESTED_PARTS = 2048
 """Maximum number of closed parts that are tested for nesting, which takes quadratic time. A model with more
 parts is a collection of objects, which rarely has cavities."""
 _MAX_SURROUNDING_PARTS = 32
-"""Maximum number of enclosing parts that are tested for one part, the largest first."""
+"""Maximum number of possibly enclosing parts that are tested for each part, the largest first."""
 
 
 class _Edges(NamedTuple):
@@ -40,12 +40,12 @@ class _Edges(NamedTuple):
 
 
 def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
-    """Returns the mesh with consistent winding, and a sentence for each kind of repair.
+    """Makes the winding of a mesh consistent. Returns the mesh, and a sentence for each kind of repair.
 
-    Faces that share an edge with exactly one other face are made consistent with it. In an open part the
-    larger area decides. A closed part is made to face outwards. A part inside another one keeps its
-    orientation relative to that, so that a cavity stays a cavity. A one-sided part (a Moebius strip) is left
-    unchanged.
+    Faces that share an edge with exactly one other face are made consistent with it. In an open part, the
+    winding of the larger area is used. A closed part is made to face outwards. A part inside another part
+    keeps its orientation relative to the enclosing part, so that a cavity stays a cavity. A one-sided part (a
+    Moebius strip) is left unchanged.
     """
     if len(mesh.faces) == 0:
         return mesh, []
@@ -63,8 +63,8 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     flip &= ~is_twisted[part]
     # If more than half of a part's area would be flipped, flip the rest instead, so that the larger half
     # keeps its winding.
-    turned = np.bincount(part, areas * flip, count) > 0.5 * np.bincount(part, areas, count)
-    flip ^= turned[part]
+    mostly_flipped = np.bincount(part, areas * flip, count) > 0.5 * np.bincount(part, areas, count)
+    flip ^= mostly_flipped[part]
     closed = _closed_parts(edges, part, count) & ~is_twisted
     volumes, sizes = _part_volumes(vertices, faces, flip, part, count), np.bincount(part, areas / 2, count)
     inward = closed & (volumes < -_MIN_VOLUME_RATIO * sizes**1.5)
@@ -95,11 +95,11 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _orientation_roots(count, ones, twos, agree):
-    """Returns each face's root, True for each face with the opposite orientation to its root, and the roots
-    of one-sided parts.
+    """Finds connected parts with consistent orientation. Returns each face's root, a flag for each face that
+    is oriented opposite to its root, and the roots of one-sided parts.
 
-    Edges join faces ``ones`` and ``twos`` (E,). A union-find tree stores for each face whether its winding is
-    opposite to its parent's.
+    Edge e connects the faces ``ones[e]`` and ``twos[e]``. A union-find tree stores for each face whether its
+    winding is opposite to its parent's.
     """
     parent, against = np.arange(count), np.zeros(count, np.bool_)
     twisted = np.zeros(count, np.bool_)
@@ -134,8 +134,9 @@ def _orientation_roots(count, ones, twos, agree):
 
 
 def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """Returns (F,) the part of each face, (F,) True if the face is opposite to the part's first face, and
-    (P,) True for one-sided parts."""
+    """Returns (F,) the part of each face, (F,) True for faces that are oriented opposite to the part's first
+    face, and (P,) True for one-sided parts.
+    """
     root, against, twisted = _orientation_roots(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
     return part.reshape(-1), against, twisted[roots]
@@ -163,9 +164,9 @@ def _part_volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: i
 def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward: Bool) -> Bool:
     """Returns (P,) True for parts to flip: outer parts that face inwards, together with all parts inside
     them."""
-    turn, numbers = inward.copy(), np.flatnonzero(closed)
+    is_flipped, numbers = inward.copy(), np.flatnonzero(closed)
     if len(numbers) > _MAX_NESTED_PARTS:
-        return turn
+        return is_flipped
     order = np.argsort(part, kind="stable")
     ends = np.cumsum(np.bincount(part, minlength=len(closed)))
     corners = [vertices[faces[order[ends[n - 1] if n else 0 : ends[n]]]] for n in numbers]
@@ -173,17 +174,19 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
     highs = np.array([part_corners.max((0, 1)) for part_corners in corners])
     by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
     for k in by_size:
-        around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
-        # If several parts enclose this one, the largest decides, because its own winding was decided first.
-        for outer in by_size[around[by_size]][:_MAX_SURROUNDING_PARTS]:
+        encloses = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
+        # If several parts enclose this one, use the largest, because its winding was determined first.
+        for outer in by_size[encloses[by_size]][:_MAX_SURROUNDING_PARTS]:
             if _is_inside(corners[k][0, 0], corners[outer]):
-                turn[numbers[k]] = turn[numbers[outer]]
+                is_flipped[numbers[k]] = is_flipped[numbers[outer]]
                 break
-    return turn
+    return is_flipped
 
 
 def _is_inside(point: Float, corners: Float) -> bool:
-    """Returns True if a point is inside a closed surface (F, 3, 3), by the sum of its faces' solid angles."""
+    """Returns True if a point is inside a closed surface (F, 3, 3). The test sums the solid angles of the
+    faces (winding number).
+    """
     a, b, c = (corners[:, k] - point for k in range(3))
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     above = np.einsum("fa,fa->f", a, np.cross(b, c))

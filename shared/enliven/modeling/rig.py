@@ -1,4 +1,4 @@
-"""The interface of the edits that each kind of rig implements in its own way."""
+"""The interface for the parts of edits that each kind of rig implements in its own way."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation import skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document import Character, GraphShape, MotionKey, Pose, PoseStream, Project
 from enliven.errors import InputError
-from enliven.modeling.mesh import CutSurface, SeamSettings
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.seam import SeamSettings
+from enliven.rotation import conjugate, from_matrix, multiply
 
 
 class CharacterState(NamedTuple):
-    """A character at one moment: its transforms, and its handles as (H, 3) metres in the world."""
+    """The state of a character at one time: its transforms, and its handles as (H, 3) metres in the world."""
 
     pose: Pose
     handles: Float
@@ -28,21 +30,26 @@ Player = Callable[[float], CharacterState]
 character's state."""
 
 
+HandleMotion = Callable[[float], tuple[Float, Float]]
+"""A function from a time of the project, in seconds, to the rotation (4,) and the position (3,) in metres of
+a handle, a node or a part."""
+
+
 @dataclass(frozen=True)
 class Merge:
-    """The request to attach one character to another, each in its pose at a given time.
+    """A request to attach a character to another character, both in their poses at a given time.
 
     Attributes:
         host, graft: ids of the two characters. The host keeps its id.
         time: seconds of the project's time.
         node: the part of the host that carries the graft: a handle (by number or name), or a node of the
-            host's deformation graph. None takes the nearest.
+            host's deformation graph. None selects the nearest.
         at: position along the host's bone that ends at ``node``, if both characters have bones. 1 is the end
             of the bone.
         loose: if the boolean union of the meshes fails, put both shells into one mesh instead of raising an
             error.
-        seam: how the seam is smoothed.
-        notes: receives sentences about how the meshes were united, and what was approximated.
+        seam: settings for smoothing the seam.
+        notes: a list that receives sentences about the union of the meshes, and about approximations.
     """
 
     host: str
@@ -56,13 +63,12 @@ class Merge:
 
 
 class RigEdits(ABC):
-    """The part of each edit that depends on the kind of rig. Characters are immutable, so edits return new
-    ones.
+    """The parts of edits that depend on the kind of rig. Characters are immutable, so edits return new
+    characters.
 
-    Edits of the placement have the same effect at every time. Let c be the ``centre``. Let x be the vertices
-    before the edit. At every time, ``moved`` gives turn (x - about) + about + offset, ``scaled`` gives c +
-    factor (x
-    - c), and ``mirrored`` gives c + M (x - c).
+    Edits of the placement have the same effect at every time. Let c be the ``centre``, and x the vertices
+    before the edit. Then ``moved`` gives turn (x - about) + about + offset, ``scaled`` gives c + factor (x -
+    c), and ``mirrored`` gives c + M (x - c), at every time.
 
     Attributes:
         frames: sampling rate of :meth:`as_graph` in frames per second, high enough that interpolation between
@@ -73,7 +79,7 @@ class RigEdits(ABC):
 
     @abstractmethod
     def centre(self, character: Any, /) -> Float:
-        """Returns the point about which the character is turned, scaled and mirrored, (3,) metres in the
+        """Returns the fixed point (3,) of rotating, scaling and mirroring the character, in metres in the
         world."""
 
     def rest(self, character: Any, /) -> Float:
@@ -91,11 +97,11 @@ class RigEdits(ABC):
 
     @abstractmethod
     def player(self, project: Project, character: Any, /) -> Player:
-        """Returns a function that gives the transforms of the pivots, and the handles, at any time of the
+        """Returns a function that returns the transforms of the pivots, and the handles, at any time of the
         project."""
 
     def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
-        """Returns a function for frequent use that gives the vertices (V, 3), metres in the world, at any
+        """Returns a function for frequent use that returns the vertices (V, 3) in metres in the world, at any
         time."""
         player, drawn = self.player(project, character), self.drawn(character)
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
@@ -110,8 +116,8 @@ class RigEdits(ABC):
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float, /) -> Project:
         """Poses the character by hand: moves a handle to ``place`` (3,), metres in the world, at a time."""
-        mend = "Move or turn the whole, or perform it again."
-        raise InputError("a recorded motion cannot be posed by hand", where=character.where, mend=mend)
+        remedy = "Move or rotate the whole character, or perform it again."
+        raise InputError("a recorded motion cannot be posed by hand", where=character.where, remedy=remedy)
 
     def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
         """Returns the index of the layer that plays the keys of a handle or node, or None if there is no such
@@ -121,12 +127,36 @@ class RigEdits(ABC):
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
         """Adds the first key of a handle or node: a new take, and a layer that plays it on top of all
         others."""
-        mend = "Choose the whole character: keys turn and move it. A puppet is posed by its key poses."
-        raise InputError("its handles take no keys", where=character.where, mend=mend)
+        remedy = "Choose the whole character: keys rotate and move it. A puppet is posed by its key poses."
+        raise InputError("its handles cannot have keys", where=character.where, remedy=remedy)
+
+    def handle_motion(
+        self, character: Any, player: Player, handle: int | None, layer: int | None, /
+    ) -> HandleMotion | None:
+        """Returns the function for the curves of a handle. They are relative to the handle's parent bone, if
+        it has one.
+
+        Args:
+            player: the character's player; see :meth:`player`.
+            handle: the selected handle or node, or None.
+            layer: the selected layer, or None.
+        """
+        if handle is None or handle >= len(character.handles):
+            return None
+        above = int(character.parents[handle])
+
+        def at(time: float) -> tuple[Float, Float]:
+            pose, handles = player(time)
+            turn = from_matrix(np.asarray(pose.linear[handle], np.float64))
+            if above >= 0:
+                turn = multiply(conjugate(from_matrix(np.asarray(pose.linear[above], np.float64))), turn)
+            return turn, np.asarray(handles[handle], np.float64)
+
+        return at
 
     @abstractmethod
     def moved(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:
-        """Returns the character moved as one rigid piece."""
+        """Returns the character, moved as one rigid piece."""
 
     @abstractmethod
     def scaled(self, character: Any, factor: float, /) -> Any:
@@ -134,8 +164,8 @@ class RigEdits(ABC):
 
     @abstractmethod
     def mirrored(self, project: Project, character: Any, axes: Any, /) -> Any:
-        """Returns the character and its motion reflected by axes
-        (:class:`~enliven.modeling.rigged.axes.Axes`)."""
+        """Returns the character with its shape and motion reflected. ``axes`` is the reflection, an
+        :class:`~enliven.modeling.rigged.axes.Axes`."""
 
     @abstractmethod
     def as_graph(
@@ -163,4 +193,4 @@ def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
     names = [field.name for field in fields(kind)]
     for name in changes:
         if name not in names:
-            raise InputError(f"it has no {name!r}", where=where, mend=f"Known: {', '.join(names)}.")
+            raise InputError(f"it has no {name!r}", where=where, remedy=f"Known: {', '.join(names)}.")

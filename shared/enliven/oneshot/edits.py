@@ -1,4 +1,4 @@
-"""Edits of a character with any rig, by its id, and its mesh at a time."""
+"""Edits a character with any rig, by its id, and returns its mesh at a time."""
 
 from __future__ import annotations
 
@@ -26,5 +26,5 @@ def mesh_at(project: Project, character: str, time: float) -> Mesh:
     """
     mesh = project.character(character).mesh
     if mesh is None:
-        raise InputError("it has no mesh", where=f"character {character!r}", mend="Give it one.")
+        raise InputError("it has no mesh", where=f"character {character!r}", remedy="Give it one.")
     return replace(mesh, vertices=vertices_of(project, character, time))

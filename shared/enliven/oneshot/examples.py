@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from enliven.arrays import AnyArray
 from enliven.document import Clip, Project, unused
 from enliven.errors import InputError
-from enliven.examples import missing
+from enliven.examples.puppet_examples import missing
 from enliven.meshes import Mesh
-from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point
+from enliven.modeling.puppet.poses import add_key_pose
 
 
 def fit_examples(
@@ -46,5 +48,5 @@ def fit_examples(
     for seconds, places in poses.items():
         project = add_key_pose(project, name, take.id, seconds, places)
     if sentences := missing(project, project.puppets[name]):
-        raise InputError("the examples do not determine a motion", where=name, mend=" ".join(sentences))
+        raise InputError("the examples do not determine a motion", where=name, remedy=" ".join(sentences))
     return play_take(project, name, (plays or take).id), name

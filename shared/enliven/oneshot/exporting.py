@@ -39,9 +39,10 @@ def export(
     if isinstance(what, Clip):
         performances = [performance_of_clip(what)]
     else:
-        chosen = characters or [*what.shapes, *what.graphs, *what.puppets]
-        keyed, how = exporter.keyed, exporter.representation()
+        chosen_ids = characters or list(what.characters)
+        uses_keys, representation = exporter.keyed, exporter.representation()
         performances = [
-            performance_of(what, character, start, end, rate, how=how, keyed=keyed) for character in chosen
+            performance_of(what, character, start, end, rate, how=representation, keyed=uses_keys)
+            for character in chosen_ids
         ]
     exporter.save(path, performances, title, **options)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from enliven.document import Skeleton
-from enliven.matching import Matcher, Ranking, ScreenView, body_source
+from enliven.matching.body_limbs import body_source
+from enliven.matching.matches import Ranking
+from enliven.matching.ranking import Matcher
+from enliven.matching.views import ScreenView
 from enliven.person import Body
 
 

@@ -10,10 +10,10 @@ from enliven.document import BodyTake, HoldChange, Possession, Project
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
-from enliven.modeling.possessed import possess_mesh
+from enliven.modeling.possessed.solving import possess_mesh
 from enliven.person import Body, parse_parts
 from enliven.possession import ActorSettings
-from enliven.takes import body_take_from_frames
+from enliven.takes.body_takes import body_take_from_frames
 
 _FIXED_PLACE_SETTINGS = ActorSettings(place="fixed", fade=0.0)
 """Settings for a mesh that stays at its modeled position, and follows immediately."""
@@ -55,7 +55,7 @@ def possess(
     where = f"mesh {mesh.name or 'mesh'!r}"
     count = len(bodies.seconds if isinstance(bodies, BodyTake) else bodies)
     if count < 2:
-        raise InputError(f"{count} bodies do not move", where=where, mend="Give two or more.")
+        raise InputError(f"{count} bodies do not move", where=where, remedy="Give two or more.")
     take = bodies if isinstance(bodies, BodyTake) else _take_from_bodies(bodies, step, mesh.name)
     for part in [parts, *(change.parts for change in holds)]:
         parse_parts(part)
@@ -64,8 +64,8 @@ def possess(
     try:
         return possess_mesh(project or Project(), mesh, take, possession, nodes=nodes)
     except InputError as error:
-        mend = "Move or scale the mesh to where the performer stands (fit_height)."
-        raise InputError(error.what, where=where, mend=mend) from None
+        remedy = "Move or scale the mesh to where the performer stands (fit_height)."
+        raise InputError(error.what, where=where, remedy=remedy) from None
 
 
 def _take_from_bodies(bodies: Sequence[Body], step: float, name: str) -> BodyTake:

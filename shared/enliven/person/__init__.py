@@ -1,4 +1,6 @@
-"""The performer's body in all programs: 20 joints, the limbs between them, and orientations of the bones."""
+"""The performer's body, as all programs use it: 20 joints, the limbs between them, and orientations of the
+bones.
+"""
 
 import lazy_loader
 

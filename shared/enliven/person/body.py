@@ -1,4 +1,4 @@
-"""The tracked person: 20 joints, the bones between them, and the state of the person at one moment."""
+"""A tracked person at one time: 20 joints, and the bones between them."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from enliven.person.joints import PARENTS, Joint
 
 @dataclass(frozen=True)
 class Body:
-    """One person at one moment.
+    """A tracked person at one time.
 
     Attributes:
         id: stable while the person is in view.
         joints: (20, 3) float64 metres, world frame, ordered by :class:`Joint`.
-        confidence: (20,) float64 in [0, 1]. 0 if the joint is a guess that must not pull anything.
+        confidence: (20,) float64 in [0, 1]. 0 if the joint is only a guess, which must not drive anything.
         orientations: (20, 4) unit quaternions world_from_bone of the bone that ends at each joint (the pelvis
             at the root), or None. All are the identity for a person standing upright and facing +Z, with
             hanging arms and palms to the thighs. A bone of a limb runs along its -Y, a bone of the trunk
             along +Y. +Z is the front, +X the person's left. See ``orientation`` for their use.
         contacts: (2,) probability that the left and the right foot stand on the floor, or None if it was not
-            estimated. 0 also if the foot is not visible.
-        stature: measured metres from the soles to the crown when standing straight, or None.
+            estimated. It is also 0 if the foot is not visible.
+        stature: measured body height from the soles to the crown when standing straight, metres, or None.
     """
 
     id: int
@@ -36,7 +36,9 @@ class Body:
 
     @property
     def height(self) -> float:
-        """Metres from the soles to the crown: the stature, or an estimate from the bones' lengths."""
+        """Body height from the soles to the crown, metres: the stature, or an estimate from the lengths of
+        the bones.
+        """
         if self.stature is not None:
             return self.stature
         chain = (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD, Joint.KNEE_LEFT, Joint.ANKLE_LEFT)
@@ -47,6 +49,6 @@ class Body:
 
 
 HEAD_ABOVE_JOINT = 0.12
-"""Metres from the head joint to the crown of an average adult."""
+"""Distance from the head joint to the crown of an average adult, metres."""
 ANKLE_ABOVE_SOLE = 0.08
-"""Metres from the ankle joint to the sole of an average adult."""
+"""Distance from the ankle joint to the sole of an average adult, metres."""

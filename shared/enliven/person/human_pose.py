@@ -1,7 +1,8 @@
-"""The pose of a human figure as bones of Unity's humanoid, from a performer's body or a rigged character.
+"""Human poses in terms of the bones of Unity's humanoid, computed from a performer's body or a rigged
+character.
 
-The rotation of a bone is measured from the T-pose: upright, facing +Z, arms held out sideways with the palms
-down. So a figure in the T-pose has the identity everywhere, whatever the rest pose of its rig is.
+The rotation of a bone is measured from the T-pose: upright, facing +Z, arms stretched out sideways with palms
+down. So all rotations of a figure in the T-pose are the identity, independent of the rest pose of its rig.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.person.body import Body
+from enliven.person.human_kernels import write_human
 from enliven.person.joints import Joint
 from enliven.rotation import (
     conjugate,
@@ -22,7 +24,6 @@ from enliven.rotation import (
     from_rotation_vector,
     multiply,
     rotate,
-    slerp,
     swing,
     unit,
 )
@@ -52,12 +53,12 @@ FINGER_BONES = ("Proximal", "Intermediate", "Distal")
 
 @dataclass(frozen=True, eq=False)
 class HumanPose:
-    """A human figure at one moment, world frame.
+    """The pose of a human figure at one time, world frame.
 
     Attributes:
         name: id of the character, or ``performer-N``.
         bones: (B,) names of Unity's HumanBodyBones, parents first. "Hips" is the first.
-        positions: (B, 3) metres, where each bone begins.
+        positions: (B, 3) positions at which the bones begin, metres.
         turns: (B, 4) unit quaternions (w, x, y, z): the rotation of each bone since the T-pose.
     """
 
@@ -73,12 +74,12 @@ class HumanPose:
 
     @staticmethod
     def ordered(bones: Iterable[str]) -> list[str]:
-        """Returns the known ones of some bones, parents first."""
+        """Returns those of the given bones that exist in the humanoid, parents first."""
         return sorted((bone for bone in bones if bone in _PARENT_NAMES), key=list(_PARENT_NAMES).index)
 
     @staticmethod
     def ancestors(bone: str) -> Iterator[str]:
-        """Yields the bones above a bone, from its parent to the hips."""
+        """Yields the ancestors of a bone, from its parent to the hips."""
         while bone := parent_name(bone):
             yield bone
 
@@ -89,13 +90,13 @@ class HumanPose:
         """
         parents = self.parents
         root = parents < 0
-        above = np.where(root[:, None], np.array([1.0, 0.0, 0.0, 0.0]), self.turns[parents])
-        back = conjugate(above)
+        parent_turns = np.where(root[:, None], np.array([1.0, 0.0, 0.0, 0.0]), self.turns[parents])
+        inverse_turns = conjugate(parent_turns)
         offsets = self.positions - np.where(root[:, None], 0.0, self.positions[parents])
-        return rotate(back, offsets), multiply(back, self.turns)
+        return rotate(inverse_turns, offsets), multiply(inverse_turns, self.turns)
 
     def at(self, bone: str) -> tuple[Float, Float]:
-        """Returns the (3,) position and (4,) rotation of a bone. The figure must have it."""
+        """Returns the (3,) position and (4,) rotation of a bone, which the figure must have."""
         number = self.bones.index(bone)
         return self.positions[number], self.turns[number]
 
@@ -149,16 +150,12 @@ _BODY_BONES: tuple[tuple[str, Joint, Joint], ...] = (
 """Bones of a performer: name, end joint of the bone with its rotation, and the joint where it begins."""
 BODY_BONE_NAMES = tuple(name for name, _, _ in _BODY_BONES)
 """Names of the bones of a performer, in the order of :func:`human_of_body`."""
-_ENDS = np.array([ends for _, ends, _ in _BODY_BONES])
-_BEGINS = np.array([begins for _, _, begins in _BODY_BONES])
-_COLLAR_FRACTION = 0.25
-"""Fraction of the way from the neck to the shoulder where the collar bone begins."""
-_SKULL_FRACTION = 0.5
-"""Fraction of the way from the neck to the middle of the head where the head bone begins."""
+_ENDS = np.array([int(ends) for _, ends, _ in _BODY_BONES])
+_BEGINS = np.array([int(begins) for _, _, begins in _BODY_BONES])
 
 
 def _t_pose_from_hanging() -> Float:
-    """Returns (B, 4) the rotation from hanging arms to arms held out, for each bone of a performer."""
+    """Returns (B, 4) the rotation from hanging to outstretched arms, for each bone of a performer."""
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(_BODY_BONES), 1))
     for number, (name, _, _) in enumerate(_BODY_BONES):
         if name.endswith(("UpperArm", "LowerArm", "Hand")):
@@ -172,29 +169,19 @@ _T_POSE_FROM_HANGING = _t_pose_from_hanging()
 _HANGING_FROM_T_POSE = conjugate(_T_POSE_FROM_HANGING)
 """(B, 4) the rotation from the T-pose to the pose of a standing person with hanging arms."""
 _NUMBERS = {name: number for number, name in enumerate(BODY_BONE_NAMES)}
+_TRUNK_BONES = np.array(
+    [_NUMBERS[name] for name in ("Hips", "Spine", "Chest", "Neck", "Head", "LeftShoulder", "RightShoulder")]
+)
+"""(7,) numbers of the bones that :func:`write_human` places between the joints."""
 
 
 def human_of_body(body: Body, name: str) -> HumanPose:
     """Returns the pose of a performer. A body without measured orientations gets those of its joints."""
-    joints = body.joints
+    joints = np.require(body.joints, np.float64, ("C", "W"))
     orientations = orientations_of_joints(joints) if body.orientations is None else body.orientations
-    positions = joints[_BEGINS].copy()
-    turns = multiply(orientations[_ENDS], _HANGING_FROM_T_POSE)
-    spine, neck = _NUMBERS["Spine"], _NUMBERS["Neck"]
-    # The tracker's trunk has two parts and the humanoid's has three, and the same holds for neck and head.
-    # The bone between shares the rotation of its neighbours equally.
-    halves = slerp(
-        turns[[_NUMBERS["Hips"], _NUMBERS["Chest"]]],
-        turns[[_NUMBERS["Chest"], _NUMBERS["Head"]]],
-        np.array(0.5),
-    )
-    turns[spine], turns[neck] = halves
-    positions[spine] = 0.5 * (joints[Joint.HIP_CENTER] + joints[Joint.SPINE])
-    way = joints[Joint.HEAD] - joints[Joint.SHOULDER_CENTER]
-    positions[_NUMBERS["Head"]] = joints[Joint.SHOULDER_CENTER] + _SKULL_FRACTION * way
-    for side, shoulder in (("Left", Joint.SHOULDER_LEFT), ("Right", Joint.SHOULDER_RIGHT)):
-        across = joints[shoulder] - joints[Joint.SHOULDER_CENTER]
-        positions[_NUMBERS[f"{side}Shoulder"]] = joints[Joint.SHOULDER_CENTER] + _COLLAR_FRACTION * across
+    orientations = np.require(orientations, np.float64, ("C", "W"))
+    positions, turns = np.empty((len(_BEGINS), 3)), np.empty((len(_BEGINS), 4))
+    write_human(*(joints, orientations, _BEGINS, _ENDS, _HANGING_FROM_T_POSE, _TRUNK_BONES, positions, turns))
     return HumanPose(name, BODY_BONE_NAMES, positions, turns)
 
 
@@ -222,7 +209,8 @@ _T_POSE_PLACES = {
         )
     },
 }
-"""Where each bone begins in the T-pose of an average person, in metres. Only differences count."""
+"""Position at which each bone begins in the T-pose of an average person, metres. Only differences are
+used."""
 _HEAD_ABOVE_SKULL = np.array([0.0, 0.09, 0.01])
 """(3,) metres from the beginning of the head bone to the middle of the head, of the average person."""
 _HAND_LENGTH_M = 0.085
@@ -240,10 +228,10 @@ def standing_offset(bone: str, parent: str, height: float) -> Float:
 
 
 def body_of_human(human: HumanPose, id: int) -> Body:
-    """Returns the body of a human pose, the inverse of :func:`human_of_body`.
+    """Converts a human pose to a body. It is the inverse of :func:`human_of_body`.
 
     A joint without its bones is placed by average proportions, and has confidence 0. The size of the person
-    is measured by the legs or, without them, assumed.
+    is measured from the legs. Without legs, an average size is assumed.
     """
     places, turns, sizes = dict[str, Float](), dict[str, Float](), list[float]()
     for bone, place, turn in zip(human.bones, human.positions, human.turns, strict=True):
@@ -274,13 +262,13 @@ def body_of_human(human: HumanPose, id: int) -> Body:
     put(Joint.HIP_CENTER, places["Hips"], "Hips", "Hips")
     put(Joint.SPINE, places["Chest"], "Hips", "Hips")
     put(Joint.SHOULDER_CENTER, places["Neck"], "Chest", "Spine")
-    # The head bone of a rig has no end, so the middle of the head lies at a usual distance.
+    # The head bone of a rig has no end, so place the middle of the head at an average distance.
     put(Joint.HEAD, places["Head"] + rotate(turns["Head"], scale * _HEAD_ABOVE_SKULL), "Head", "Head")
     orientations[Joint.SHOULDER_CENTER] = turns[trunk]
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         joint = {name: Joint[f"{name}_{side.upper()}"] for name in _SIDE_JOINTS}
-        along = np.array([sign * scale * _HAND_LENGTH_M, 0.0, 0.0])
-        hand = places[f"{side}Hand"] + rotate(turns[f"{side}Hand"], along)
+        hand_offset = np.array([sign * scale * _HAND_LENGTH_M, 0.0, 0.0])
+        hand = places[f"{side}Hand"] + rotate(turns[f"{side}Hand"], hand_offset)
         put(joint["SHOULDER"], places[f"{side}UpperArm"], "Chest", f"{side}UpperArm")
         orientations[joint["SHOULDER"]] = turns[trunk]
         put(
@@ -303,7 +291,8 @@ _LEVEL_FOOT = unit(np.array([0.0, -0.5, 0.866]))
 
 
 def orientations_of_joints(joints: Float) -> Float:
-    """Returns (20, 4) orientations of the bones from (20, 3) joints, as in :class:`enliven.person.Body`.
+    """Computes the orientations (20, 4) of the bones from the joints (20, 3), as in
+    :class:`enliven.person.Body`.
 
     The trunk follows the lines of the hips and shoulders. A limb is rotated from its parent by the shortest
     arc, so its twist is not known. The head follows the chest.
@@ -329,8 +318,10 @@ def orientations_of_joints(joints: Float) -> Float:
 
 
 def _trunk_turn(joints: Float, low: Joint, high: Joint, left: Joint, right: Joint) -> Float:
-    """Returns the (4,) rotation of a part of the trunk from its direction and the line across it."""
+    """Returns the (4,) rotation of a part of the trunk from its upward direction and the line from its right
+    to its left joint.
+    """
     up = unit(joints[high] - joints[low])
-    across = joints[left] - joints[right]
-    across = unit(across - (across @ up) * up)
-    return from_matrix(np.stack([across, up, np.cross(across, up)], -1))
+    leftward = joints[left] - joints[right]
+    leftward = unit(leftward - (leftward @ up) * up)
+    return from_matrix(np.stack([leftward, up, np.cross(leftward, up)], -1))

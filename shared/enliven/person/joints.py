@@ -32,6 +32,9 @@ class Joint(IntEnum):
 
 J = len(Joint)
 
+BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
+"""Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""
+
 PARENTS: tuple[int, ...] = (-1, 0, 1, 2, 2, 4, 5, 6, 2, 8, 9, 10, 0, 12, 13, 14, 0, 16, 17, 18)
 """(20,) the parent of each joint, -1 at the root (the hip centre). Parents precede children."""
 

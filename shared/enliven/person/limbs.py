@@ -1,4 +1,4 @@
-"""The limbs of a person, each a rigid frame: 16 of them between the 20 joints."""
+"""The 16 limbs of a person between the 20 joints, each with a rigid coordinate frame."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from enum import IntEnum
 
 
 class Limb(IntEnum):
-    """The 16 rigid frames of a person's limbs. The origin of each is at the joint nearer to the pelvis."""
+    """The 16 limbs of a person. The coordinate frame of each limb has its origin at the joint nearer to the
+    pelvis.
+    """
 
     PELVIS = 0
     ABDOMEN = 1

@@ -15,23 +15,23 @@ _HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def mirror_body(body: Body, point: AnyArray, normal: AnyArray) -> Body:
-    """Returns the body reflected in a plane, left and right exchanged. Twice gives the original body.
+    """Reflects the body in a plane, and exchanges left and right. Reflecting twice returns the original body.
 
-    Reflecting all axes of a frame would make it left-handed. So only front and length are reflected, and the
-    third axis is flipped back: a rotation stays a rotation.
+    Reflecting all axes of a bone's frame would make it left-handed. So only its front and its longitudinal
+    axis are reflected, and the third axis is flipped back, so that the frame stays a rotation.
 
     Args:
         point: (3,) any point of the mirror, metres, world frame.
         normal: (3,) unit normal of the mirror.
     """
     normal = np.asarray(normal, np.float64)
-    behind = (body.joints - np.asarray(point, np.float64)) @ normal
-    joints = (body.joints - 2.0 * behind[:, None] * normal)[_MIRROR]
+    signed_distances = (body.joints - np.asarray(point, np.float64)) @ normal
+    joints = (body.joints - 2.0 * signed_distances[:, None] * normal)[_MIRROR]
     orientations = None
     if body.orientations is not None:
         # A reflection is the negative of a half turn, which has the quaternion (0, axis). So M R D = turn(n,
         # pi) R turn(x, pi).
-        half = np.concatenate([[0.0], normal])
-        orientations = multiply(multiply(half, body.orientations), _HALF_TURN)[_MIRROR]
+        half_turn = np.concatenate([[0.0], normal])
+        orientations = multiply(multiply(half_turn, body.orientations), _HALF_TURN)[_MIRROR]
     contacts = None if body.contacts is None else body.contacts[::-1].copy()
     return Body(body.id, joints, body.confidence[_MIRROR], orientations, contacts, body.stature)

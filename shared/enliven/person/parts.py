@@ -1,4 +1,4 @@
-"""Named parts of the body for possession: "left arm", "upper body", "hip + right arm", ..."""
+"""Named body parts that performers attach to a mesh: "left arm", "upper body", "hip + right arm", ..."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def _all_parts() -> dict[str, frozenset[Joint]]:
 
 
 PARTS: dict[str, frozenset[Joint]] = _all_parts()
-"""Named subsets of the body (KinEtre: "left arm", "upper body", "hip and right arm", ...). A bone belongs
-to its child joint."""
+"""Joints of each named body part (KinEtre: "left arm", "upper body", "hip and right arm", ...). A bone
+belongs to its child joint."""
 
 _SEPARATOR_PATTERN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
 
@@ -76,19 +76,19 @@ def parse_parts(parts: str | Iterable[str]) -> frozenset[Joint]:
 
 
 def _parse_part(name: str) -> frozenset[Joint]:
-    """Returns the joints of one name, or of several joined in one string."""
-    plain = " ".join(name.lower().split())
-    if plain in PARTS:
-        return PARTS[plain]
-    pieces = [piece for piece in _SEPARATOR_PATTERN.split(plain) if piece]
+    """Returns the joints of one part name, or of several names that are joined in one string."""
+    normalized = " ".join(name.lower().split())
+    if normalized in PARTS:
+        return PARTS[normalized]
+    pieces = [piece for piece in _SEPARATOR_PATTERN.split(normalized) if piece]
     unknown = next((piece for piece in pieces if piece not in PARTS), None)
     if unknown is None and pieces:
         return frozenset().union(*(PARTS[piece] for piece in pieces))
-    wrong = plain if unknown is None else unknown
-    near = difflib.get_close_matches(wrong, PARTS, n=1)
-    guess = f"Did you mean {near[0]}? " if near else ""
+    wrong_name = normalized if unknown is None else unknown
+    similar = difflib.get_close_matches(wrong_name, PARTS, n=1)
+    guess = f"Did you mean {similar[0]}? " if similar else ""
     raise InputError(
-        f"no part of the body is called {wrong!r}",
+        f"no part of the body is called {wrong_name!r}",
         where="parts",
-        mend=f"{guess}Known: {', '.join(PARTS)}; join them with '+'.",
+        remedy=f"{guess}Known: {', '.join(PARTS)}; join them with '+'.",
     )

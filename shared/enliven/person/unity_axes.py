@@ -27,7 +27,7 @@ _WXYZ = [3, 0, 1, 2]
 """Numbers of w, x, y, z in a quaternion (x, y, z, w)."""
 _TO_UNITY = np.array([1.0, -1.0, -1.0, 1.0])
 """Signs of (x, y, z, w) of a mirrored rotation."""
-_GIMBAL_COSINE = 1e-6
+GIMBAL_COSINE = 1e-6
 """Cosine of the pitch below which yaw and roll rotate about the same axis, so that roll is set to 0."""
 
 
@@ -62,7 +62,7 @@ def unity_euler(turns: AnyArray) -> Float:
     pitch = np.arcsin(sine)
     yaw = np.arctan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y))
     roll = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z))
-    locked = np.sqrt(1.0 - sine * sine) < _GIMBAL_COSINE
+    locked = np.sqrt(1.0 - sine * sine) < GIMBAL_COSINE
     locked_yaw = np.arctan2(2.0 * (w * y - x * z), 1.0 - 2.0 * (y * y + z * z))
     yaw, roll = np.where(locked, locked_yaw, yaw), np.where(locked, 0.0, roll)
     return np.degrees(np.stack([pitch, yaw, roll], -1))

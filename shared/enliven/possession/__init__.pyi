@@ -4,7 +4,8 @@ from .attachment import Attachment as Attachment, AttachmentSettings as Attachme
 from .pose_blend import PoseBlend as PoseBlend
 from .embedded_actor import EmbeddedActor as EmbeddedActor
 from .highlights import Cues as Cues, State as State, make_cues as make_cues
-from .likeness import BodyInMesh as BodyInMesh, find_person_in_mesh as find_person_in_mesh
+from .likeness.skeleton import BodyInMesh as BodyInMesh
+from .likeness.finding import find_person_in_mesh as find_person_in_mesh
 from .placement import body_yaw as body_yaw, rotation_about_y as rotation_about_y
 from .placement_rules import needs_person_search as needs_person_search
 from .preparation import (

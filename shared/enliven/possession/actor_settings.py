@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.deformation.constraints import FloorSettings, ObservedSettings, SelfContactSettings
-from enliven.deformation.embedded import EmbeddedSettings
+from enliven.deformation.constraints.floor_contact import FloorSettings
+from enliven.deformation.constraints.observed import ObservedSettings
+from enliven.deformation.constraints.self_contact import SelfContactSettings
+from enliven.deformation.embedded.solver import EmbeddedSettings
 from enliven.possession.attachment import AttachmentSettings
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,10 @@ class ActorSettings:
         unit="s",
         low=0.0,
     )
-    enough: float = setting(
+    enough: float = parameter(
         0.5, "Fraction of a limb's bones that must attach before its reach stops growing.", low=0.0, high=1.0
     )
-    farthest_reach: float = setting(
+    farthest_reach: float = parameter(
         0.45, "Longest reach of a bone that is tried.", unit="m", low=0.0, high=5.0
     )
     attachment: AttachmentSettings = setting(AttachmentSettings, "Attachment of bones to the mesh.")

@@ -1,4 +1,4 @@
-"""Attachment: binds a tracked body to a deformation graph (KinÊtre, "Constraints").
+"""Attachment: binds a tracked body to a deformation graph (KinÊtre, section "Constraints").
 
 Each bone is a cylinder with sample points. A sample becomes a point constraint if it lies near a node and
 faces the same way as the node. The samples then move with the bones, and the solver deforms the graph to
@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.person import PARENTS, J, Joint, parse_parts
 from enliven.possession.bone_cylinders import bone_rotations, bone_samples, fill_joints
 from enliven.possession.nearest_nodes import nearest_facing, to_rest_space
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 _PARENT_JOINTS = np.array(PARENTS)
 _LIMB_OF_BONE = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
@@ -38,57 +38,59 @@ class AttachmentSettings:
     radius: float = setting(
         0.04, "Radius of the cylinder of sample points around each bone.", unit="m", low=0.0, high=0.5
     )
-    along: int = setting(4, "Number of samples along each bone.", low=1, high=64)
-    around: int = setting(4, "Number of samples around each bone.", low=1, high=64)
+    along: int = parameter(4, "Number of samples along each bone.", low=1, high=64)
+    around: int = parameter(4, "Number of samples around each bone.", low=1, high=64)
     reach: float = setting(
         0.10, "Maximum distance from a sample to the node to which it attaches.", unit="m", low=0.0, high=2.0
     )
-    normal_angle: float = setting(
+    normal_angle: float = parameter(
         math.pi / 2,
         "Maximum angle between the normals of a sample and its node.",
         unit="rad",
         low=0.0,
         high=math.pi,
     )
-    joints: bool = setting(True, "Also attaches samples at the joints, in addition to those along the bones.")
+    joints: bool = parameter(
+        True, "Also attaches samples at the joints, in addition to those along the bones."
+    )
 
 
 @dataclass(frozen=True)
 class ReachGrowth:
     """Extends the reach for a body that does not fit the mesh, limb by limb, until enough bones attach.
 
-    If the performer holds the mesh with the whole body, the arms reach only as far as the whole body needs.
-    Otherwise they would attach to the flanks of a mesh that has no arms.
+    If the performer attaches with the whole body, the reach of the arms is limited to the reach that the
+    whole body needs. Otherwise they would attach to the flanks of a mesh that has no arms.
 
     Attributes:
         enough: fraction of the bones that must attach before the reach stops growing.
-        farthest: metres, the longest reach that is tried.
+        farthest: the longest reach that is tried, metres.
     """
 
     enough: float
     farthest: float
 
     def limb_reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
-        """Returns (L,) the reach of each sample, metres: ``reach``, or the next longer one at which enough
-        bones attach.
+        """Returns (L,) the reach of each sample, metres. It is ``reach`` or, if necessary, a longer reach at
+        which enough bones attach.
 
         Args:
             bone: (L,) the bone of each sample.
-            nearest: (L,) metres from each sample to the nearest node, infinite if there is none.
+            nearest: (L,) distance from each sample to the nearest node, metres; infinite if there is none.
         """
-        first = np.full(J, np.inf)
-        np.minimum.at(first, bone, nearest)
+        nearest_per_bone = np.full(J, np.inf)
+        np.minimum.at(nearest_per_bone, bone, nearest)
         has_all_bones = len(np.unique(bone)) >= J - 1
-        out = np.full(len(bone), self._larger_reach(reach, first[np.unique(bone)]))
+        reaches = np.full(len(bone), self._larger_reach(reach, nearest_per_bone[np.unique(bone)]))
         for limb in np.unique(_LIMB_OF_BONE[bone]):
             if not (has_all_bones and limb in _ARM_NUMBERS):
                 on_limb = _LIMB_OF_BONE[bone] == limb
-                out[on_limb] = self._larger_reach(reach, first[np.unique(bone[on_limb])])
-        return out
+                reaches[on_limb] = self._larger_reach(reach, nearest_per_bone[np.unique(bone[on_limb])])
+        return reaches
 
     def _larger_reach(self, reach: float, first: Float) -> float:
-        """Returns the reach at which enough bones attach, given the distance ``first`` (B,) from each to its
-        nearest node.
+        """Returns the reach at which enough bones attach, given the distances ``first`` (B,) from the bones
+        to their nearest nodes.
         """
         while np.count_nonzero(first < reach) < self.enough * len(first) and reach < self.farthest:
             reach = min(1.5 * reach + 0.01, self.farthest)
@@ -97,16 +99,17 @@ class ReachGrowth:
 
 @dataclass(frozen=True)
 class Attachment:
-    """Point constraints that a body drives. L is 0 if nothing was within reach.
+    """L point constraints. Their targets follow a body. L is 0 if no node was within reach.
 
     Attributes:
-        points: (L, 3) metres, p_l, in the mesh's rest space.
+        points: (L, 3) the constrained points p_l in the mesh's rest space, metres.
         node_indices: (L, 4) int32 the nodes that move each point.
         node_weights: (L, 4) weights of these nodes. They sum to one; unused entries are 0.
         bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.person.body.Joint`).
         along: (L,) position along the bone: 0 is the parent joint, 1 is the child joint.
-        radial: (L, 3) metres from the bone's axis to the point, in the world, when the body attached.
-        rest: (20, 3) metres, the joints when the body attached.
+        radial: (L, 3) offset from the bone's axis to the point, in the world, at the time of attaching,
+            metres.
+        rest: (20, 3) the joints at the time of attaching, metres.
     """
 
     points: Float
@@ -122,9 +125,7 @@ class Attachment:
 
     @property
     def nodes(self) -> tuple[Int, Float]:
-        """(K,) the nodes that are held, and (K,) the strength of each, in (0, 1], for the viewer's
-        highlights.
-        """
+        """The K held nodes (K,) and the strength (K,) of each, in (0, 1], for the viewer's highlights."""
         if not len(self):
             return np.empty(0, np.int64), np.empty(0)
         total = np.bincount(self.node_indices.reshape(-1), self.node_weights.reshape(-1))
@@ -132,7 +133,7 @@ class Attachment:
         return held_nodes, total[held_nodes] / total.max()
 
     def select_points(self, mask: Bool) -> Attachment:
-        """Returns the attachment with only the points of a (L,) mask."""
+        """Returns the attachment restricted to the points in a mask (L,)."""
         return Attachment(
             self.points[mask],
             self.node_indices[mask],
@@ -147,8 +148,8 @@ class Attachment:
         """Returns (L, 3) metres, the current target positions q_l of the points. NaN if a needed joint is not
         finite.
 
-        A point keeps its fraction along the bone, however long the bone is now, and its distance from the
-        bone's axis.
+        A point keeps its fraction along the bone, even if the bone's length changes, and its distance from
+        the bone's axis.
 
         Args:
             joints: (20, 3) metres, world frame.
@@ -157,12 +158,12 @@ class Attachment:
         """
         joints = check_joints(joints)
         turns = bone_rotations(self.rest, joints)[0] if turns is None else np.ascontiguousarray(turns)
-        ends = fill_joints(joints, fill_joints(self.rest, self.rest))
-        out = np.empty((len(self), 3))
-        _write_targets(ends, turns, self.bone, self.along, self.radial, out)
+        finite_joints = fill_joints(joints, fill_joints(self.rest, self.rest))
+        target_positions = np.empty((len(self), 3))
+        _write_targets(finite_joints, turns, self.bone, self.along, self.radial, target_positions)
         finite = np.asarray(np.isfinite(joints).all(1))
-        out[~self._smaller_of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
-        return out
+        target_positions[~self._smaller_of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
+        return target_positions
 
     def _smaller_of_ends(self, values: Float) -> Float:
         """Returns (L,) the smaller of ``values`` (20,) at the two ends of each bone; a point on a joint uses
@@ -179,10 +180,10 @@ class Attachment:
         Args:
             confidence: (20,) in [0, 1]; NaN counts as 0.
         """
-        sure = np.clip(np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0), 0.0, 1.0)
-        if sure.shape != (J,):
-            raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
-        weaker = self._smaller_of_ends(sure)
+        certainty = np.clip(np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0), 0.0, 1.0)
+        if certainty.shape != (J,):
+            raise InputError(f"the confidence is {certainty.shape}, expected ({J},)", where="attachment")
+        weaker = self._smaller_of_ends(certainty)
         return np.asarray(weaker * weaker * (3 - 2 * weaker))
 
 
@@ -203,17 +204,17 @@ def attach(
     deformed: tuple[Float, Float] | None = None,
     grow: ReachGrowth | None = None,
 ) -> Attachment:
-    """Attaches the body at its current pose to the graph. The result also serves as a preview of the nodes
+    """Attaches the body in its current pose to the graph. The result also serves as a preview of the nodes
     that would be held.
 
     Args:
-        graph: of the mesh, in the same world frame.
+        graph: deformation graph of the mesh, in the same world frame.
         joints: (20, 3) metres; a bone with a joint that is not finite does not attach.
         confidence: (20,); a bone with a joint of confidence 0 does not attach.
         parts: names of :data:`enliven.person.body.PARTS`; a bone belongs to its child joint.
         settings: radius, samples, reach and angle.
-        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, if the mesh is deformed
-            (to attach again, or with a second body).
+        deformed: current (N, 3, 3) linear parts and (N, 3) positions of the nodes, if the mesh is deformed
+            already (for attaching again, or with a second body).
         grow: extends the reach beyond the settings if too few bones reach a node.
 
     Raises:
@@ -222,10 +223,10 @@ def attach(
     settings, grow = settings or AttachmentSettings(), grow or ReachGrowth(0.0, 0.0)
     joints = check_joints(joints)
     chosen = np.isin(np.arange(J), list(parse_parts(parts)))
-    sure = np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0) > 0
-    if sure.shape != (J,):
-        raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
-    usable = sure & np.isfinite(joints).all(1)
+    is_tracked = np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0) > 0
+    if is_tracked.shape != (J,):
+        raise InputError(f"the confidence is {is_tracked.shape}, expected ({J},)", where="attachment")
+    usable = is_tracked & np.isfinite(joints).all(1)
     points, normals, bone, along, radial, starts = _usable_samples(joints, usable, chosen, settings)
     node_points, node_normals = _deformed_nodes(graph, deformed)
     farthest = max(settings.reach, grow.farthest)
@@ -262,14 +263,14 @@ def _usable_samples(
     count = points.shape[1]
     bones = np.flatnonzero(usable[1:] & usable[_PARENT_JOINTS[1:]] & chosen[1:])
     fraction = np.repeat((np.arange(settings.along) + 0.5) / settings.along, settings.around)
-    where, facing = [points[bones].reshape(-1, 3)], [normals[bones].reshape(-1, 3)]
+    positions, facing = [points[bones].reshape(-1, 3)], [normals[bones].reshape(-1, 3)]
     starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
     if chosen[0] and not chosen[[*_PELVIS_CHILDREN]].any() and usable[:2].all():
-        # The root joint is not the child of any bone. So if only the hip is chosen, it holds the mesh with
-        # the lower half of the spine. Then rotating the hip rotates the held part.
+        # The root joint is not the child of any bone. So if only the hip is chosen, use the samples of the
+        # lower half of the spine, so that rotating the hip rotates the attached part.
         pelvis = fraction < 0.5
-        where.append(points[0][pelvis])
+        positions.append(points[0][pelvis])
         facing.append(normals[0][pelvis])
         bone.append(np.ones(int(pelvis.sum()), int))
         along.append(fraction[pelvis])
@@ -280,12 +281,12 @@ def _usable_samples(
         first = bone_indices == 0
         bone_indices = bone_indices[~first | usable[1]]
         first = bone_indices == 0
-        where.append(joints[bone_indices])
+        positions.append(joints[bone_indices])
         facing.append(np.zeros((len(bone_indices), 3)))
         bone.append(np.where(first, 1, bone_indices))
         along.append(np.where(first, 0.0, 1.0))
         starts = np.concatenate([starts, starts[-1] + 1 + np.arange(len(bone_indices))])
-    position, normal = np.concatenate(where), np.concatenate(facing)
+    position, normal = np.concatenate(positions), np.concatenate(facing)
     on_joint = (normal == 0).all(1, keepdims=True)
     radial = np.where(on_joint, 0.0, normal * settings.radius)
     return position, normal, np.concatenate(bone), np.concatenate(along), radial, starts

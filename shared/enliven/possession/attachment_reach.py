@@ -1,4 +1,6 @@
-"""Attaches a body to the part of a mesh within its reach, and explains why if nothing is within reach."""
+"""Attaches a body to the part of a mesh within its reach, and explains the reason if no node is within
+reach.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.person import Body, parse_parts
 from enliven.possession.actor_settings import ActorSettings
@@ -16,7 +18,7 @@ from enliven.possession.performer_attachment import TransformedAttachment
 from enliven.possession.rest_transform import RestTransform
 
 _MIN_ATTACHED_FRACTION = 0.9
-"""Fraction of the bones that must attach if the joints already lie inside the mesh: nearly all of them."""
+"""Minimum fraction of the bones that must attach if the joints already lie inside the mesh."""
 
 
 def attach_within_reach(
@@ -27,16 +29,17 @@ def attach_within_reach(
     rest_transform: RestTransform,
     deformed: tuple[Float, Float] | None,
 ) -> TransformedAttachment:
-    """Returns the attachment of a body after the transform ``rest_transform``.
+    """Attaches a body, transformed by ``rest_transform``, to a graph.
 
     Lengths in the settings are measured in the performer's metres.
 
     Args:
         rest_transform: transform from the world into the rest space.
-        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, None at rest.
+        deformed: current (N, 3, 3) linear parts and (N, 3) positions of the nodes. None if the mesh is at
+            rest.
     """
     attachment_settings, metre = settings.attachment, 1.0 / rest_transform.scale
-    near = replace(
+    scaled_settings = replace(
         attachment_settings,
         radius=metre * attachment_settings.radius,
         reach=metre * attachment_settings.reach,
@@ -47,7 +50,7 @@ def attach_within_reach(
     joints, start_turns = rest_transform(body.joints), rest_transform.turns
     if rest_transform.at_rest is not None:
         joints, deformed, start_turns = rest_transform.at_rest, None, None
-    attachment = attach(graph, joints, body.confidence, parts, near, deformed, grow)
+    attachment = attach(graph, joints, body.confidence, parts, scaled_settings, deformed, grow)
     return TransformedAttachment(attachment, rest_transform, parts, start_turns)
 
 
@@ -63,19 +66,19 @@ def out_of_reach_error(
     """Returns the error that explains why a body could not attach, and suggests a remedy.
 
     Args:
-        grip: the empty grip.
+        grip: the attachment, which is empty.
         nodes: (N, 3) metres, current positions of the nodes in the rest space.
         comes: True if the mesh moves to the body, so that stepping nearer does not help.
     """
     joints = grip.rest_transform(body.joints)[sorted(parse_parts(grip.parts))]
     distances = np.linalg.norm(joints[:, None] - nodes, axis=2)
     metres = float(np.nanmin(distances, initial=np.inf)) * grip.rest_transform.scale
-    away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
-    mend = "Step into the mesh, or set place = 'meet', or how = 'beside'."
+    distance_text = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
+    advice = "Step into the mesh, or set place = 'meet', or how = 'beside'."
     if comes:
-        mend = "Hold it with the whole body, or with other parts of it."
+        advice = "Hold it with the whole body, or with other parts of it."
     return InputError(
-        f"no part of the mesh is within {settings.farthest_reach} m of the body{away}",
+        f"no part of the mesh is within {settings.farthest_reach} m of the body{distance_text}",
         where=f"possessing {character!r} with {grip.parts}",
-        mend=mend,
+        remedy=advice,
     )

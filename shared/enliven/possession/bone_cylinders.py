@@ -13,7 +13,7 @@ from enliven.person import BONES, PARENTS, J, Joint
 _PARENT_JOINTS = np.array(PARENTS)
 _HIP_JOINT = int(Joint.HIP_CENTER)
 _CHEST_JOINT = int(Joint.SHOULDER_CENTER)
-# These are arrays, because numba compiles a kernel again for each distinct tuple type.
+# Use arrays, because Numba compiles a kernel again for each distinct tuple type.
 _HIP_JOINTS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
 _SHOULDER_JOINTS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
 _UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
@@ -32,11 +32,12 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
     Args:
         joints: (20, 3) metres; the samples of a bone with a joint that is not finite are NaN.
         radius: metres.
-        along: number of sample rings along each bone, each in the middle of one of ``along`` equal sections.
-        around: samples per ring; every second ring is rotated by half a step.
+        along: number of sample rings along each bone. The rings are in the middle of ``along`` equal
+            sections.
+        around: number of samples per ring. Every second ring is rotated by half a step.
 
     Returns:
-        (19, along * around, 3) metres and (19, along * around, 3) unit vectors.
+        (19, along * around, 3) positions, metres, and (19, along * around, 3) unit normals.
     """
     rotations = bone_rotations(joints, joints)[1]
     points = np.empty((len(BONES), along * around, 3))
@@ -48,19 +49,19 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
 
 
 def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
-    """Returns (19, 3, 3) the rotation of each bone since ``rest``, and (19, 3, 3) the current axes of its
-    torso.
+    """Returns (19, 3, 3) the rotation of each bone since ``rest``, and (19, 3, 3) the current axes of the
+    torso part to which the bone belongs.
 
     The hips and the shoulders each define a frame (a girdle). A bone first rotates with its girdle or its
     parent bone, then swings by the shortest arc to its current direction. So limbs twist with the body and
-    never spin on their own. Only an upper arm can point opposite to its rest direction (arms hanging at rest,
-    then raised), where the shortest arc is undefined. The upper arm therefore swings by way of a direction
-    ahead of and outward from its rest direction. This moves the undefined direction behind the body, out of
-    reach of the arms.
+    never spin independently. The shortest arc is undefined for opposite directions. Only an upper arm can
+    point opposite to its rest direction (hanging at rest, then raised). It therefore swings in two steps, via
+    a direction ahead of and outward from its rest direction. This moves the undefined direction behind the
+    body, which arms cannot reach.
 
     Args:
         rest: (20, 3) metres, the joints when the body attached.
-        joints: (20, 3) metres, now. A joint that is not finite moves with its parent.
+        joints: (20, 3) current joints, metres. A joint that is not finite moves with its parent.
     """
     turns = np.empty((len(BONES), 3, 3))
     axes = np.empty((len(BONES), 3, 3))
@@ -70,27 +71,31 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
 
 
 def find_known_bones(joints: Float) -> Bool:
-    """Returns (19,) True for each bone with two finite joints."""
+    """Returns (19,) a mask of the bones with two finite joints."""
     finite = np.asarray(np.isfinite(joints).all(1))
     return np.asarray(finite[1:] & finite[_PARENT_JOINTS[1:]])
 
 
 def fill_joints(joints: Float, rest: Float) -> Float:
-    """Returns (20, 3) joints; one that is not finite is placed at its offset from its parent in ``rest``."""
-    out = np.array(joints, np.float64)
-    is_known = np.asarray(np.isfinite(out).all(1))
+    """Replaces joints that are not finite: each gets its offset from its parent in ``rest``. Returns (20, 3)
+    joints.
+    """
+    filled = np.array(joints, np.float64)
+    is_known = np.asarray(np.isfinite(filled).all(1))
     if is_known.all():
-        return out
+        return filled
     offsets = np.nan_to_num(rest - rest[_PARENT_JOINTS], nan=0.0, posinf=0.0, neginf=0.0)
     if not is_known[0]:
         # The root is unknown, so move it by the displacement of the first known joint.
-        moved = (out - rest + rest[0])[is_known]
-        moved = moved[np.isfinite(moved).all(1)]
-        out[0] = moved[0] if len(moved) else (out[is_known][0] if is_known.any() else 0.0)
+        displacements = (filled - rest + rest[0])[is_known]
+        displacements = displacements[np.isfinite(displacements).all(1)]
+        filled[0] = (
+            displacements[0] if len(displacements) else (filled[is_known][0] if is_known.any() else 0.0)
+        )
     for j in np.flatnonzero(~is_known):
         if j > 0:
-            out[j] = out[PARENTS[j]] + offsets[j]
-    return out
+            filled[j] = filled[PARENTS[j]] + offsets[j]
+    return filled
 
 
 @njit(cache=True, nogil=True)
@@ -130,7 +135,7 @@ def _write_girdle_axes(joints, left, right, frame):
     lean = across[0] * up[0] + across[1] * up[1] + across[2] * up[2]
     x, y, z = across[0] - lean * up[0], across[1] - lean * up[1], across[2] - lean * up[2]
     if not _unit_into(x, y, z, _X, side):
-        # The girdle has no width, so use any horizontal direction at right angles to the spine.
+        # The girdle has no width, so use an arbitrary horizontal direction perpendicular to the spine.
         _cross_into(up, _Z if abs(up[2]) < 0.9 else _Y, side)
         _unit_into(side[0], side[1], side[2], _X, side)
     _cross_into(side, up, ahead)
@@ -185,7 +190,7 @@ def _write_rotations(rest, joints, turns, axes):
         parent, b, g = _PARENT_JOINTS[child], child - 1, 1 if _CHEST_BONES[child] else 0
         for r in range(3):
             for c in range(3):
-                # The rows of a girdle frame are its axes; the returned matrices hold the axes in columns.
+                # The rows of a girdle frame are its axes. The returned matrices contain the axes as columns.
                 axes[b, r, c] = girdle[g, c, r] if _TORSO_BONES[child] else axes[parent - 1, r, c]
                 start[r, c] = girdle_turn[g, r, c] if _TORSO_BONES[child] else turns[parent - 1, r, c]
                 turns[b, r, c] = start[r, c]

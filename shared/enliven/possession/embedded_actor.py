@@ -1,4 +1,4 @@
-"""The actor of a possessed mesh: performers hold it, and an embedded deformation graph moves it."""
+"""An actor with a mesh that an embedded deformation graph moves. Performers attach to the graph."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import ObservedPoints
-from enliven.deformation.embedded import EmbeddedSolver
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.constraints.observed import ObservedPoints
+from enliven.deformation.embedded.solver import EmbeddedSolver
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character, Pose
 from enliven.errors import EnlivenError
 from enliven.person import Body, J
@@ -18,7 +18,7 @@ from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.attachment_reach import attach_within_reach, out_of_reach_error
 from enliven.possession.follow_through import FollowThrough, node_stiffness
 from enliven.possession.highlights import Cues, make_cues
-from enliven.possession.likeness import BodyInMesh
+from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.performer_attachment import (
     PerformerAttachment,
@@ -38,16 +38,17 @@ _STEP_NS = 33_333_333
 
 
 class EmbeddedActor(Actor):
-    """A character, the deformation graph that moves it, and the performers' holds on it.
+    """A character with its deformation graph and the performers' holds on it.
 
     The mesh is solved in its rest space; the placement transforms the result into the world.
 
     Args:
         size: metres of the mesh as modelled per metre of its rest space.
-        height: metres, height of the mesh at rest. Its scale on the stage is computed from it. None measures
-            it.
-        person: a function that waits for the search for a person in the mesh, which runs in the background,
-            and returns its result. None: the search runs here when its result is needed.
+        height: height of the mesh at rest, metres. It determines the scale on the stage. None: it is
+            measured.
+        person: a function that returns the result of the search for a person in the mesh. It waits for the
+            search, which runs in the background. None: the actor itself runs the search when it needs the
+            result.
     """
 
     settings: ActorSettings
@@ -86,8 +87,12 @@ class EmbeddedActor(Actor):
 
     @property
     def likeness(self) -> BodyInMesh | None:
-        """The person-like skeleton in the mesh, if limb drives limb."""
+        """The person-like skeleton in the mesh, if the mesh is driven limb by limb; otherwise None."""
         return self._rules.likeness
+
+    def set_likeness(self, likeness: BodyInMesh | None) -> None:
+        """Sets the skeleton in the mesh, if it is known from an earlier search."""
+        self._rules.likeness = likeness
 
     @property
     def place(self) -> tuple[float, ...]:
@@ -96,7 +101,7 @@ class EmbeddedActor(Actor):
 
     @property
     def body_id(self) -> int:
-        """The id of the performer that has held the mesh longest; -1 while it is free."""
+        """The id of the performer that has held the mesh longest; -1 while no performer holds it."""
         return self.holds[0].body if self.holds else -1
 
     def possess(self, body: Body, parts: str = "all", mode: Mode = "alone") -> None:
@@ -105,8 +110,8 @@ class EmbeddedActor(Actor):
         Args:
             parts: the parts of the body that attach.
             mode: "alone" ends the holds of all other performers. "join" keeps the holds of other performers
-                and ends this performer's earlier hold. "extend" keeps that too, except for bones that attach
-                again.
+                and ends this performer's earlier hold. "extend" also keeps this performer's earlier hold,
+                except for bones that attach again.
 
         Raises:
             InputError: if a part is unknown, or if no part of the mesh is within reach. The actor is then
@@ -132,12 +137,12 @@ class EmbeddedActor(Actor):
         if not continues:
             self._placement = self._display_placement(self._rules.placement_at(body))
         self._placed, self._candidate = True, (None, parts)
-        at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
-        self._replace_holds([*others[:at], hold, *others[at:]], start)
+        hold_index = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
+        self._replace_holds([*others[:hold_index], hold, *others[hold_index:]], start)
 
     def release(self, body: int | None = None) -> None:
-        """Ends the hold of one performer, or of all. A free mesh eases to its rest shape at its current
-        place.
+        """Ends the hold of one performer, or of all performers. A mesh without holds eases to its rest shape
+        at its current place.
 
         Raises:
             InputError: if that performer does not hold this mesh.
@@ -159,8 +164,8 @@ class EmbeddedActor(Actor):
         self._placement, self._placed = Placement(place[0], place[1], np.array(place[2:5])), True
 
     def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
-        """Sets the display scale relative to the mesh's own size. Holds are stored in the rest space, so they
-        scale with the mesh.
+        """Sets the display scale relative to the mesh's own size. Holds stay valid, because they are stored
+        in the rest space.
         """
         factor, self.growth = growth / self.growth, growth
         if self._placed and factor != 1.0:
@@ -186,7 +191,7 @@ class EmbeddedActor(Actor):
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
-        """Returns the pose at a moment: driven by its performers, or waiting at its place.
+        """Returns the pose at a time: driven by the performers that hold the mesh, or waiting at its place.
 
         Args:
             seen: by body id, the part of the performer's surface that a depth sensor sees.
@@ -220,7 +225,7 @@ class EmbeddedActor(Actor):
         return make_cues(held_strengths, preview)
 
     def warm_up(self) -> None:
-        """Possesses a copy for a few frames, so that no frame waits for compilation."""
+        """Drives a copy of the actor for a few frames, so that no live frame has to wait for compilation."""
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
         # Reuse the rules, because they already contain the result of the slow skeleton search.
         rehearsal._rules = self._rules
@@ -229,12 +234,12 @@ class EmbeddedActor(Actor):
         rehearsal.cues([body])
         try:
             rehearsal.possess(body)
-        except EnlivenError:  # The error is reported later, when a performer attaches.
+        except EnlivenError:  # Ignore the error here. It is reported when a performer attaches.
             return
         for i in range(3):
-            moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
-            observed = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
-            rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: observed})
+            moved_body = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
+            observed = ObservedPoints(moved_body.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
+            rehearsal.perform([moved_body], (i + 1) * _STEP_NS, {0: observed})
             if rehearsal._solver is not None:
                 rehearsal._solver.renew()
 
@@ -244,14 +249,14 @@ class EmbeddedActor(Actor):
         return self.settings.place == "fixed" or self.settings.how != "inside"
 
     def _display_placement(self, place: Placement) -> Placement:
-        """Returns a placement at the mesh's own size scaled to its display size."""
+        """Scales a placement from the mesh's own size to its display size."""
         return place.scale_about(self.growth, place.to_world(self._rules.stand))
 
     def _grip_of_body(
         self, body: Body, parts: str, others: list[PerformerAttachment]
     ) -> TransformedAttachment:
-        """Returns the attachment that the body would get now, in addition to other holds. It is empty if
-        nothing is within reach.
+        """Returns the attachment that the body would get now, in addition to other holds. It is empty if no
+        node is within reach.
         """
         deformed = None
         if (self.holds or self._easing.is_active) and (others or self._is_stationary):
@@ -267,12 +272,14 @@ class EmbeddedActor(Actor):
         return grip
 
     def _shown_at_rest(self) -> tuple[Float, Float] | None:
-        """Returns the shown nodes in the rest space, because performers attach to the shown mesh."""
+        """Returns the displayed nodes, transformed to the rest space. Performers attach to the displayed
+        mesh.
+        """
         state = self._easing.shown
         return None if state is None else self._placement.state_to_rest(*state)
 
     def _replace_holds(self, holds: list[PerformerAttachment], start: tuple[Float, Float] | None) -> None:
-        """Replaces the holds and the solver, and eases the shown state over the change."""
+        """Replaces the holds and the solver. The displayed state eases from the old to the new result."""
         self.holds = holds
         self._soft.reset_contacts()
         self._swing.restart()
@@ -286,10 +293,10 @@ class EmbeddedActor(Actor):
         idle performer is in view.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
-        away = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]
+        absent_holds = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]
         idle = self._free_bodies(bodies)
-        if patience > 0 and away and len(idle) == 1:
-            self.hand_over(max(away, key=lambda h: h.seconds_away(time_ns)).body, idle[0])
+        if patience > 0 and absent_holds and len(idle) == 1:
+            self.hand_over(max(absent_holds, key=lambda h: h.seconds_away(time_ns)).body, idle[0])
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
         """Updates the targets of all holds. A performer that is away releases the mesh, unless all holders
@@ -349,7 +356,7 @@ class EmbeddedActor(Actor):
     def _held_state(
         self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int
     ) -> tuple[Float, Float]:
-        """Returns the state of the mesh as its holders deform it."""
+        """Solves the state of the mesh deformed by its holders."""
         assert self._solver is not None
         if not self._seen:
             return self._solver.state()

@@ -5,40 +5,40 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import painted_stiffness, stiffness_at
+from enliven.deformation.graph.stiffness import painted_stiffness, stiffness_at
 from enliven.document import Character
 
 FULL_SWING_STIFFNESS = 1.0 / 16.0
-"""Stiffness factor at which a part swings in full. Between this factor and 1, softness follows the
-logarithm."""
+"""Stiffness factor at which a part swings fully. From 1 down to this factor, softness increases with the
+logarithm of the stiffness."""
 _ANGULAR_FREQUENCY = 2.0 * np.pi * 2.0
-"""Natural frequency, radians per second (2 Hz): that of a cheek or a belly. Performers seldom move an end
-of the body to and fro faster."""
+"""Natural angular frequency, radians per second (2 Hz). It is typical of a cheek or a belly. Performers
+rarely move a hand or foot to and fro faster."""
 _DAMPING_RATIO = 0.25
 """Damping ratio. A sudden stop overshoots by 44 %, and the swing has decayed after one second."""
 _MAX_OFFSET_M = 0.35
-"""Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
-then do not tear the mesh."""
+"""Maximum offset of a node, metres of the rest space, in which a person is about 1.75 m tall. It prevents
+jumps after lost tracking from tearing the mesh."""
 
 
 def node_stiffness(
     character: Character, nodes: Float, spots: tuple[tuple[float, float, float, float, float], ...]
 ) -> Float | None:
-    """Returns (N,) the stiffness factor of each node (N, 3) at rest: its paint times the spots. None means 1
-    everywhere.
+    """Returns (N,) the stiffness factor of each node (N, 3) at rest: the painted stiffness times that of the
+    spheres in the settings. None means 1 everywhere.
     """
     painted, spotted = painted_stiffness(character), stiffness_at(nodes, spots)
     return painted if spotted is None else spotted if painted is None else painted * spotted
 
 
 class FollowThrough:
-    """A mass-spring model of soft nodes. At an exaggeration of 1, the softest node is a mass on a spring at
-    its place.
+    """A mass-spring model of soft nodes. At an exaggeration of 1, the softest node moves like a mass on a
+    spring attached to its computed position.
 
-    If the place x moves linearly between two frames, the offset u of the mass obeys u'' + 2 d w u' + w^2 u =
-    -x'', solved in closed form. The shown position is x + e s u, with the exaggeration e and the softness s
-    from 0 to 1. So a node at rest or at constant speed is shown at its computed place, and a stiff node
-    always is.
+    The computed position x moves linearly between two frames. The offset u of the mass then obeys u'' + 2 d w
+    u' + w^2 u = -x'', with damping ratio d and natural frequency w. The equation is solved in closed form.
+    The shown position is x + e s u, with the exaggeration e and the softness s from 0 to 1. So a node at rest
+    or at constant speed is shown at its computed position. A stiff node is always shown there.
 
     Args:
         stiffness: (N,) factors; nodes below 1 are soft. None means that no node is soft.
@@ -53,11 +53,11 @@ class FollowThrough:
         self.restart()
 
     def exaggerate(self, exaggeration: float) -> None:
-        """Changes the exaggeration. A swing in progress continues; if nothing swung before, the model
+        """Changes the exaggeration. A swing in progress continues. Without an earlier swing, the model
         restarts.
         """
-        moved, self._exaggeration = self._has_swing, exaggeration
-        if not moved:
+        had_swing, self._exaggeration = self._has_swing, exaggeration
+        if not had_swing:
             self.restart()
 
     @property
@@ -65,7 +65,7 @@ class FollowThrough:
         return bool(self._exaggeration and self._softness.any())
 
     def restart(self) -> None:
-        """Restarts at the next positions, without any offset."""
+        """Restarts at the next computed positions, without offsets."""
         self._places: Float | None = None
         self._pace: Float | None = None
         self._offset: Float = np.zeros((len(self._softness), 3))
@@ -73,7 +73,7 @@ class FollowThrough:
         self._time_ns = 0
 
     def __call__(self, positions: Float, time_ns: int) -> Float:
-        """Returns (N, 3) metres, the shown positions of the nodes with computed ``positions`` (N, 3)."""
+        """Returns the displayed positions (N, 3) of nodes with the computed ``positions`` (N, 3), metres."""
         if not self._has_swing:
             return positions
         seconds = (time_ns - self._time_ns) * 1e-9
@@ -92,14 +92,14 @@ class FollowThrough:
 
 
 def _oscillator_step(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:
-    """Returns the offset (metres) and velocity (metres per second) of damped oscillators after ``seconds``,
-    exactly.
+    """Returns the exact offset (metres) and velocity (metres per second) of damped oscillators after
+    ``seconds``.
     """
     swing = _ANGULAR_FREQUENCY * np.sqrt(1.0 - _DAMPING_RATIO**2)
     fading = np.exp(-_DAMPING_RATIO * _ANGULAR_FREQUENCY * seconds)
-    along, across = np.cos(swing * seconds), np.sin(swing * seconds) / swing
+    cosine, sine = np.cos(swing * seconds), np.sin(swing * seconds) / swing
     drag = _DAMPING_RATIO * _ANGULAR_FREQUENCY
     return (
-        fading * (offset * (along + drag * across) + speed * across),
-        fading * (speed * (along - drag * across) - offset * _ANGULAR_FREQUENCY**2 * across),
+        fading * (offset * (cosine + drag * sine) + speed * sine),
+        fading * (speed * (cosine - drag * sine) - offset * _ANGULAR_FREQUENCY**2 * sine),
     )

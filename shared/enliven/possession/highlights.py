@@ -1,4 +1,6 @@
-"""The nodes of a mesh that are held, and those that the next performer would hold, for highlights."""
+"""The nodes of a mesh that the viewer highlights: nodes that are held, and nodes that the next performer
+would hold.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ class Cues:
     Attributes:
         state: "free" or "possessed".
         nodes: (K,) node indices; the first ``held`` are held, the others are a preview.
-        strengths: (K,) in (0, 1].
-        body: the id of the first performer that holds the mesh, or else would hold it; -1 for none.
+        strengths: (K,) strength of the hold on each node, in (0, 1].
+        body: the id of the first performer that holds the mesh, or otherwise of the first that would hold it;
+            -1 if there is none.
         owners: (K,) the id of the performer that each node belongs to.
         held: number of nodes that are held; the others are a preview.
     """
@@ -35,11 +38,11 @@ class Cues:
 
 
 def make_cues(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
-    """Returns the cues. A node belongs to the performer that holds it with the greatest strength.
+    """Computes the cues. A node that several performers hold belongs to the one with the greatest strength.
 
     Args:
-        held: the id and (N,) strengths by node of each performer that holds the mesh.
-        preview: the same for the performer that would attach.
+        held: for each performer that holds the mesh, the id and the strength (N,) on each node.
+        preview: id and strengths of the performer that would attach next.
     """
     holders = [body for body, _ in held]
     nodes, strengths, owners = np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)
@@ -54,5 +57,5 @@ def make_cues(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | No
         also = also[~np.isin(also, nodes)]
         nodes, strengths = np.concatenate([nodes, also]), np.concatenate([strengths, preview[1][also]])
         owners = np.concatenate([owners, np.full(len(also), preview[0])])
-    first = holders[0] if holders else int(owners[0]) if len(owners) else -1
-    return Cues("possessed" if holders else "free", nodes, strengths, first, owners, held_count)
+    first_body = holders[0] if holders else int(owners[0]) if len(owners) else -1
+    return Cues("possessed" if holders else "free", nodes, strengths, first_body, owners, held_count)

@@ -8,7 +8,7 @@ from enliven import rotation
 from enliven.arrays import Float, Float32
 from enliven.person import PARENTS, Body, J, Joint
 from enliven.possession.bone_cylinders import bone_rotations, fill_joints
-from enliven.possession.likeness import BodyInMesh
+from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.placement import body_yaw, rotation_about_y, wrap_angle
 from enliven.possession.standing_placement import standing_figure
 from enliven.rotation import unit
@@ -21,12 +21,13 @@ _MESH_POSED_JOINTS = frozenset(
 hand or a foot of a mesh may be built differently, so these bones rotate by the same amount as the
 performer's."""
 _MAX_EASING_SLOPE = 1.5 * np.pi / 2
-"""Maximum slope of the cubic easing (1.5) times pi / 2, the ratio of arc to chord of a half turn."""
+"""Ratio of maximum to mean speed of an easing: the maximum slope of the cubic easing (1.5), times pi / 2, the
+ratio of arc to chord of a half turn."""
 
 
 class LimbRetargeting:
-    """A limb-to-limb retargeting: each bone of the mesh's own skeleton rotates as the performer's bone has
-    rotated.
+    """A limb-to-limb retargeting: each bone of the mesh's own skeleton rotates like the corresponding bone of
+    the performer.
 
     Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone). R is the rotation of the
     performer's bone since its reference pose. Q is the rotation from the direction that the mesh faces in the
@@ -45,10 +46,9 @@ class LimbRetargeting:
         body: the performer when attaching.
         scale: metres of the performer per metre of the rest space.
         travel: fraction of the performer's travel over the floor that the mesh follows.
-        seconds: how long the mesh takes to move into the performer's pose.
-        pace: maximum speed of that move, in the performer's metres per second.
-        inside: True if the mesh is at the performer's position, so that it travels exactly as the performer
-            does.
+        seconds: duration of the move of the mesh into the performer's pose.
+        pace: maximum speed of this move, in the performer's metres per second.
+        inside: True if the mesh is at the performer's position and travels exactly like the performer.
         front: radians about +Y, the direction that a human-like mesh at rest faces in the world; None: the
             performer's direction.
 
@@ -108,32 +108,34 @@ class LimbRetargeting:
         self._start_gap = other._start_gap
 
     def at(self, time_ns: int) -> None:
-        """Advances the move of the mesh into the performer's pose, until it is complete."""
+        """Advances the move of the mesh into the performer's pose to a time."""
         if self._share < 1.0:
             self._start_ns = time_ns if self._start_ns < 0 else self._start_ns
-            part = float(np.clip((time_ns - self._start_ns) * 1e-9 / self._seconds, 0.0, 1.0))
-            self._share = part * part * (3.0 - 2.0 * part)
+            fraction = float(np.clip((time_ns - self._start_ns) * 1e-9 / self._seconds, 0.0, 1.0))
+            self._share = fraction * fraction * (3.0 - 2.0 * fraction)
 
     def __call__(self, joints: Float) -> Float:
-        """Returns (20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN for joints that the
-        mesh lacks.
+        """Converts the performer's joints (20, 3) in the world to joints (20, 3) of the mesh's skeleton; NaN
+        for joints that the mesh lacks.
         """
         current = fill_joints(joints, self._last)
         self._last = current
-        before, self._heading = self._heading, _hip_heading(current)
-        self.turned = wrap_angle(self._heading - before)
+        last_heading, self._heading = self._heading, _hip_heading(current)
+        self.turned = wrap_angle(self._heading - last_heading)
         since_rest = bone_rotations(self._rest, current)[0]
         if self._share < 1.0:
             since_rest = self._partial_rotations(since_rest, self._heading - self._front)
         self.turns = turns = self._turn @ since_rest @ self._turn.T
         mesh_joints = self.likeness.joints
         displacement = (current[_HIP_JOINT] - self._home) * self._steps
-        out = np.empty((J, 3))
-        out[_HIP_JOINT] = mesh_joints[_HIP_JOINT] + self._share * (self._turn @ displacement)
+        mesh_skeleton = np.empty((J, 3))
+        mesh_skeleton[_HIP_JOINT] = mesh_joints[_HIP_JOINT] + self._share * (self._turn @ displacement)
         for child in range(1, J):
             parent = PARENTS[child]
-            out[child] = out[parent] + turns[child - 1] @ (mesh_joints[child] - mesh_joints[parent])
-        return out
+            mesh_skeleton[child] = mesh_skeleton[parent] + turns[child - 1] @ (
+                mesh_joints[child] - mesh_joints[parent]
+            )
+        return mesh_skeleton
 
     def _partial_rotations(self, since_rest: Float, heading: float) -> Float:
         """Returns (19, 3, 3) bone rotations interpolated from rest to ``since_rest``, in the world.
@@ -142,12 +144,14 @@ class LimbRetargeting:
             heading: radians about +Y from the mesh's front at rest to the front of the performer's hips.
         """
         level = rotation.from_matrix(rotation_about_y(-heading) @ since_rest)
-        part = rotation.slerp(rotation.IDENTITY, level, np.array(self._share))
+        partial = rotation.slerp(rotation.IDENTITY, level, np.array(self._share))
         shown_heading = heading - (1.0 - self._share) * self._start_gap
-        return np.asarray(rotation_about_y(shown_heading) @ rotation.to_matrix(part))
+        return np.asarray(rotation_about_y(shown_heading) @ rotation.to_matrix(partial))
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
-        """Returns two empty arrays (0, 3): a person's surface does not fit a mesh of another shape."""
+        """Returns two empty arrays (0, 3), because a person's surface does not fit a mesh of another
+        shape.
+        """
         return np.empty((0, 3)), np.empty((0, 3))
 
     def hand_over_to(self, body: Body) -> None:
@@ -167,11 +171,11 @@ def _hip_heading(joints: Float) -> float:
 
 
 def _pose_like_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
-    """Returns (20, 3) metres: the performer upright on the floor, with limbs that point as the mesh's limbs
-    at rest.
+    """Returns joints (20, 3), metres: the performer, upright on the floor, with limbs in the directions of
+    the mesh's limbs at rest.
 
     Args:
-        now: (20, 3) metres, the performer.
+        now: (20, 3) current joints of the performer, metres.
         yaw: radians about +Y, the direction that the returned figure faces.
         turn: (3, 3) rotation from that direction to the mesh's front.
     """
@@ -185,9 +189,11 @@ def _pose_like_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -
         if joint in _MESH_POSED_JOINTS:
             direction = mesh[joint] - mesh[parent]
         elif Joint(parent) in _MESH_POSED_JOINTS:
-            before = PARENTS[parent]
+            grandparent = PARENTS[parent]
             direction = rotation.rotate(
-                rotation.swing(unit(figure[parent] - figure[before]), unit(mesh[parent] - mesh[before])),
+                rotation.swing(
+                    unit(figure[parent] - figure[grandparent]), unit(mesh[parent] - mesh[grandparent])
+                ),
                 direction,
             )
         upright[joint] = upright[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(direction)

@@ -1,10 +1,10 @@
-"""Search for the nodes within reach of each bone's samples: the inner loop of possession."""
+"""Searches for the nodes within reach of each bone's samples. This is the inner loop of attaching."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from enliven.deformation.graph import insert
+from enliven.deformation.graph.surface_kernels import insert_sorted
 from enliven.kernels import njit
 
 _INNER_FRACTION = 0.35
@@ -13,7 +13,8 @@ _INNER_FRACTION = 0.35
 
 @njit(cache=True, nogil=True)
 def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
-    """Returns the four nearest nodes of each sample that face the same way as it, nearest first.
+    """Returns the four nearest nodes of each sample that face in the same direction as the sample, nearest
+    first.
 
     Samples come in groups (one group per bone). A node that is out of reach of a whole group is tested only
     once. Nodes in the outer part of the reach are tested only for samples that find too few in the inner
@@ -29,7 +30,7 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
         cosine: cosine of the widest angle between two normals.
 
     Returns:
-        (L, 4) int32 nodes and (L, 4) metres to them, infinite if there are fewer than four.
+        (L, 4) int32 nodes, and (L, 4) the distances to them, metres; infinite if there are fewer than four.
     """
     count = points.shape[0]
     indices = np.zeros((count, 4), np.int32)
@@ -61,7 +62,7 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
                     continue
                 facing = n[0] * node_normals[j, 0] + n[1] * node_normals[j, 1] + n[2] * node_normals[j, 2]
                 if free or facing > cosine:
-                    node_count = insert(near, who, node_count, np.sqrt(square), j)
+                    node_count = insert_sorted(near, who, node_count, np.sqrt(square), j)
                     if node_count == 4:
                         most = near[3]
             for m in range(node_count):
@@ -76,7 +77,7 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):
     Nodes within the inner part of the reach come first.
 
     Returns:
-        the number of nodes in the inner part, and the total number.
+        The number of nodes in the inner part, and the total number.
     """
     for a in range(3):
         low, high = np.inf, -np.inf
@@ -106,10 +107,10 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):
 
 @njit(cache=True, nogil=True)
 def to_rest_space(points, indices, weights, pivots, linear, positions):
-    """Returns (L, 3) the rest-space points that are now at ``points`` (L, 3): each node's inverse map,
-    blended.
+    """Transforms points (L, 3) of the deformed mesh to the rest space (L, 3), by blending the inverse maps of
+    the nodes.
 
-    A node that is squashed flat counts as not rotated, so that the point stays finite.
+    A node with a singular map counts as not rotated, so that the point stays finite.
     """
     out = np.zeros((points.shape[0], 3))
     inverse = np.empty((3, 3))

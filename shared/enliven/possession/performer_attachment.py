@@ -1,4 +1,4 @@
-"""One performer's hold on an embedded mesh: which bones hold which points, and the current strength."""
+"""One performer's hold on an embedded mesh: the attached points, their targets, and the current strength."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from enliven.possession.attachment import Attachment
 from enliven.possession.rest_transform import RestTransform
 
 _STRENGTH_TIME_CONSTANT_S = 0.12
-"""Time constant, seconds, of changes in strength. Confidence flickers, and without smoothing the mesh
-would shake."""
+"""Time constant in seconds that smooths the strength of a hold, which follows the tracking confidence.
+Without it, flickering confidence would shake the mesh."""
 
 _MAX_TARGET_M = 1e4
-"""Distance from the rest origin, metres, beyond which a target is not a measurement. It is far beyond any
-room."""
+"""Maximum distance of a valid target from the rest origin, metres. It is larger than any room."""
 
 _MAX_SINKING_M = 0.06
-"""Maximum depth, in metres, to which the lowest joint may sink below its depth at the start of the hold. The
-skeleton of a half-occluded performer drops through the floor before it is lost, and is then not trusted."""
+"""Maximum depth, metres, of the lowest joint below its level at the start of the hold. The tracked skeleton
+of a half-occluded performer sinks through the floor before it is lost. It is then ignored."""
 
 
 @dataclass
 class TransformedAttachment:
-    """An attachment with its transform of joints. A performer that attaches again has several.
+    """An attachment with its transform of joints. A performer that attaches several times has several.
 
     Attributes:
         attachment: the points that the body drives.
         rest_transform: transforms joints from the world into the rest space.
-        parts: the parts of the body that attached.
-        start_turns: (19, 3, 3) the rotations of the transform when the body attached; None: the identity.
+        parts: the name of the body parts that attached.
+        start_turns: (19, 3, 3) bone rotations of the transform at the time of attaching; None means the
+            identity.
     """
 
     attachment: Attachment
@@ -42,7 +42,7 @@ class TransformedAttachment:
     start_turns: Float | None = None
 
     def targets(self, body: Body) -> Float:
-        """Returns (L, 3) metres in the rest space, the current target positions of the held points."""
+        """Returns the current target positions (L, 3) of the held points, metres, rest space."""
         joints = self.rest_transform(body.joints)
         turns = self.rest_transform.turns
         if turns is not None and self.start_turns is not None:
@@ -57,10 +57,11 @@ class PerformerAttachment:
     Attributes:
         body: the performer's id.
         attachments: one for each time that the performer attached.
-        seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
+        seen_ns: time at which the performer was last in view, nanoseconds of the sensor's clock; None before
+            the first frame.
         active: True if the performer currently drives the mesh.
-        depth: metres, depth of the performer below the floor when attaching. It is not 0 because the floor
-            height is inexact.
+        depth: depth of the performer's lowest joint below the floor at the time of attaching, metres. It may
+            differ from 0, because the floor height is inexact.
     """
 
     body: int
@@ -80,14 +81,14 @@ class PerformerAttachment:
         return sum(len(grip.attachment) for grip in self.attachments)
 
     def seconds_away(self, time_ns: int) -> float:
-        """Returns the time, seconds, between ``time_ns`` and the last frame with the performer. It is
-        positive even if the clock goes backwards.
+        """Returns the time, in seconds, since the performer was last in view. It is positive even if the
+        clock jumps backwards.
         """
         return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
 
     def with_attachment(self, grip: TransformedAttachment) -> PerformerAttachment:
-        """Returns the same hold with another attachment. The bones of the new one are removed from all
-        older ones.
+        """Returns the hold with an additional attachment. Bones of the new attachment are removed from all
+        older attachments.
         """
         is_new = np.unique(grip.attachment.bone)
         grips = [
@@ -98,25 +99,25 @@ class PerformerAttachment:
         return PerformerAttachment(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
 
     def is_credible(self, body: Body) -> bool:
-        """Returns True if the body is credible: it has not sunk through the floor."""
+        """Returns True if the tracked body is credible, that is, it has not sunk through the floor."""
         return depth_below_floor(body) <= self.depth + _MAX_SINKING_M
 
     def update(self, body: Body, time_ns: int) -> None:
-        """Updates the targets and their weights from a performer in view."""
-        before = self._targets
+        """Updates the targets and their weights from the body of a performer in view."""
+        last_targets = self._targets
         for grip in self.attachments:
             grip.rest_transform.at(time_ns)
         self._targets = np.concatenate([grip.targets(body) for grip in self.attachments])
         pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.attachments])
         lost = ~(np.abs(self._targets) < _MAX_TARGET_M).all(1)
         pulls[lost] = 0.0
-        if self._pulls is None or before is None or len(self._pulls) != len(pulls):
+        if self._pulls is None or last_targets is None or len(self._pulls) != len(pulls):
             self._pulls = pulls
         else:
             # Keep the last target for the points of a lost joint while their weight decays.
-            self._targets[lost] = before[lost]
-            share = 1.0 - np.exp(-self.seconds_away(time_ns) / _STRENGTH_TIME_CONSTANT_S)
-            self._pulls = self._pulls + share * (pulls - self._pulls)
+            self._targets[lost] = last_targets[lost]
+            blend = 1.0 - np.exp(-self.seconds_away(time_ns) / _STRENGTH_TIME_CONSTANT_S)
+            self._pulls = self._pulls + blend * (pulls - self._pulls)
         self.seen_ns = time_ns
 
     @property
@@ -151,7 +152,7 @@ class ConstraintSet:
 
 
 def join_constraints(holds: Sequence[PerformerAttachment]) -> ConstraintSet:
-    """Returns the points of all holds."""
+    """Joins the points of all holds to one set of constraints."""
     attachments = [grip.attachment for hold in holds for grip in hold.attachments]
     return ConstraintSet(
         np.concatenate([np.empty((0, 3)), *(a.points for a in attachments)]),

@@ -30,19 +30,19 @@ class Placement:
         return rotation_about_y(self.yaw)
 
     def to_world(self, points: Float) -> Float:
-        """Returns (..., 3) rest-space points in the world."""
+        """Transforms rest-space points (..., 3) to the world."""
         return np.asarray(self.scale * points @ self.rotation.T + self.offset)
 
     def to_rest(self, points: Float) -> Float:
-        """Returns (..., 3) world points in the rest space of the mesh."""
+        """Transforms world points (..., 3) to the rest space of the mesh."""
         return np.asarray((points - self.offset) @ self.rotation / self.scale)
 
     def state_to_world(self, linear: Float, positions: Float) -> tuple[Float, Float]:
-        """Returns linear parts (N, 3, 3) and positions (N, 3) of the rest space in the world."""
+        """Transforms linear parts (N, 3, 3) and positions (N, 3) from the rest space to the world."""
         return self.scale * self.rotation @ linear, self.to_world(positions)
 
     def state_to_rest(self, linear: Float, positions: Float) -> tuple[Float, Float]:
-        """Returns linear parts (N, 3, 3) and positions (N, 3) of the world in the rest space."""
+        """Transforms linear parts (N, 3, 3) and positions (N, 3) from the world to the rest space."""
         return self.rotation.T @ linear / self.scale, self.to_rest(positions)
 
     def scale_about(self, factor: float, about: Float) -> Placement:
@@ -55,8 +55,8 @@ AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
 
 
 def placement_at_performer(body: Body, mesh_height: float, ratio: float) -> Placement:
-    """Returns the placement that puts a mesh at the performer's position, as tall as the performer times
-    ``ratio``.
+    """Returns the placement that puts a mesh at the performer's position. The mesh's height is the
+    performer's height times ``ratio``.
 
     Args:
         mesh_height: metres, height of the rest mesh, with its floor at y = 0.
@@ -68,11 +68,12 @@ def placement_at_performer(body: Body, mesh_height: float, ratio: float) -> Plac
 def placement_under_hips(
     body: Body, scale: float, stand: Float | None = None, front: float = 0.0
 ) -> Placement:
-    """Returns the placement that puts a point of the mesh under the hips, facing as the performer does.
+    """Returns the placement that puts a point of the mesh under the hips, and turns the mesh to face in the
+    performer's direction.
 
     Args:
         scale: metres of the world per metre of the rest mesh.
-        stand: (3,) metres of the rest mesh, the point on its floor that is put under the hips; None: the
+        stand: (3,) the point on the floor of the rest mesh that is put under the hips, metres; None: the
             origin.
         front: radians about +Y from +Z to the front of the rest mesh.
     """
@@ -84,14 +85,14 @@ def placement_under_hips(
 
 
 def shift_left(placement: Placement, metres: float) -> Placement:
-    """Returns a placement ``metres`` to the left of another, as seen by the mesh."""
+    """Returns the placement moved by ``metres`` to the left, as seen from the mesh."""
     left = placement.rotation @ np.array([metres, 0.0, 0.0])
     return Placement(placement.scale, placement.yaw, placement.offset + left)
 
 
 def body_yaw(body: Body) -> float:
-    """Returns radians about +Y from +Z to the performer's front, from hips and shoulders; 0 if these are
-    unknown.
+    """Returns the performer's heading from hips and shoulders: radians about +Y from +Z. 0 if these joints
+    are unknown.
     """
     lefts = [
         body.joints[a] - body.joints[b]
@@ -106,18 +107,18 @@ def body_yaw(body: Body) -> float:
 
 
 def nearest_placement(placement: Placement, rest: Float, shown: Float) -> Placement:
-    """Returns the placement nearest to the current mesh, using only rotation about +Y and a move over the
-    floor.
+    """Returns the placement that best fits the current mesh. It differs from ``placement`` only by a rotation
+    about +Y and a move over the floor.
 
     Args:
-        rest: (N, 3) metres, the nodes at rest.
-        shown: (N, 3) metres, the nodes now, world frame.
+        rest: (N, 3) the nodes at rest, metres.
+        shown: (N, 3) the current nodes in the world, metres.
     """
-    before = placement.to_world(rest)
-    yaw = yaw_between(before - before.mean(0), shown - shown.mean(0))
-    turned = Placement(placement.scale, placement.yaw + yaw, placement.offset)
-    step = shown.mean(0) - turned.to_world(rest).mean(0)
-    return Placement(turned.scale, turned.yaw, turned.offset + step * np.array([1.0, 0.0, 1.0]))
+    expected = placement.to_world(rest)
+    yaw = yaw_between(expected - expected.mean(0), shown - shown.mean(0))
+    rotated = Placement(placement.scale, placement.yaw + yaw, placement.offset)
+    step = shown.mean(0) - rotated.to_world(rest).mean(0)
+    return Placement(rotated.scale, rotated.yaw, rotated.offset + step * np.array([1.0, 0.0, 1.0]))
 
 
 def rotation_about_y(yaw: float) -> Float:

@@ -1,4 +1,6 @@
-"""Rules for the placement of a mesh and the transform of joints into it: inside, beside or mapped."""
+"""Rules for the placement of a mesh, and for the transform of joints into it. They implement the modes of the
+setting ``how``.
+"""
 
 from __future__ import annotations
 
@@ -8,30 +10,32 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.person import Body, J, Joint
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.likeness import BodyInMesh, find_body_in_mesh, find_person_in_mesh
+from enliven.possession.likeness.finding import find_body_in_mesh, find_person_in_mesh
+from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import AS_MODELLED, Placement, placement_under_hips, shift_left
 from enliven.possession.rest_transform import PlacementTransform, RestTransform
 
 _MAX_ORIGIN_DISTANCE_M = 0.2
-"""Maximum distance, metres, from the floor area of a mesh to its origin for a performer to stand at the
-origin. Half a person's width."""
+"""A performer stands at the origin of a mesh if the origin is at most this far (metres) from the floor area
+of the mesh. It is half a person's width."""
 _USUAL_HEIGHT_M = 1.75
 """Performer height, metres, that ``_MAX_ORIGIN_DISTANCE_M`` assumes, because a mesh is scaled to its
 performer's height."""
 _TRUNK_JOINTS = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
-"""Joints around the middle of a person's trunk."""
+"""Joints that define the middle of a person's trunk: their mean."""
 
 
 def needs_person_search(settings: ActorSettings) -> bool:
-    """Returns True if a person is searched in the mesh, because a human-like mesh around its performer moves
-    limb by limb."""
+    """Returns True if the settings require a search for a person in the mesh. This is so if a human-like mesh
+    around its performer moves limb by limb.
+    """
     meets = settings.meets and settings.how == "inside" and settings.follow == "skeleton"
     return meets and settings.place == "meet" and settings.scaled == "mesh"
 
@@ -40,10 +44,10 @@ class PlacementRules:
     """Rules that place a mesh, and that transform performers into its rest space, according to the settings.
 
     Args:
-        height: metres of the rest mesh.
+        height: height of the rest mesh, metres.
         size: metres of the mesh as modelled per metre of its rest space.
-        person: waits for the result (a person or None) of the search in the mesh, which runs in the
-            background. If not given, the search runs here.
+        person: a function that waits for the search for a person, which runs in the background, and returns
+            the person or None. If it is not given, the search runs when the result is needed.
     """
 
     def __init__(
@@ -61,7 +65,9 @@ class PlacementRules:
 
     @cached_property
     def likeness(self) -> BodyInMesh | None:
-        """A person's skeleton in the mesh, if limb drives limb; None if bones hold the nodes near them."""
+        """The person-like skeleton in the mesh, if the mesh is driven limb by limb; None if the performer's
+        bones attach to the nodes near them.
+        """
         settings, ends = self.settings, np.array(self.settings.ends, np.float64)
         if settings.how != "mapped" and not needs_person_search(settings):
             return None
@@ -77,13 +83,14 @@ class PlacementRules:
     def stand(self) -> Float:
         """(3,) metres of the rest space: the point on the floor at which a performer stands in the mesh.
 
-        It is the origin, or the middle of the mesh if the mesh is far from the origin. That happens for a
-        character that stands aside in its project, and for a scan that is put next to another character.
+        It is the origin, or the middle of the mesh if the mesh is far from the origin. This is so for a
+        character that is not at the origin of its project, and for a scan that is put next to another
+        character.
         """
         corners = self._character.vertices[:, [0, 2]]
         low, high = corners.min(0).astype(np.float64), corners.max(0).astype(np.float64)
-        away = np.maximum(np.maximum(low, -high), 0.0)
-        if np.linalg.norm(away) <= self._max_mesh_distance():
+        distance = np.maximum(np.maximum(low, -high), 0.0)
+        if np.linalg.norm(distance) <= self._max_mesh_distance():
             return np.zeros(3)
         middle = 0.5 * (low + high)
         if self.likeness is not None:
@@ -91,8 +98,8 @@ class PlacementRules:
         return np.array([middle[0], 0.0, middle[1]])
 
     def _max_mesh_distance(self) -> float:
-        """Returns the maximum distance, in the rest space, from the mesh to the origin for a performer to
-        stand there.
+        """Returns the maximum distance between mesh and origin, in the rest space, at which a performer
+        stands at the origin.
         """
         settings = self.settings
         metres = settings.farthest_reach if settings.stand == "modelled" else _MAX_ORIGIN_DISTANCE_M
@@ -103,9 +110,9 @@ class PlacementRules:
         """Returns the placement of a mesh that waits for its first performer. It is moved to the left by
         another ``farther`` metres.
         """
-        at = self.placement_at(body)
+        placement = self.placement_at(body)
         metres = farther + (0.0 if self.settings.how == "inside" else self.settings.aside)
-        return shift_left(at, metres) if metres else at
+        return shift_left(placement, metres) if metres else placement
 
     def placement_at(self, body: Body) -> Placement:
         """Returns the placement at the performer's position, with the mesh's front in the performer's
@@ -127,10 +134,11 @@ class PlacementRules:
         """Returns the transforms with which a body may attach, the best first.
 
         Args:
-            placement: where the mesh stands.
-            earlier: the transforms of the present holds that are kept, of other bodies or of this one.
-            own_earlier: the transform of the body's present hold, kept or not. If the mesh stands next to the
-                performer, the new hold continues with this transform, so that attaching again moves nothing.
+            placement: the current placement of the mesh.
+            earlier: the transforms of those current holds that are kept, of other bodies or of this body.
+            own_earlier: the transform of the body's current hold, whether it is kept or not. If the mesh
+                stands next to the performer, the new hold continues with this transform, so that attaching
+                again causes no motion.
         """
         settings, scale = self.settings, self._performer_scale(body)
         inside = settings.how == "inside"
@@ -138,37 +146,37 @@ class PlacementRules:
             return [own_earlier]
         if self.likeness is not None and not (inside and earlier):
             front = self._mesh_heading(self.placement_at(body) if inside else placement)
-            new = LimbRetargeting(
+            retargeting = LimbRetargeting(
                 self.likeness, body, scale, settings.travel, settings.fade, settings.fade_pace, inside, front
             )
             if isinstance(own_earlier, LimbRetargeting):
-                new.continue_from(own_earlier)
-            return [new]
+                retargeting.continue_from(own_earlier)
+            return [retargeting]
         mapped = next((transform for transform in earlier if isinstance(transform, LimbRetargeting)), None)
         if mapped is not None and mapped.body == body.id:
             return [mapped]
-        places = [
+        placements = [
             transform.placement for transform in earlier[:1] if isinstance(transform, PlacementTransform)
         ]
         if inside and mapped is not None:
-            places = [placement]
-        elif inside and settings.place == "fixed" and not places:
+            placements = [placement]
+        elif inside and settings.place == "fixed" and not placements:
             fixed = scale if settings.scaled == "performer" else AS_MODELLED.scale
-            places = [Placement(fixed, placement.yaw, placement.offset)]
-        elif not inside or not places:
-            places.append(placement_under_hips(body, scale, self.stand))
-        return [PlacementTransform(place, settings.travel, not inside) for place in places]
+            placements = [Placement(fixed, placement.yaw, placement.offset)]
+        elif not inside or not placements:
+            placements.append(placement_under_hips(body, scale, self.stand))
+        return [PlacementTransform(candidate, settings.travel, not inside) for candidate in placements]
 
     def _mesh_heading(self, placement: Placement) -> float:
         """Returns the heading of the mesh at rest in the world, radians about +Y."""
         return placement.yaw + (0.0 if self.likeness is None else self.likeness.yaw)
 
     def approach_transform(self, body: Body, placement: Placement) -> LimbRetargeting | None:
-        """Returns the transform with which a waiting mesh takes a performer's pose, or None if it keeps its
-        own pose.
+        """Returns the transform with which a waiting mesh moves into a performer's pose, or None if the mesh
+        keeps its own pose.
 
         Args:
-            placement: where the mesh waits.
+            placement: the placement of the waiting mesh.
         """
         settings, likeness = self.settings, self.likeness
         if not settings.ahead or likeness is None or not likeness.human:
@@ -190,6 +198,6 @@ def _joint_array(joints: tuple[tuple[float, float, float], ...], character: str)
         InputError: if their number is not 20.
     """
     if len(joints) != J:
-        mend = f"Name all {J} in their order, or none."
-        raise InputError(f"there are {len(joints)} joints, expected {J}", where=character, mend=mend)
+        advice = f"Name all {J} in their order, or none."
+        raise InputError(f"there are {len(joints)} joints, expected {J}", where=character, remedy=advice)
     return np.array(joints, np.float64)

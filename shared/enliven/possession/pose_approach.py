@@ -1,4 +1,4 @@
-"""Eases a mesh that has not been held yet into the pose of the performer that may attach next.
+"""Eases a mesh that no performer has held yet into the pose of the performer that may attach next.
 
 The mesh stays at its waiting place, and its limbs ease into the performer's pose. So a T-posed mesh lowers
 its arms before its performer attaches, and no part of it jumps at that moment.
@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.embedded import EmbeddedSolver
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.embedded.solver import EmbeddedSolver
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.person import Body
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.attachment_reach import attach_within_reach
@@ -26,7 +26,7 @@ class PoseApproach:
 
     Args:
         rest_transform: limb-to-limb retargeting, without travel.
-        start: the state to begin from; None: at rest.
+        start: the initial state; None starts at rest.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class PoseApproach:
         return self._solver.state()
 
     def at(self, body: Body | None, time_ns: int) -> State:
-        """Returns the state at a moment; the last state while the performer is out of view."""
+        """Returns the state at a time. While the performer is out of view, the state does not change."""
         if body is None or not self._hold.is_credible(body) or not np.isfinite(body.joints).any():
             return self.state
         self._hold.update(body, time_ns)

@@ -19,13 +19,13 @@ State = tuple[Float, Float]
 
 @dataclass(frozen=True)
 class _Gap:
-    """The difference from the computed state to the shown one: a similarity transform, and a residual per
+    """The difference between the computed and the displayed state: a similarity transform, and a residual per
     node.
 
     Attributes:
-        yaw: radians about +Y of the whole.
-        growth: natural logarithm of the scale of the whole.
-        offset: (3,) metres between the centres.
+        yaw: rotation of the whole mesh about +Y, radians.
+        growth: natural logarithm of the scale of the whole mesh.
+        offset: (3,) offset between the centres, metres.
         linear, positions: (N, 3, 3) and (N, 3) residuals in the frame of the computed state.
     """
 
@@ -37,15 +37,16 @@ class _Gap:
 
 
 class PoseBlend:
-    """A blend over a jump: keeps the gap between the shown and the computed state, and closes it over time.
+    """A blend over a jump. It stores the gap between the displayed and the computed state, and closes the gap
+    over time.
 
     While a gap closes, the shown speed of a node exceeds its computed speed by at most ``pace``, and by at
     most 1.5 / seconds times the length of the gap. The rotation and scale of the gap itself are not counted.
     If the gap is a rotation, its length counts pi / 2 times.
 
     Args:
-        seconds: how long a gap takes to close.
-        pace: metres per second; a gap that is too wide for this speed takes longer.
+        seconds: duration in which a gap closes.
+        pace: maximum speed of closing, metres per second; a wide gap takes longer than ``seconds``.
     """
 
     def __init__(self, seconds: float, pace: float = np.inf) -> None:
@@ -66,21 +67,24 @@ class PoseBlend:
         self.shown, self._gap, self._restarts = None, None, False
 
     def turn_along(self, yaw: float) -> None:
-        """Rotates the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame. The fade
-        then begins from the rotated state. Without this a spinning mesh would lag by one frame's turn.
+        """Rotates the last displayed state by ``yaw`` radians about +Y if a fade restarts in this frame. The
+        fade then begins from the rotated state. Otherwise a spinning mesh would lag by the rotation of one
+        frame.
         """
         if self._restarts and self.shown is not None:
-            (linear, positions), turn = self.shown, rotation_about_y(yaw)
+            (linear, positions), rotation_matrix = self.shown, rotation_about_y(yaw)
             centre = positions.mean(0)
-            self.shown = turn @ linear, (positions - centre) @ turn.T + centre
+            self.shown = rotation_matrix @ linear, (positions - centre) @ rotation_matrix.T + centre
 
     def restart_fade(self) -> None:
-        """Eases from the shown state to the next computed state, even if they are far apart."""
+        """Restarts the fade: eases from the displayed state to the next computed state, even if they are far
+        apart.
+        """
         self._restarts = True
 
     def skip(self, time_ns: int) -> None:
-        """Excludes the time since the last state, in which nothing was shown, from the fade, and continues
-        the fade.
+        """Excludes the time since the last state from the fade, because nothing was displayed in that time.
+        The fade then continues.
         """
         self._start_ns += time_ns - self._time_ns
         self._time_ns = time_ns
@@ -91,11 +95,11 @@ class PoseBlend:
             self._gap, self._start_ns = _gap_between(self.shown, (linear, positions)), self._time_ns
             self._closing = max(self.seconds, _MAX_SLOPE * _gap_width(self.shown[1], positions) / self.pace)
         self._restarts, self._time_ns = False, time_ns
-        share = (time_ns - self._start_ns) * 1e-9 / max(self._closing, 1e-9)
-        if self._gap is None or not 0.0 <= share < 1.0:
+        fraction = (time_ns - self._start_ns) * 1e-9 / max(self._closing, 1e-9)
+        if self._gap is None or not 0.0 <= fraction < 1.0:
             self._gap, self.shown = None, (linear, positions)
         else:
-            remaining = 1.0 - share * share * (3 - 2 * share)
+            remaining = 1.0 - fraction * fraction * (3 - 2 * fraction)
             self.shown = _state_across_gap(self._gap, remaining, linear, positions)
         return self.shown
 
@@ -109,19 +113,25 @@ def _gap_width(shown: Float, new: Float) -> float:
 
 
 def _gap_between(shown: State, new: State) -> _Gap:
-    """Returns the gap between two states. ``_state_across_gap`` with ``left`` = 1 reproduces ``shown``."""
-    before, after = shown[1].mean(0), new[1].mean(0)
-    a, b = shown[1] - before, new[1] - after
+    """Computes the gap between two states. ``_state_across_gap`` with ``left`` = 1 reproduces ``shown``."""
+    shown_centre, new_centre = shown[1].mean(0), new[1].mean(0)
+    a, b = shown[1] - shown_centre, new[1] - new_centre
     yaw = yaw_between(b, a)
     growth = float(np.sqrt((a * a).sum() / max((b * b).sum(), 1e-12)))
     growth = growth if 1e-3 < growth < 1e3 else 1.0
-    back = rotation_about_y(-yaw) / growth
-    return _Gap(yaw, float(np.log(growth)), before - after, back @ shown[0] - new[0], a @ back.T - b)
+    inverse_similarity = rotation_about_y(-yaw) / growth
+    return _Gap(
+        yaw,
+        float(np.log(growth)),
+        shown_centre - new_centre,
+        inverse_similarity @ shown[0] - new[0],
+        a @ inverse_similarity.T - b,
+    )
 
 
 def _state_across_gap(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
     """Returns the computed state plus the fraction ``left`` of the gap."""
-    turn = np.exp(left * gap.growth) * rotation_about_y(left * gap.yaw)
+    similarity = np.exp(left * gap.growth) * rotation_about_y(left * gap.yaw)
     centre = positions.mean(0)
-    spread = positions - centre + left * gap.positions
-    return turn @ (linear + left * gap.linear), spread @ turn.T + centre + left * gap.offset
+    relative = positions - centre + left * gap.positions
+    return similarity @ (linear + left * gap.linear), relative @ similarity.T + centre + left * gap.offset

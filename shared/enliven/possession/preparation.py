@@ -1,4 +1,4 @@
-"""Preparation of a mesh from a file for possession: scale, placement and refinement."""
+"""Prepares a mesh from a file for performers: scale, placement and refinement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh, fit_height, refine
 from enliven.person import Body, Joint
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
+from enliven.possession.likeness.finding import find_person_in_mesh
+from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.placement import rotation_about_y
 from enliven.possession.standing_placement import fit_standing_person, standing_figure
 from enliven.similarity import fit_similarity
@@ -24,19 +25,19 @@ _PERSON_HEIGHT_M = 1.75
 """Height, metres, to which meshes are scaled: that of an average person. A performer's height differs from it
 only by a small factor."""
 _MAX_EDGE_M = 0.04
-"""Maximum edge length, metres. Longer edges are split, because a triangle must be narrower than a limb to
-bend with it."""
+"""Maximum edge length, metres. Longer edges are split, because triangles must be narrower than a limb for the
+limb to bend."""
 
 
 class PreparedMesh(NamedTuple):
     """A mesh ready for the stage, and the values for its actor.
 
     Attributes:
-        mesh: in metres of its rest space.
-        settings: with the ends and joints of this mesh.
+        mesh: the mesh, in metres of its rest space.
+        settings: the settings of the actor, including the limb ends and joints of this mesh.
         size: metres of the mesh as modelled per metre of its rest space.
-        height: metres, height of the person that the mesh shows, even if it shows only a part of the person.
-            0: the height of the mesh.
+        height: height of the person that the mesh shows, metres, even if the mesh is only a part of the
+            person. 0: use the height of the mesh.
     """
 
     mesh: Mesh
@@ -53,26 +54,28 @@ def prepare_for_actor(
     ends: Float | None = None,
     joints: Float | None = None,
 ) -> PreparedMesh:
-    """Returns a mesh and its settings in the form that an actor takes.
+    """Prepares a mesh and its settings for an actor.
 
     Args:
         fit: True scales the mesh to a person's size, as :func:`prepare_mesh` does. False keeps it as
             modelled.
-        ends: (5, 3) metres of the given mesh, the ends of head, left and right hand, left and right foot, if
-            known; else those of the settings are kept.
-        joints: (20, 3) metres of the given mesh, of the person that it shows, if known.
+        ends: (5, 3) the ends of head, left and right hand, left and right foot in metres of the given mesh,
+            if known. Otherwise the ends in the settings are kept.
+        joints: (20, 3) the joints of the person that the mesh shows, in metres of the given mesh, if known.
     """
     vertices, size, height = mesh.vertices, 1.0, 0.0
-    at = [] if ends is None else [int(np.linalg.norm(vertices - end, axis=1).argmin()) for end in ends]
+    end_vertices = (
+        [] if ends is None else [int(np.linalg.norm(vertices - end, axis=1).argmin()) for end in ends]
+    )
     if fit:
-        mesh, size = prepare_mesh(mesh, settings, at, joints)
+        mesh, size = prepare_mesh(mesh, settings, end_vertices, joints)
         joints = (
             joints
             if joints is None
             else apply_vertex_motion(joints, vertices, mesh.vertices[: len(vertices)])
         )
-    if at:
-        settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
+    if end_vertices:
+        settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[end_vertices].tolist())))
     if joints is not None and len(joints):
         settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
         # Compute the person's height from the joints. If only a part of the person was in view, the mesh is
@@ -84,11 +87,13 @@ def prepare_for_actor(
 def prepare_mesh(
     mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
 ) -> tuple[Mesh, float]:
-    """Returns an upright mesh ready for the stage, and the metres as modelled per metre of it.
+    """Prepares an upright mesh for the stage. Returns it, and its scale: metres as modelled per metre of the
+    result.
 
-    If the mesh meets its performer, three steps follow. The mesh is scaled to a person's height, moved to
-    where a standing person fits into it, and refined if its triangles are too large to bend. A mesh that
-    stays fixed is returned as modelled. The original vertices keep their indices.
+    If the settings place the mesh at its performer (``place = "meet"``), there are three steps. The mesh is
+    scaled to a person's height, moved to where a standing person fits into it, and refined if its triangles
+    are too large to bend. A mesh that stays fixed is returned as modelled. The original vertices keep their
+    indices.
 
     Args:
         ends: the vertices at the ends of head, left and right hand, left and right foot, if they are known.
@@ -113,15 +118,19 @@ def prepare_mesh(
 
 
 def apply_vertex_motion(points: Float, before: Float, after: Float) -> Float:
-    """Returns points (N, 3) under the similarity that took the vertices ``before`` (V, 3) to ``after``."""
+    """Applies to points (N, 3) the similarity transform that maps the vertices ``before`` (V, 3) to
+    ``after``.
+    """
     return fit_similarity(before, after).transform(points)
 
 
 def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
-    """Returns the mesh with its front at +Z and its trunk aligned with that of a figure that stands at the
+    """Rotates the mesh so that its front is +Z, and moves its trunk to that of a figure that stands at the
     origin.
     """
     trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
-    turn = rotation_about_y(person.yaw)
-    offset = standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)
-    return replace(mesh, vertices=mesh.vertices @ turn + offset * [1.0, 0.0, 1.0])
+    rotation_matrix = rotation_about_y(person.yaw)
+    offset = standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ rotation_matrix)[trunk].mean(
+        0
+    )
+    return replace(mesh, vertices=mesh.vertices @ rotation_matrix + offset * [1.0, 0.0, 1.0])

@@ -1,4 +1,6 @@
-"""Replay of a recorded take: the live actor receives the bodies and the holds of the recording."""
+"""Replays a recorded take: passes the recorded bodies and holds to the same actor as in a live
+performance.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import BodyTake, Character, HoldChange, Pose, Possession
 from enliven.errors import InputError
 from enliven.person import Body
@@ -31,8 +33,9 @@ def settings_from_possession(possession: Possession) -> ActorSettings:
     except ValueError:
         problem = "the settings are not JSON"
         where = f"take {possession.take!r}"
-        raise InputError(problem, where=where, mend="Record it again.") from None
-    return load_settings(ActorSettings, values, where=f"the settings of take {possession.take!r}")
+        raise InputError(problem, where=where, remedy="Record it again.") from None
+    where = f"the settings of take {possession.take!r}"
+    return load_settings(ActorSettings, values, where=where, own_file=True)
 
 
 def replay(
@@ -44,12 +47,12 @@ def replay(
 ) -> Iterator[Pose]:
     """Yields the pose of a mesh at each frame of a take, as the stage would show it live.
 
-    The same take always gives the same poses. On the mesh that it was recorded with, it gives the recorded
-    poses. A take does not contain the performers' surfaces, so a mesh that followed a surface is driven by
-    the bones alone.
+    The result is deterministic. With the mesh of the recording, the poses equal the recorded poses. A take
+    does not contain the performers' surfaces, so a mesh that followed a surface is driven by the bones alone.
 
     Args:
-        notes: list to which a sentence is appended for each change of holds that this mesh refused.
+        notes: list to which a sentence is appended for each change of holds that was impossible with this
+            mesh.
 
     Raises:
         InputError: if no performer can attach to the mesh at all.
@@ -87,7 +90,7 @@ def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) 
     """Applies a change of holds.
 
     Raises:
-        InputError: if nothing is within reach, or the performer is not in view.
+        InputError: if no node is within reach, or the performer is not in view.
     """
     if change.mode == "remove":
         return
@@ -98,8 +101,10 @@ def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) 
     body = next((candidate for candidate in bodies if change.performer in (None, candidate.id)), None)
     if body is None:
         performer = "a performer" if change.performer is None else f"performer {change.performer}"
-        mend = "Give the take of the performers that possessed it."
-        raise InputError(f"{performer} is not in view", where=f"possessing {actor.character.id!r}", mend=mend)
+        advice = "Give the take of the performers that possessed it."
+        raise InputError(
+            f"{performer} is not in view", where=f"possessing {actor.character.id!r}", remedy=advice
+        )
     if change.mode == "take over":
         actor.hand_over(-1 if change.former is None else change.former, body)
     else:
@@ -107,7 +112,7 @@ def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) 
 
 
 def _with_unknown_joints(body: Body) -> Body:
-    """Returns a body of a take with unknown joints as NaN. A take stores them as the origin with confidence
+    """Replaces the unknown joints of a recorded body by NaN. A take stores them as the origin with confidence
     0.
     """
     is_known = (body.confidence > 0.0) | body.joints.any(1)

@@ -15,7 +15,7 @@ _HIP_JOINT = Joint.HIP_CENTER
 
 
 class RestTransform(Protocol):
-    """A transform of joints from the world into the rest space."""
+    """The interface of a transform of joints from the world into the rest space."""
 
     @property
     def scale(self) -> float:
@@ -33,8 +33,8 @@ class RestTransform(Protocol):
 
     @property
     def turns(self) -> Float | None:
-        """(19, 3, 3) rotation of each bone for the last joints. None means that it is computed from the
-        joints.
+        """(19, 3, 3) rotation of each bone for the last joints. None: the caller computes the rotations from
+        the joints.
         """
 
     def at(self, time_ns: int) -> None:
@@ -57,9 +57,9 @@ class PlacementTransform:
     Attributes:
         placement: the placement that the mesh would need for the performer to be inside it.
         travel: fraction of the performer's travel over the floor that the mesh follows.
-        is_elsewhere: True if the mesh is not at the performer's position. Another performer then continues
-            from the last position.
-        home: (2,) metres, x and z of the hip when the performer attached.
+        is_elsewhere: True if the mesh is not at the performer's position. If another performer takes over,
+            the mesh then continues from the last position.
+        home: (2,) x and z of the hip at the time of attaching, metres.
     """
 
     placement: Placement
@@ -92,15 +92,17 @@ class PlacementTransform:
         return self._to_rest_space(points), np.asarray(normals @ self.placement.rotation, np.float64)
 
     def _to_rest_space(self, points: Float | Float32) -> Float:
-        """Returns (M, 3) world points in the rest space, minus the travel that the mesh does not follow."""
+        """Transforms world points (M, 3) to the rest space, and removes the travel that the mesh does not
+        follow.
+        """
         points = np.array(points, np.float64)
         if self._hip is not None and self.home is not None:
             points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
         return self.placement.to_rest(points)
 
     def hand_over_to(self, body: Body) -> None:
-        """Continues with another body: from the last position if the mesh stands elsewhere, else at the
-        body's own position.
+        """Continues with another body: from the last position if the mesh stands elsewhere, and otherwise at
+        the body's own position.
         """
         if self.is_elsewhere and self._hip is not None and self.home is not None:
             step = body.joints[_HIP_JOINT, [0, 2]] - self._hip

@@ -1,26 +1,23 @@
-"""Soft constraints on a mesh in addition to its performers' bones: observed surface, floor, self-contact."""
+"""Soft constraints on a mesh in addition to the attached bones: observed surface, floor, and self-contact."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import (
-    FloorContact,
-    ObservedPoints,
-    ObservedSurface,
-    PlaneConstraints,
-    SelfContact,
-    join_planes,
-)
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.constraints.floor_contact import FloorContact
+from enliven.deformation.constraints.observed import ObservedPoints, ObservedSurface
+from enliven.deformation.constraints.planes import PlaneConstraints
+from enliven.deformation.constraints.self_contact import SelfContact
+from enliven.deformation.constraints.soft import join_planes
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.performer_attachment import PerformerAttachment
 
 
 class SoftConstraints:
-    """The soft constraints that the settings enable. Disabled constraints cost no time."""
+    """The soft constraints that the settings enable. Disabled constraints take no time."""
 
     def __init__(self, character: Character, graph: DeformationGraph, settings: ActorSettings) -> None:
         follows = settings.follow != "skeleton"
@@ -42,8 +39,8 @@ class SoftConstraints:
         Args:
             state: current (N, 3, 3) linear parts and (N, 3) positions.
             holds: all holds on the mesh.
-            seen: by body id, the part of the performer's surface that the sensor sees.
-            floor: metres, the floor's height in the rest space.
+            seen: for each body id, the visible part of the performer's surface.
+            floor: height of the floor in the rest space, metres.
             seconds: time since the last frame.
         """
         sets = []
@@ -62,14 +59,14 @@ class SoftConstraints:
         return join_planes(sets)
 
     def lift_out_of_floor(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
-        """Returns the state, lifted out of the floor if the settings ask for it; ``floor`` is in the rest
-        space.
+        """Lifts the state out of the floor if the settings require it. ``floor`` is the floor height in the
+        rest space, metres.
         """
         if self._floor is not None and self._raises:
             positions = self._floor.raise_above_floor(linear, positions, floor)
         return linear, positions
 
     def reset_contacts(self) -> None:
-        """Resets the foot contacts, because the mesh was placed elsewhere."""
+        """Resets the foot contacts. Call it when the mesh is placed elsewhere."""
         if self._floor is not None:
             self._floor.reset()

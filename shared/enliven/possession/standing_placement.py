@@ -1,8 +1,9 @@
-"""Finds where a person would stand in a mesh: legs in legs and trunk in trunk, as far as the mesh has them.
+"""Finds where a person would stand in a mesh: legs in its legs and trunk in its trunk, if the mesh has these
+parts.
 
-The origin of a mesh from a file may be anywhere. A performer in the middle of a chair would stand in its
-seat, or in the middle of a horse in its belly, and attach to little. So the mesh is moved and turned until a
-standing figure is as near to its surface as possible, limb by limb.
+The origin of a mesh from a file may be anywhere. A performer at the origin could stand in the seat of a chair
+or in the belly of a horse, and attach to few nodes. So the mesh is moved and rotated until all limbs of a
+standing figure are as near to its surface as possible.
 """
 
 from __future__ import annotations
@@ -13,27 +14,29 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph import scatter
+from enliven.deformation.graph.sampling import scatter
 from enliven.meshes import Mesh
 from enliven.person import PARENTS, Joint
 from enliven.possession.placement import rotation_about_y
 
 _BONE_DISTANCE_M = 0.11
-"""Distance, metres, at which a bone scores a third of a bone that lies in the surface."""
+"""Distance from the surface, metres, at which a bone has a third of the score of a bone in the surface."""
 _CELL_M = 0.04
 """Grid cell size, metres: a third of ``_BONE_DISTANCE_M``, so that the score of a bone hardly changes
 within a cell."""
 _YAW_COUNT = 16
-"""Number of yaws that are tried, 22.5 degrees apart. Each costs a pass over all positions."""
+"""Number of yaw angles that are tried, 22.5 degrees apart. Each requires a pass over all positions."""
 _POINTS_PER_BONE = 5
-"""Points per bone at which nearness is looked up: at most 9 cm apart on a shank."""
+"""Number of points per bone at which the distance score is looked up. On a lower leg they are at most 9 cm
+apart."""
 _MAX_PLACES = 700
-"""Approximate number of floor positions that are tried. They are farther apart on a mesh that is much
-wider than high."""
+"""Approximate number of floor positions that are tried. Their spacing is larger for a mesh that is much wider
+than high."""
 _MAX_CELLS = 300_000
 """Maximum number of grid cells. Cells are larger in a mesh that is much wider than high."""
 _PERSON_HEIGHT_M = 1.75
-"""Height of the reference person, metres. All lengths in this module scale with the mesh's height over it."""
+"""Height of the reference person, metres. All lengths in this module are scaled by the mesh's height divided
+by this height."""
 _STANDING_JOINTS = {
     "HIP_CENTER": (0.0, 0.97, 0.0), "SPINE": (0.0, 1.13, -0.01), "SHOULDER_CENTER": (0.0, 1.42, -0.01),
     "HEAD": (0.0, 1.61, 0.02), "HIP_LEFT": (0.09, 0.91, 0.0), "KNEE_LEFT": (0.10, 0.49, 0.02),
@@ -43,34 +46,36 @@ _STANDING_JOINTS = {
 }  # fmt: skip
 """Joints of the reference person on the left and in the middle, metres: standing, with hanging arms."""
 _PAIRED_BONES = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
-"""Paired bones that are scored, by their child joint, with weights. A pair scores twice its worse bone.
-Hanging arms have a low weight, because few meshes have any surface there."""
+"""Paired bones that are scored, given by their child joint and weight. The score of a pair is twice that of
+its worse bone. Hanging arms have a low weight, because few meshes have a surface there."""
 _TRUNK_BONES = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
-"""Bones of the trunk that are scored, by their child joint, with weights."""
+"""Bones of the trunk that are scored, given by their child joint and weight."""
 _SURFACE_DISTANCE_M = 0.25
-"""Distance, metres, at which a piece of surface scores a third of a piece that a bone lies in."""
+"""Distance from the bones, metres, at which a piece of surface has a third of the score of a piece that
+contains a bone."""
 _HEAD_AHEAD_GAIN = 0.4
-"""Relative gain in score per metre that the head is ahead: a performer in a horse looks where the horse
-does."""
+"""Relative gain in score per metre that the head is ahead. A performer in a horse then faces in the horse's
+direction."""
 _MASS_AHEAD_GAIN = 0.03
-"""Relative gain in score per metre that the centre of the mesh is ahead: a performer in the back of a
-chair looks over its seat. It is far smaller than the gain for a head."""
+"""Relative gain in score per metre that the centre of the mesh is ahead. A performer in the back of a chair
+then faces its seat. It is far smaller than the gain for a head."""
 _MODELLED_YAW_GAIN = 0.004
 """Relative gain in score of the modelled yaw over a quarter turn. It only decides between otherwise equal
 yaws."""
 _HEAD_HEIGHT_FRACTION = 0.85
 """Fraction of the mesh's height above which the surface counts as the head."""
 _MIN_HEAD_OFFSET_M = 0.15
-"""Distance ahead or behind, metres, within which the highest part does not indicate the front."""
+"""Minimum horizontal distance, metres, of the highest part from the middle if it indicates the front."""
 _BEHIND_FACTOR = 0.5
-"""Factor on distances behind the surface: a bone belongs inside a limb rather than outside."""
+"""Factor on distances behind the surface. Below 1, because a bone belongs inside a limb rather than
+outside."""
 _POINTS_PER_LEAF = 32
 """Points per leaf of the k-d tree. A query for a whole grid then takes three quarters of the time with the
 default."""
 
 
 def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
-    """Returns (20, 3) metres: the joints of a person that stands at the origin and faces +Z, with hanging
+    """Returns the joints (20, 3), metres, of a person that stands at the origin, faces +Z and has hanging
     arms.
     """
     joints = np.empty((len(Joint), 3))
@@ -81,10 +86,12 @@ def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
-    """Moves the mesh, its floor at y = 0, so that a person standing at the origin and facing +Z fits best.
+    """Moves a mesh with its floor at y = 0 such that a person that stands at the origin and faces +Z fits
+    best.
 
     Returns:
-        the mesh, and the score of the fit, from 0 (no bone is near) to 1 (every bone is in the surface).
+        The mesh, and the score of the fit, from 0 (no bone is near the surface) to 1 (every bone is in the
+        surface).
     """
     height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
     yaw, offset, score = fit_figures(mesh, [standing_figure(height)])
@@ -99,40 +106,43 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
     a single figure it also includes how symmetric the mesh is about the figure.
 
     Args:
-        figures: (20, 3) metres each, scaled to the mesh's height, about the origin, facing +Z.
+        figures: joints (20, 3) of each figure, metres, scaled to the mesh's height, around the origin, facing
+            +Z.
 
     Returns:
-        radians about +Y, (3,) metres, and the score, from 0 to 1.
+        The rotation about +Y (radians), the move (3,) (metres), and the score from 0 to 1.
     """
     unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _PERSON_HEIGHT_M
     samples = scatter(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
     # Precompute the nearness fields of the surface and of the figures' bones.
-    near = _Nearness(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
-    touched = [
+    surface_field = _Nearness(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
+    bone_fields = [
         _Nearness(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures
     ]
     low, high = mesh.bounds
     # Try the positions of a grid over the floor area of the mesh.
-    step = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MAX_PLACES)))
+    step = max(1.5 * surface_field.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MAX_PLACES)))
     steps = [np.arange(low[a], high[a] + step, step) for a in (0, 2)]
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
     floor = np.insert(shifts, 1, 0.0, axis=1)
     pieces = points[::27]
-    own_nearness = float(near.over(pieces, np.zeros((1, 3))).mean())
+    own_nearness = float(surface_field.over(pieces, np.zeros((1, 3))).mean())
     head = points[points[:, 1] >= low[1] + _HEAD_HEIGHT_FRACTION * (high[1] - low[1])].mean(0)[[0, 2]]
-    best, stand = -np.inf, (0.0, np.zeros(3), 0.0)
-    # For each yaw, score all floor positions at once. The score contains bones near the surface, surface near
+    best_score, stand = -np.inf, (0.0, np.zeros(3), 0.0)
+    # For each yaw, score all floor positions at once. The score rewards bones near the surface, surface near
     # the bones, and symmetry.
     for yaw in np.arange(_YAW_COUNT) * (2 * np.pi / _YAW_COUNT):
-        turn, front = rotation_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
-        scores = np.mean([_figure_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
-        rotated_pieces, back = pieces @ turn, -floor @ turn
-        scores *= np.max([field.over(rotated_pieces, back) for field in touched], axis=0).mean(1)
+        rotation_matrix, front = rotation_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
+        scores = np.mean(
+            [_figure_scores(surface_field, figure @ rotation_matrix.T, floor) for figure in figures], axis=0
+        )
+        rotated_pieces, rotated_floor = pieces @ rotation_matrix, -floor @ rotation_matrix
+        scores *= np.max([field.over(rotated_pieces, rotated_floor) for field in bone_fields], axis=0).mean(1)
         if len(figures) == 1:
-            mirror = turn @ np.diag([-1.0, 1.0, 1.0]) @ turn.T
-            across = near.over(pieces @ mirror, floor - floor @ mirror)
-            scores *= (across.mean(1) / own_nearness) ** 2
+            mirror = rotation_matrix @ np.diag([-1.0, 1.0, 1.0]) @ rotation_matrix.T
+            mirror_values = surface_field.over(pieces @ mirror, floor - floor @ mirror)
+            scores *= (mirror_values.mean(1) / own_nearness) ** 2
         # Prefer yaws for which the head lies ahead, or otherwise the mass. The reported score does not
         # include this preference.
         ahead = (head - shifts) @ front
@@ -141,21 +151,22 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
         preference += _MASS_AHEAD_GAIN * scores * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
         preference += _MODELLED_YAW_GAIN * scores * np.cos(yaw)
         top = int(preference.argmax())
-        if preference[top] > best:
-            best = float(preference[top])
+        if preference[top] > best_score:
+            best_score = float(preference[top])
             stand = float(yaw), np.array([shifts[top, 0], 0.0, shifts[top, 1]]), float(scores[top])
     return stand
 
 
 def _bone_points(joints: Float) -> Float:
-    """Returns (P, 3) points along all bones of (20, 3) joints."""
+    """Returns P points (P, 3) along all bones of the joints (20, 3)."""
     along = np.linspace(0.0, 1.0, 8)[:, None, None]
     ends, starts = joints[1:], joints[list(PARENTS[1:])]
     return np.asarray((starts * (1 - along) + ends * along).reshape(-1, 3))
 
 
 class _Nearness:
-    """A grid of exp(-(d / near)^2), where d is the distance to the nearest of some points.
+    """A proximity grid: its values are exp(-(d / near)^2), where d is the distance to the nearest of some
+    points.
 
     If the points have ``normals``, distances behind them are shortened, because a spine belongs inside a
     trunk.
@@ -169,31 +180,35 @@ class _Nearness:
         axes = [self._low[a] + cell * np.arange(shape[a]) for a in range(3)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
         grid = grid.reshape(-1, 3)
-        # Imported here, because characters that already fit do not need it.
+        # Import SciPy here, because characters that already fit do not need it.
         from scipy.spatial import cKDTree
 
         length, nearest = cKDTree(points, leafsize=_POINTS_PER_LEAF).query(
             grid, distance_upper_bound=4 * near
         )
         if normals is not None:
-            at = np.minimum(nearest, len(points) - 1)
-            behind = np.einsum("gi,gi->g", grid - points[at], normals[at]) < 0
-            length = np.where(behind, _BEHIND_FACTOR * length, length)
+            nearest_index = np.minimum(nearest, len(points) - 1)
+            is_behind = np.einsum("gi,gi->g", grid - points[nearest_index], normals[nearest_index]) < 0
+            length = np.where(is_behind, _BEHIND_FACTOR * length, length)
         # Add a border of zeros, so that the lookup of every point outside the grid gives zero.
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
     def over(self, points: Float, shifts: Float) -> Float:
-        """Returns (S, P) values at (P, 3) points moved by (S, 3) shifts over the floor; 0 off the grid."""
-        at: Int = np.zeros((), np.int64)
+        """Returns the values (S, P) at points (P, 3) that are moved by shifts (S, 3) over the floor; 0
+        outside the grid.
+        """
+        cell_index: Int = np.zeros((), np.int64)
         for axis, size in enumerate(self._values.shape):
-            along = (points[:, axis] - self._low[axis]) / self.cell
-            moved = along if axis == 1 else along + shifts[:, axis, None] / self.cell
-            at = at * size + np.clip(np.rint(moved) + 1, 0, size - 1).astype(np.int64)
-        return np.asarray(self._values.ravel()[at])
+            cell_coordinate = (points[:, axis] - self._low[axis]) / self.cell
+            shifted = cell_coordinate if axis == 1 else cell_coordinate + shifts[:, axis, None] / self.cell
+            cell_index = cell_index * size + np.clip(np.rint(shifted) + 1, 0, size - 1).astype(np.int64)
+        return np.asarray(self._values.ravel()[cell_index])
 
 
 def _figure_scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
-    """Returns (S,) scores of a figure, (20, 3) joints, moved by each of (S, 3) metres over the floor."""
+    """Returns the scores (S,) of a figure with joints (20, 3) that is moved by each of the shifts (S, 3),
+    metres, over the floor.
+    """
 
     def bone(name: str) -> Float:
         child = Joint[name]

@@ -8,4 +8,4 @@ from .reader import (
 )
 from .recorder import Recorder as Recorder
 from .recovery import Recovery as Recovery, recover as recover
-from .schemas import BODIES_TOPIC as BODIES_TOPIC, DEPTH_TOPIC as DEPTH_TOPIC
+from .schemas import BODIES_TOPIC as BODIES_TOPIC, DEPTH_TOPIC as DEPTH_TOPIC, MessageKind as MessageKind

@@ -17,19 +17,24 @@ from mcap.opcode import Opcode
 from enliven.errors import InputError, plain_reason
 
 RECORD = struct.Struct("<BQ")
-"""The head of a record: its kind and its length."""
+"""The header of a record: its kind and its length."""
 _MESSAGE_HEADER = struct.Struct("<HIQQ")
 _MAX_CHUNK_BYTES = 1 << 28
-"""Maximum bytes of a decompressed chunk: our recorder closes one at 1 MiB, its longest message is 128 MiB."""
+"""Maximum bytes of a decompressed chunk. Our recorder closes a chunk at 1 MiB, and its longest message is 128
+MiB.
+"""
 _MAX_COMPRESSION_RATIO = 200
-"""Maximum compression ratio: empty images, each with its time, reach about 40."""
+"""Maximum compression ratio. Empty images, each with its time, reach about 40."""
 _MIN_CHUNK_BYTE_LIMIT = 1 << 16
-"""Decompressed size, in bytes, that every chunk may have, however small the chunk itself is."""
+"""Decompressed size, in bytes, that is allowed for every chunk, however small its compressed data is."""
 _MAX_RECORDS = 1 << 16
-"""Maximum records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
+"""Maximum number of records in a chunk. Our recorder writes at most 34,000: records of at least 31 bytes in 1
+MiB.
+"""
 _MIN_CHUNK_RECORD_LIMIT = 256
-"""Number of records that every chunk may have, however small it is. Each further record needs at least one
-packed byte, for its time."""
+"""Number of records that is allowed for every chunk, however small it is. Each further record needs at least
+one compressed byte, for its time.
+"""
 DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
 
 
@@ -70,7 +75,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         data = file.read(ref.length)
         opcode, length = RECORD.unpack_from(data)
         if opcode != Opcode.CHUNK or length + RECORD.size != len(data):
-            raise Damage("no chunk is where one belongs")
+            raise Damage("the position of a chunk contains other data")
         chunk = records.Chunk.read(ReadDataStream(BytesIO(data[RECORD.size :])))
         content = _decompressed_chunk(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
@@ -80,8 +85,8 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         raise Damage(plain_reason(error)) from None
     except _DecompressionBombError as error:
         where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
-        mend = "Ask for the recording again: no recorder writes such a part."
-        raise InputError(str(error), where=where, mend=mend) from None
+        remedy = "Ask for the recording again: no recorder writes such a part."
+        raise InputError(str(error), where=where, remedy=remedy) from None
 
 
 class _DecompressionBombError(Exception):
@@ -89,15 +94,15 @@ class _DecompressionBombError(Exception):
 
 
 def _decompressed_chunk(chunk: Any) -> bytes:
-    size, packed = chunk.uncompressed_size, len(chunk.data)
+    size, packed_bytes = chunk.uncompressed_size, len(chunk.data)
     if chunk.compression == "":
         return bytes(chunk.data)
     if chunk.compression != "zstd":
         raise Damage(f"a chunk is compressed with {chunk.compression!r}")
     if zstandard.frame_content_size(chunk.data) not in (size, -1):
         raise Damage("a chunk states two sizes")
-    if size > min(_MAX_CHUNK_BYTES, _MIN_CHUNK_BYTE_LIMIT + _MAX_COMPRESSION_RATIO * packed):
-        raise _DecompressionBombError(f"a part of {packed} bytes states that it unpacks to {size}")
+    if size > min(_MAX_CHUNK_BYTES, _MIN_CHUNK_BYTE_LIMIT + _MAX_COMPRESSION_RATIO * packed_bytes):
+        raise _DecompressionBombError(f"a part of {packed_bytes} bytes states that it unpacks to {size}")
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
 
 

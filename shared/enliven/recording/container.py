@@ -31,10 +31,11 @@ _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
 _MAX_SMALL_RECORD_BYTES = 1 << 26
 """Maximum bytes of a schema, a channel or another small record."""
 _MAX_METADATA_BYTES = 1 << 20
-"""Maximum bytes of a metadata record that the index names. It is limited because an index may name the same
-record many times."""
+"""Maximum bytes of a metadata record that the index refers to. It is limited because an index may refer to
+the same record many times.
+"""
 _MAX_METADATA_RECORDS = 1 << 10
-"""Maximum metadata records that the index may name: our recorder writes a few."""
+"""Maximum number of metadata records that the index may refer to. Our recorder writes a few."""
 
 
 @dataclass
@@ -43,8 +44,8 @@ class Container:
 
     Attributes:
         complete: True if the file was closed properly.
-        cut_at: if it was not, the first byte that cannot be read.
-        counts: number of messages by channel.
+        cut_at: if the file was not closed properly, the first byte that cannot be read.
+        counts: number of messages for each channel.
     """
 
     path: Path
@@ -72,8 +73,7 @@ class Container:
 
 
 def open_container(path: Path) -> Container:
-    """Reads the container of a file from its index. If the index is missing, reads the records one after the
-    other.
+    """Reads the container of a file from its index. If the index is missing, reads all records in order.
 
     Raises:
         InputError: if the file is missing, empty or not an MCAP file.
@@ -93,8 +93,8 @@ def check_version(container: Container) -> None:
     """Raises InputError if a recording is of a later version, or its version is not a number."""
     stated = container.metadata.get(ABOUT_NAME, {}).get(VERSION_KEY, "1")
     if not (stated.isdecimal() and stated.isascii()):
-        problem, mend = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
-        raise InputError(problem, where=str(container.path), mend=mend)
+        problem, remedy = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
+        raise InputError(problem, where=str(container.path), remedy=remedy)
     refuse_later_version(int(stated), RECORDING_VERSION, str(container.path), container.library)
 
 
@@ -118,7 +118,7 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
     container.add(_read_record(file, size))
     inside = _parse_summary(summary)
     if sum(isinstance(record, records.MetadataIndex) for record in inside) > _MAX_METADATA_RECORDS:
-        raise Damage("the index names too many records of words")
+        raise Damage("the index refers to too many metadata records")
     for record in inside:
         _add_indexed(container, record, file, size)
     end = 0
@@ -126,7 +126,7 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
         # Reject chunks that overlap. A damaged index that lists one chunk a thousand times would otherwise
         # cause a thousand reads.
         if ref.offset < end or ref.offset + ref.length > size:
-            raise Damage("the index names chunks that overlap or are not there")
+            raise Damage("the index refers to chunks that overlap or do not exist")
         end = ref.offset + ref.length
     return container
 
@@ -146,7 +146,7 @@ def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -
         container.counts.update(record.channel_message_counts)
     elif isinstance(record, records.MetadataIndex):
         if record.offset > size:
-            raise Damage("the index names words that are not there")
+            raise Damage("the index refers to metadata that does not exist")
         file.seek(record.offset)
         container.add(_read_record(file, size))
     else:
@@ -203,7 +203,7 @@ def _read_record(file: BinaryIO, size: int) -> Any:
 
 
 def _parse_summary(data: bytes) -> list[Any]:
-    """Returns the records of a summary section that are used here."""
+    """Returns the used records of a summary section."""
     summary_records, at = [], 0
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)
@@ -216,9 +216,9 @@ def _parse_summary(data: bytes) -> list[Any]:
 
 def _foreign_file_error(path: Path, start: bytes) -> InputError:
     problem = "the file is empty" if not start else "it is not a recording (an MCAP file)"
-    mend = (
+    remedy = (
         "Record again."
         if not start
         else "Use `enliven import` for other recordings; `enliven import --list-readers` shows which."
     )
-    return InputError(problem, where=str(path), mend=mend)
+    return InputError(problem, where=str(path), remedy=remedy)

@@ -90,25 +90,25 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
     planes = predict_image(depth, ranks, len(levels) or 65535)
     steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
     table = steps.view(np.uint8).reshape(-1, 2).T.tobytes()
-    packed = zstandard.ZstdCompressor(level=level).compress(table + planes.tobytes())
+    compressed = zstandard.ZstdCompressor(level=level).compress(table + planes.tobytes())
     header = _HEADER.pack(1, _ZSTD_PACKING, width, height, len(levels))
-    return header + _CHECKSUM.pack(zlib.crc32(packed, zlib.crc32(header))) + packed
+    return header + _CHECKSUM.pack(zlib.crc32(compressed, zlib.crc32(header))) + compressed
 
 
 def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
-    """Returns (H, W) uint16, exactly the image that :func:`encode_depth` was given.
+    """Returns (H, W) uint16, exactly the image that was passed to :func:`encode_depth`.
 
     Raises:
         InputError: for a payload that is damaged, of a later version, or larger than ``max_pixels``.
     """
     packing, width, height, levels = _check_header(payload, max_pixels)
-    packed = payload[_CONTENT_OFFSET:]
+    compressed = payload[_CONTENT_OFFSET:]
     depth = np.empty((height, width), np.uint16)
     if packing == _ARITHMETIC_PACKING:
         values = np.zeros(levels + 1, np.uint16) if levels else np.arange(65536, dtype=np.uint16)
-        is_complete = unpack_levels(np.frombuffer(bytearray(packed), np.uint8), values, levels > 0, depth)
+        is_complete = unpack_levels(np.frombuffer(bytearray(compressed), np.uint8), values, levels > 0, depth)
     else:
-        values, residuals = _unpack_zstd(packed, width, height, levels)
+        values, residuals = _unpack_zstd(compressed, width, height, levels)
         is_complete = restore_image(residuals, values, len(values) - 1, depth)
     if not is_complete:
         raise _damage_error("a level is outside the table of levels")
@@ -116,7 +116,7 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
 
 
 def _unpack_zstd(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
-    """Returns the values of the levels, and (1 or 2, H, W) residuals of packing 0."""
+    """Returns the depth values of the levels, and the (1 or 2, H, W) residuals of packing 0."""
     planes = 1 if 0 < levels <= 255 else 2
     content = _unpack_content(packed, 2 * levels + planes * width * height)
     return _level_depths(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
@@ -131,7 +131,9 @@ def _check_shape(depth: UInt16) -> tuple[int, int]:
 
 
 def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
-    """Returns (L,) the table of levels (empty if it saves nothing), and (65536,) the level of each value."""
+    """Returns (L,) the table of levels (empty if a table saves nothing), and (65536,) the level of each
+    value.
+    """
     occurs = mark_levels(depth)
     levels = np.flatnonzero(occurs).astype(np.uint16)
     if not levels.size or 2 * levels.size > int(levels[-1]) - int(levels[0]) + 1:
@@ -151,7 +153,7 @@ def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
         raise InputError(
             f"the encoding is version {version}, packing {packing}, which is not known here",
             where="depth payload",
-            mend="Update enliven, or record again.",
+            remedy="Update enliven, or record again.",
         )
     (check,) = _CHECKSUM.unpack_from(payload, _HEADER.size)
     if zlib.crc32(memoryview(payload)[_CONTENT_OFFSET:], zlib.crc32(payload[: _HEADER.size])) != check:
@@ -162,7 +164,7 @@ def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
 
 
 def _unpack_content(packed: bytes, size: int) -> UInt8:
-    """Returns (size,) the content of a zstd frame that must declare exactly this size."""
+    """Returns (size,) the content of a zstd frame. The frame must declare exactly this size."""
     try:
         stated = zstandard.frame_content_size(packed)
         if stated != size:
@@ -176,7 +178,7 @@ def _unpack_content(packed: bytes, size: int) -> UInt8:
 
 
 def _level_depths(table: UInt8, levels: int) -> UInt16:
-    """Returns (P + 1,) the millimetres of each level."""
+    """Returns (P + 1,) the depth of each level in millimetres."""
     if not levels:
         return np.arange(65536, dtype=np.uint16)
     steps = table.reshape(2, -1).T.copy().view("<u2").ravel().astype(np.int64)
@@ -190,5 +192,5 @@ def _damage_error(damage: str) -> InputError:
     return InputError(
         f"the depth image is damaged: {damage}",
         where="depth payload",
-        mend="Record or import it again; the other frames can still be read.",
+        remedy="Record or import it again; the other frames can still be read.",
     )

@@ -17,14 +17,19 @@ from enliven.kernels import njit
 from enliven.recording.depth_kernels import predict_level
 
 SURROUNDINGS = 12 * 625
-"""Number of contexts of a pixel: 12 sizes of recent errors, 5^4 shapes of the neighbours."""
+"""Number of contexts of a pixel: 12 classes of recent errors times 5^4 patterns of neighbour differences."""
 QUESTIONS = 15
-"""Number of questions about a residual with probabilities per context. Large residuals use further ones."""
+"""Number of questions about a residual that have a probability per context. Large residuals use further
+questions.
+"""
 UNARY = 12
-"""Sizes of a residual with a separate question each. Larger ones are coded in bits. Part of
-:data:`~enliven.recording.depth_codec.LAYOUT`."""
+"""Number of residual sizes with a separate question each. Larger ones are coded in bits. Part of
+:data:`~enliven.recording.depth_codec.LAYOUT`.
+"""
 _HOLE_STATES = 64
-"""States of the question "hole?": one for each known-or-not pattern of six neighbours, 2^6."""
+"""Number of states of the question "is it a hole?": one for each pattern of six known or unknown neighbours,
+2^6.
+"""
 _LARGE_STATES_START = _HOLE_STATES + SURROUNDINGS * QUESTIONS
 _TABLE_STATES_START = _LARGE_STATES_START + 20
 _STATE_COUNT = _TABLE_STATES_START + 4 * QUESTIONS
@@ -38,7 +43,7 @@ _ADAPTATION_RATES = np.array([round(65536 / (n + 1.6)) for n in range(_ADAPTING_
 
 @njit(cache=True, nogil=True)
 def _update_state(states: AnyArray, at: int, bit: int) -> None:
-    """Moves the probability of a question towards the answer. The low byte of a state counts the answers."""
+    """Adapts the probability of a question towards the answer. The low byte of a state counts the answers."""
     state = int(states[at])
     odds, count = state >> 8, state & 255
     odds += ((65535 * bit - odds) * _ADAPTATION_RATES[count]) >> 16
@@ -68,7 +73,7 @@ def _decode_bit(coder: AnyArray, data: UInt8, odds: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _decode_with_state(coder: AnyArray, data: UInt8, states: AnyArray, at: int) -> int:
-    """Decodes one answer with the probability of a state."""
+    """Decodes one answer with the probability stored in a state."""
     bit = _decode_bit(coder, data, int(states[at]) >> 8)
     _update_state(states, at, bit)
     return int(bit)
@@ -165,7 +170,7 @@ def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> b
     Args:
         data: the packed bytes. Zeros follow after their end.
         values: (P + 1,) the millimetres of each level. Overwritten if they are in the data.
-        tabled: True if the values are in the data.
+        tabled: True if the data contains the values.
         depth: (H, W), written.
     """
     states = np.full(_STATE_COUNT, 32768 << 8, np.int32)

@@ -14,7 +14,7 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def mark_levels(depth: UInt16) -> Bool:
-    """Returns (65536,) flags of the values other than 0 that occur in the (H, W) image."""
+    """Returns (65536,) flags of the non-zero values that occur in the (H, W) image."""
     occurs = np.zeros(65536, np.bool_)
     for value in depth.ravel():
         occurs[value] = True
@@ -24,7 +24,7 @@ def mark_levels(depth: UInt16) -> Bool:
 
 @njit(cache=True, nogil=True)
 def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
-    """Returns the level predicted from the neighbours. A neighbour of 0 is unknown."""
+    """Returns the level predicted from the neighbouring levels. A neighbour of 0 is unknown."""
     if w != 0 and n != 0:
         if nw == 0:
             return (w + n) >> 1
@@ -41,7 +41,8 @@ def predict_level(w: int, n: int, nw: int, ne: int, last: int) -> int:
 
 @njit(cache=True, nogil=True)
 def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
-    """Returns (1 or 2, H, W) low and, above 255 levels, high bytes of the residuals of an (H, W) image.
+    """Returns (1 or 2, H, W) the residuals of an (H, W) image: their low bytes and, if there are more than
+    255 levels, their high bytes.
 
     Args:
         depth: (H, W) millimetres.
@@ -79,7 +80,8 @@ def predict_image(depth: UInt16, ranks: UInt16, count: int) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def restore_image(planes: UInt8, values: UInt16, count: int, depth: UInt16) -> bool:
-    """Fills (H, W) ``depth`` from (1 or 2, H, W) residuals. Returns False if a residual is outside 0..count.
+    """Fills (H, W) ``depth`` from (1 or 2, H, W) residuals. Returns False if a decoded level is outside
+    0..count.
 
     Args:
         planes: low bytes, and high bytes if there are more than 255 levels.

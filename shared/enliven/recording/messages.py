@@ -28,11 +28,13 @@ _COLOUR_FLAG = 2
 _SEQUENCE_FLAG = 4
 """Flag of a depth message that contains a sequence number."""
 _SEQUENCE_LIMIT = 1 << 63
-"""Limit of the sequence number, a signed 64-bit integer in the layout. Larger numbers are not stored."""
+"""Exclusive limit of the sequence number, a signed 64-bit integer in the layout. Larger numbers are not
+stored.
+"""
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
-    """Returns the message of a depth frame. ``level`` is that of ``encode_depth``."""
+    """Returns the message of a depth frame. ``level`` is the compression level of ``encode_depth``."""
     camera, sensor = frame.intrinsics, frame.sensor.encode()
     depth = encode_depth(frame.depth, level)
     count = frame.sequence
@@ -56,7 +58,7 @@ def unpack_depth(data: bytes) -> DepthFrame:
         InputError: if the bytes are not a depth frame, or of a later version.
     """
     if not data or data[0] < _VERSION:
-        raise _damage_error("it does not begin like one")
+        raise _damage_error("it does not begin like a depth frame")
     refuse_later_version(data[0], _VERSION, "recording, a depth frame")
     if len(data) < _DEPTH_HEADER.size:
         raise _damage_error("it is too short")
@@ -89,8 +91,8 @@ def _pack_colour(colour: UInt8, level: int) -> bytes:
             where="depth frame",
         )
     difference = np.diff(colour, axis=1, prepend=np.uint8(0))
-    packed = zstandard.ZstdCompressor(level=level).compress(difference.tobytes())
-    return _COLOUR_SIZE.pack(colour.shape[0], colour.shape[1]) + packed
+    compressed = zstandard.ZstdCompressor(level=level).compress(difference.tobytes())
+    return _COLOUR_SIZE.pack(colour.shape[0], colour.shape[1]) + compressed
 
 
 def _unpack_colour(data: bytes) -> UInt8:
@@ -98,11 +100,11 @@ def _unpack_colour(data: bytes) -> UInt8:
         raise _damage_error("the colour image is missing")
     height, width = _COLOUR_SIZE.unpack_from(data)
     size = height * width * 3
-    packed = data[_COLOUR_SIZE.size :]
+    compressed = data[_COLOUR_SIZE.size :]
     try:
-        if not 0 < size <= 3 * MAX_PIXELS or zstandard.frame_content_size(packed) != size:
+        if not 0 < size <= 3 * MAX_PIXELS or zstandard.frame_content_size(compressed) != size:
             raise _damage_error(f"the colour image states {width}x{height} pixels")
-        content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        content = zstandard.ZstdDecompressor().decompress(compressed, max_output_size=size)
     except zstandard.ZstdError:
         raise _damage_error("the colour image cannot be unpacked") from None
     if len(content) != size:
@@ -161,7 +163,7 @@ def unpack_bodies(data: bytes) -> BodyFrame:
         message = _bodies_decoder.decode(data)
         bodies = [_decode_body(body) for body in message.bodies]
     except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
-        raise _damage_error("its entries are not those of bodies") from None
+        raise _damage_error("its entries are not bodies") from None
     return BodyFrame(bodies, message.time_ns, message.sensor)
 
 
@@ -178,7 +180,7 @@ def _decode_body(message: _BodyMessage) -> Body:
 
 
 def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
-    """Returns ``values`` as float64 of this shape (None becomes NaN)."""
+    """Returns ``values`` as a float64 array of this shape. None becomes NaN."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:
         raise InputError(f"an array of a body is {array.shape}, expected {shape}", where="body frame")
@@ -187,5 +189,5 @@ def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Floa
 
 def _damage_error(damage: str) -> InputError:
     return InputError(
-        f"the message cannot be read: {damage}", where="recording", mend="Record or import it again."
+        f"the message cannot be read: {damage}", where="recording", remedy="Record or import it again."
     )

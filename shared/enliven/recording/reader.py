@@ -21,7 +21,9 @@ from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
 
 _MAX_WAITING_BYTES = 1 << 29
-"""Maximum bytes of messages that wait for earlier ones: two of our recorder's chunks of 1 MiB may overlap."""
+"""Maximum bytes of buffered messages that wait for earlier ones. Two of our recorder's chunks of 1 MiB may
+overlap.
+"""
 
 
 class RecordingWarning(UserWarning):
@@ -44,7 +46,7 @@ class RecordingInfo:
 
     Attributes:
         sensors: the identities of the sensors, sorted.
-        topics: by name.
+        topics: the topics by name.
         start_ns, end_ns: the sensor's clock at the first and the last message.
         metadata: the named records of texts.
         complete: False if the program that wrote it was killed.
@@ -66,9 +68,9 @@ class RecordingInfo:
 class Recording:
     """An MCAP file that a :class:`~enliven.recording.recorder.Recorder` wrote.
 
-    A truncated file yields every message of its complete chunks, and gives one :class:`RecordingWarning` when
-    it is opened. A damaged chunk is skipped. The first one gives one :class:`RecordingWarning`. ``problems``
-    lists all reported problems.
+    From a truncated file, every message of its complete chunks can be read, and opening it issues one
+    :class:`RecordingWarning`. Damaged chunks are skipped, and the first one issues one
+    :class:`RecordingWarning`. ``problems`` lists all reported problems.
 
     Raises:
         InputError: if the file is missing, empty, of a later version, or not a recording of enliven.
@@ -116,7 +118,7 @@ class Recording:
     def _read_messages(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
         """Yields (topic, message) ordered by time.
 
-        Chunks may overlap; messages of equal time keep their order.
+        Chunks may overlap. Messages of equal time keep their order in the file.
         """
         names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
         chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
@@ -134,7 +136,7 @@ class Recording:
                         count, buffered = count + 1, buffered + len(record.data)
                 if buffered > _MAX_WAITING_BYTES:
                     problem = f"{buffered} bytes of its messages are out of order"
-                    raise InputError(problem, where=str(self.path), mend="Record it again.")
+                    raise InputError(problem, where=str(self.path), remedy="Record it again.")
         while waiting:
             message = heapq.heappop(waiting)[2]
             yield names[message.channel_id], message
@@ -151,16 +153,16 @@ class Recording:
             self.problems.append(f"{self._container.damaged_chunks} damaged parts are skipped.")
         if not self._container.complete:
             count = sum(self._container.counts.values())
-            skipped = "".join(" " + problem for problem in self.problems)
+            skipped_text = "".join(" " + problem for problem in self.problems)
             self._report_problem(
                 f"{self.path}: the recording was cut off or is damaged at byte {self._container.cut_at}; "
-                f"the {count} whole messages before are read.{skipped}"
+                f"the {count} whole messages before are read.{skipped_text}"
             )
 
     def _report_damage(self, problem: str) -> None:
         if problem in self.problems:
             return
-        if any("damaged part" in earlier for earlier in self.problems):
+        if any("damaged part" in earlier_problem for earlier_problem in self.problems):
             self.problems.append(problem)
         else:
             self._report_problem(problem)
@@ -185,7 +187,7 @@ def _check_profile(container: Container) -> None:
     raise InputError(
         f"it is an MCAP file of another program (profile {container.profile!r}, {container.library!r})",
         where=str(container.path),
-        mend="Only recordings of enliven can be read; `enliven import` takes depth as 16-bit PNG.",
+        remedy="Only recordings of enliven can be read; `enliven import` takes depth as 16-bit PNG.",
     )
 
 
@@ -193,8 +195,8 @@ def _recording_info(container: Container) -> RecordingInfo:
     topics: dict[str, TopicInfo] = {}
     for number, channel in sorted(container.channels.items()):
         schema = container.schemas.get(channel.schema_id)
-        earlier = topics.get(channel.topic)
-        count = container.counts[number] + (earlier.count if earlier else 0)
+        earlier_info = topics.get(channel.topic)
+        count = container.counts[number] + (earlier_info.count if earlier_info else 0)
         topics[channel.topic] = TopicInfo(
             channel.topic, schema.name if schema else "", channel.message_encoding, count
         )

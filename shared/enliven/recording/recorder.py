@@ -1,4 +1,4 @@
-"""Writes a recording that stays readable up to the moment at which the program is killed."""
+"""Writes a recording. If the program is killed, the recording stays readable up to that moment."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven.recording.schemas import MessageKind
 from enliven.recording.whole_file import WholeFile
 
 _CHUNK_BYTES = 1 << 20
-"""Maximum bytes of a chunk before compression: larger chunks compress no better."""
+"""Maximum bytes of a chunk before compression. Larger chunks do not compress better."""
 _FIRST_CHUNK_BYTES = 1 << 12
 """Size of a live recording's first chunk, in bytes. Each full chunk doubles the size of the next. So a
 recording that ends early, for example because the disk is full, does not lose its only chunk."""
@@ -35,20 +35,20 @@ class Recorder:
     """Writes frames and messages into an MCAP file. Use it in a ``with`` statement.
 
     The current chunk is closed and passed to the operating system with the first message after
-    ``sync_seconds``. So a killed program loses no more. If messages may pause for long, call :meth:`sync`
-    from time to time. Chunks are small at first, and schemas and channels are written twice, so that a
-    damaged chunk costs only its own messages. With ``sync_seconds=math.inf`` the bytes of the file depend on
-    the messages alone, and all chunks are large.
+    ``sync_seconds``. So a killed program loses no more than this time. If messages may pause for long, call
+    :meth:`sync` from time to time. Chunks are small at first, and schemas and channels are written twice, so
+    that a damaged chunk loses only its own messages. With ``sync_seconds=math.inf`` the bytes of the file
+    depend only on the messages, and all chunks are large.
 
     After a failed write (a full disk) everything before stays readable. The file ends after its last complete
     record, and every further write raises the same error.
 
     Args:
         path: the file to create.
-        compression_level: that of ``encode_depth``; 1 live, 19 for archives.
+        compression_level: level of ``encode_depth``: 1 for live recording, 19 for archives.
         sync_seconds: wall time between two syncs to the operating system.
-        overwrite: replaces an existing file as soon as the beginning of the new one is written. Until then,
-            and if that fails, the existing file is untouched.
+        overwrite: True replaces an existing file as soon as the beginning of the new one is written. Until
+            then, and if that fails, the existing file is untouched.
 
     Raises:
         InputError: if the file already exists.
@@ -134,7 +134,7 @@ class Recorder:
         self._run_step(self._writer.add_metadata, name, values)
 
     def fileno(self) -> int:
-        """Returns the file's descriptor, for :func:`os.fsync`. -1 once it is closed."""
+        """Returns the file's descriptor for :func:`os.fsync`, or -1 once the file is closed."""
         return -1 if self._file.closed else self._file.fileno()
 
     def sync(self) -> None:
@@ -164,10 +164,10 @@ class Recorder:
         channel = self._channel_id(topic, kind, sensor)
         self._run_step(self._writer.add_message, channel, time_ns, data, time_ns)
         self._filled += len(data)
-        full = self._live and self._filled >= self._room
-        if full:
+        is_full = self._live and self._filled >= self._room
+        if is_full:
             self._room = min(2 * self._room, _CHUNK_BYTES)
-        if full or time.monotonic() - self._synced >= self._sync_seconds:
+        if is_full or time.monotonic() - self._synced >= self._sync_seconds:
             self.sync()
 
     def _check_time(self, time_ns: int, what: str) -> None:
@@ -176,7 +176,7 @@ class Recorder:
             raise InputError(
                 f"the time {time_ns} ns is outside 0..2^63",
                 where=f"{self.path}, {what}",
-                mend="Check the clock of the sensor.",
+                remedy="Check the clock of the sensor.",
             )
 
     def _run_step(self, step: Any, *arguments: Any) -> None:
@@ -191,7 +191,7 @@ class Recorder:
             raise self._failure from None
 
     def _repeat_descriptions(self) -> None:
-        """Writes new schemas and channels a second time, outside the chunk that contains them."""
+        """Writes new schemas and channels a second time, outside of the chunk that contains them."""
         if self._unrepeated:
             builder = RecordBuilder()
             for record in self._unrepeated:
@@ -219,7 +219,7 @@ class Recorder:
         return self._channels[key]
 
     def _store_description(self, record: Schema | Channel) -> None:
-        """Stores a schema or channel for repetition. An archive is complete, and repeats none."""
+        """Stores a schema or channel to be repeated. An archive is always complete, and repeats none."""
         if self._live:
             self._unrepeated.append(record)
 
@@ -231,11 +231,11 @@ def _create_file(path: Path, overwrite: bool) -> WholeFile:
         raise InputError(
             "the file exists already",
             where=str(path),
-            mend="Choose another name, or allow it to be overwritten (--overwrite).",
+            remedy="Choose another name, or allow it to be overwritten (--overwrite).",
         ) from None
     except FileNotFoundError:
         raise InputError(
-            "its folder does not exist", where=str(path), mend=f"Make the folder {path.parent}."
+            "its folder does not exist", where=str(path), remedy=f"Make the folder {path.parent}."
         ) from None
     except OSError as error:
         raise file_fault(error, path, "written") from None

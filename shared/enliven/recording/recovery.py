@@ -24,16 +24,20 @@ from enliven.recording.schemas import ABOUT_NAME, PROFILE
 _CHUNK_START_PATTERN = re.compile(
     rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL
 )
-"""The beginning of a chunk: opcode, a length below 2^40, 28 bytes of times, size and checksum, its
-compression."""
+"""Pattern of the beginning of a chunk: opcode, a length below 2^40, 28 bytes (times, size, checksum), and the
+compression.
+"""
 _FIXED_BYTES = 36
-"""Bytes of a chunk's fields without its compression and its data: times, two sizes, checksum."""
+"""Bytes of a chunk's fields except compression and data: times, two sizes, checksum."""
 _HEAD_BYTES = 9
 """Bytes of a record's opcode and length."""
 _CHUNK_HEAD_BYTES = 64
-"""Maximum bytes of a chunk before its data. Blocks overlap by this length, so that no head is cut."""
+"""Maximum bytes of a chunk before its data. Blocks overlap by this length, so that no chunk header is split.
+"""
 _BLOCK_BYTES = 1 << 20
-"""Bytes of a block that is searched for chunks. An unreadable sector hides the heads of one such block."""
+"""Bytes of a block that is searched for chunks. An unreadable sector hides the chunk headers of one such
+block.
+"""
 _RECORDS_BETWEEN_CHUNKS = {
     Opcode.MESSAGE_INDEX,
     Opcode.METADATA,
@@ -41,7 +45,7 @@ _RECORDS_BETWEEN_CHUNKS = {
     Opcode.CHANNEL,
     Opcode.ATTACHMENT,
 }
-"""The records that are allowed between chunks. Other bytes there belonged to a chunk."""
+"""The records that are allowed between chunks. Other bytes between chunks belonged to a damaged chunk."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class LostSpan:
     """A span of time in which some or all messages were lost.
 
     Attributes:
-        start_ns, end_ns: the sensor's clock. None if no undamaged chunk precedes, or follows.
+        start_ns, end_ns: the sensor's clock. None if no undamaged chunk precedes or follows.
     """
 
     start_ns: int | None
@@ -61,7 +65,8 @@ class Recovery:
     """The result of a recovery: copied and lost messages.
 
     Attributes:
-        kept, lost: number of messages by topic. ``lost`` is known only if the recording's own index states
+        kept, lost: number of copied and of lost messages by topic. ``lost`` is known only if the recording's
+            own index states
         the total.
         spans: the times in which messages were lost, in the order of the file.
         cut: True if the recording was never closed, so that messages after its last chunk are unknown.
@@ -103,7 +108,7 @@ def recover(path: Path, output: Path) -> Recovery:
                 _copy_messages(container, file, refs, recorder, recovery)
             if not recovery.kept:
                 raise InputError(
-                    "it contains no whole message", where=str(path), mend="It cannot be recovered."
+                    "it contains no whole message", where=str(path), remedy="It cannot be recovered."
                 )
         except BaseException:
             output.unlink(missing_ok=True)
@@ -124,7 +129,7 @@ def _open_damaged(path: Path) -> Container:
 def _copy_messages(
     container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, recovery: Recovery
 ) -> None:
-    """Copies every chunk's messages, and records the spans with missing ones."""
+    """Copies every chunk's messages, and records the time spans with missing messages."""
     for name, values in container.metadata.items():
         if name != ABOUT_NAME:
             recorder.add_metadata(name, values)
@@ -160,19 +165,20 @@ def _write_message(container: Container, message: Any, recorder: Recorder, recov
 
 
 def _candidate_chunks(container: Container, file: BinaryIO) -> list[ChunkRef]:
-    """Returns all possible chunks in the file's order: those in the index, and those that were found by
-    searching the bytes for a chunk's head."""
+    """Returns all possible chunks in the file's order: those in the index, and those found by searching the
+    bytes for a chunk's header.
+    """
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
     for first, data in _file_blocks(file, size):
         for match in _CHUNK_START_PATTERN.finditer(data):
             at, name = match.start(), len(match[1])
-            inside, start, end, content = (
+            content_bytes, start, end, content = (
                 int.from_bytes(data[at + field : at + field + 8], "little") for field in (1, 9, 17, 37 + name)
             )
-            offset, length = first + at, _HEAD_BYTES + inside
-            fits = inside == _FIXED_BYTES + name + content and offset + length <= size
-            if fits and offset not in refs:
+            offset, length = first + at, _HEAD_BYTES + content_bytes
+            is_chunk = content_bytes == _FIXED_BYTES + name + content and offset + length <= size
+            if is_chunk and offset not in refs:
                 refs[offset] = ChunkRef(offset, length, start, end)
     return [refs[offset] for offset in sorted(refs)]
 

@@ -1,4 +1,4 @@
-"""A file that contains complete records only: a record that could not be written completely is removed."""
+"""A file that contains complete records only. An incomplete record is removed after a failed write."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 
 
 class WholeFile:
-    """A file for writing, in the form that :class:`mcap.writer.Writer` needs.
+    """A file for writing with the methods that :class:`mcap.writer.Writer` needs.
 
-    Every write goes to the operating system.
+    Every write is passed to the operating system immediately.
 
-    After a failed write, which may be half on the disk, the file is truncated to its previous end and closed.
+    After a failed write, which may be partly on the disk, the file is truncated to its previous end and
+    closed.
 
     Raises:
         OSError: if the file cannot be created.
@@ -23,8 +24,8 @@ class WholeFile:
         self._end = 0
 
     def move(self, path: Path) -> None:
-        """Continues writing in the file ``path``. The caller has moved or copied the bytes written before to
-        it.
+        """Continues writing in the file ``path``. The caller has already moved or copied the written bytes to
+        that file.
 
         Raises:
             OSError: if that file cannot be opened.
@@ -36,11 +37,11 @@ class WholeFile:
 
     @property
     def closed(self) -> bool:
-        """True if nothing more can be written."""
+        """True if no more bytes can be written."""
         return self._raw.closed
 
     def fileno(self) -> int:
-        """Returns the descriptor, for :func:`os.fsync`."""
+        """Returns the file's descriptor for :func:`os.fsync`."""
         return self._raw.fileno()
 
     def tell(self) -> int:

@@ -17,11 +17,22 @@ if TYPE_CHECKING:
 SAMPLES_FOLDER = Path(__file__).resolve().parent
 """The folder of the files."""
 _BEAT_FRAMES = 18
-"""Frames from one pose of the dance to the next: 0.6 s, a slow march."""
+"""Number of frames from one pose of the dance to the next: 0.6 s, the tempo of a slow march."""
 _FRAME_S = 1.0 / 30.0
-"""Seconds of a frame of the dance."""
+"""Duration of a frame of the dance, seconds."""
 COORDINATE_STEP_M = 2.0**-14
 """Quantization step of a coordinate in the files, metres (0.06 mm): 1/200 of the length of an edge."""
+
+
+_OWN_PARTS = {"lamp": "hip and right arm"}
+"""The body parts for which a sample is designed. Performers attach to other meshes with all parts."""
+
+
+def parts_for(mesh: str) -> str:
+    """Returns the body parts that attach to a mesh if the user does not choose any. They are given by the
+    name or path of the mesh.
+    """
+    return _OWN_PARTS.get(mesh, "all")
 
 
 def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
@@ -31,7 +42,7 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
     legs in its back legs, the spine in its back, and the forearms, held forward, in its armrests.
 
     lamp: a sprung desk lamp 1.7 m tall, eighteen closed shells, that reaches to the right. A person standing
-    at the origin and facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
+    at the origin and facing +Z, with the right arm stretched out, has hip and arm in its lower and upper arm.
 
     cactus: a saguaro 1.3 m tall in a pot, with two arms and two eyes. It is symmetric about the plane x = 0.
 
@@ -42,7 +53,7 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
         return cactus_project().puppet(name).mesh
     if not (SAMPLES_FOLDER / f"{name}.npz").is_file():
         raise InputError(
-            f"the sample {name!r} does not exist", where="samples", mend="Known: chair, lamp, cactus."
+            f"the sample {name!r} does not exist", where="samples", remedy="Known: chair, lamp, cactus."
         )
     with np.load(SAMPLES_FOLDER / f"{name}.npz") as stored:
         steps, faces = (stored[key].cumsum(1, np.int32).T for key in ("vertices", "faces"))
@@ -54,7 +65,7 @@ def cactus_project() -> Project:
 
     The performer's poses are constructed from bone directions. They are not recordings.
     """
-    from enliven.formats.project import read_project
+    from enliven.formats.project.file import read_project
 
     return read_project(SAMPLES_FOLDER / "cactus.enliven")
 
@@ -66,11 +77,11 @@ def dancing_cactus() -> Project:
     project = cactus_project()
     puppet = project.puppet("cactus")
     poses = project.takes[puppet.poses[0].take]
-    share = np.arange(_BEAT_FRAMES) / _BEAT_FRAMES
-    share = share * share * (3.0 - 2.0 * share)
-    after = np.roll(np.arange(len(poses.turns)), -1)
-    turns = slerp(poses.turns[:, None], poses.turns[after, None], share[None, :, None])
-    places = poses.root[:, None] + share[None, :, None] * (poses.root[after] - poses.root)[:, None]
+    fractions = np.arange(_BEAT_FRAMES) / _BEAT_FRAMES
+    fractions = fractions * fractions * (3.0 - 2.0 * fractions)
+    next_pose = np.roll(np.arange(len(poses.turns)), -1)
+    turns = slerp(poses.turns[:, None], poses.turns[next_pose, None], fractions[None, :, None])
+    places = poses.root[:, None] + fractions[None, :, None] * (poses.root[next_pose] - poses.root)[:, None]
     turns, root = turns.reshape(-1, *poses.turns.shape[1:]), places.reshape(-1, 3)
     # End the dance in its first pose, so that it can be looped.
     turns, root = np.concatenate([turns, poses.turns[:1]]), np.concatenate([root, poses.root[:1]])

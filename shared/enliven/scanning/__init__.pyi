@@ -1,12 +1,7 @@
 from .frame_to_model_tracking import Alignment as Alignment, CameraTracker as CameraTracker
-from .cutting import (
-    CutBox as CutBox,
-    CutOut as CutOut,
-    KnownImage as KnownImage,
-    cut_by_box as cut_by_box,
-    cut_new_object as cut_new_object,
-    upright_frame as upright_frame,
-)
+from .cutting.box import CutBox as CutBox, cut_by_box as cut_by_box, upright_frame as upright_frame
+from .cutting.parts import CutOut as CutOut
+from .cutting.moved import KnownImage as KnownImage, cut_new_object as cut_new_object
 from .ground_plane import (
     GroundPlane as GroundPlane,
     cut_out as cut_out,
@@ -19,7 +14,7 @@ from .ground_plane import (
 from .decimation import DecimatedMesh as DecimatedMesh, decimate as decimate
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
 from .keyframes import Keyframes as Keyframes
-from .loop_closure import LoopClosure as LoopClosure
+from .loop_closure.loop_detection import LoopClosure as LoopClosure
 from .marching_cubes import extract_surface as extract_surface
 from .preview import (
     PIECE_STEPS as PIECE_STEPS,
@@ -42,7 +37,6 @@ from .settings import (
     ScanSettings as ScanSettings,
     VolumeSettings as VolumeSettings,
     ObjectSettings as ObjectSettings,
-    RegistrationSettings as RegistrationSettings,
     TrackingSettings as TrackingSettings,
     settings_within as settings_within,
 )

@@ -1,6 +1,4 @@
-"""Sparse voxel blocks of 8 x 8 x 8 by their position: a spatial hash table, and the neighbours of each
-block.
-"""
+"""A spatial hash table of sparse voxel blocks (8 x 8 x 8 voxels each), with the neighbours of each block."""
 
 from __future__ import annotations
 
@@ -10,14 +8,14 @@ from enliven.arrays import Int, Int32
 from enliven.kernels import njit
 
 SIDE = 8
-"""Voxels along a block's side. With 8 voxels the table stays small, and a block is as wide as the truncation
-band."""
+"""Number of voxels along a block's side. With 8 voxels the table stays small, and a block is as wide as the
+truncation band."""
 VOXELS = SIDE**3
-"""Voxels of a block; voxel (x, y, z) of it has the index x + 8 y + 64 z."""
+"""Number of voxels in a block. Voxel (x, y, z) of a block has the index x + 8 y + 64 z."""
 _INITIAL_CAPACITY_BLOCKS = 1024
 """Initial capacity of a table, in blocks (4 MB of voxels)."""
 _CAPACITY_GROWTH = 1.5
-"""Growth factor of a full table: at most a third of the memory is then unused."""
+"""Growth factor of the capacity of a full table. At most a third of its memory is then unused."""
 _MAX_BLOCK_COORDINATE = 1 << 20
 """Maximum block coordinate that a key can represent, in each direction from the origin: 30 km at 4 mm."""
 _MAX_LOAD_FACTOR = 0.5
@@ -29,9 +27,11 @@ class BlockTable:
 
     Attributes:
         count: the number of blocks.
-        places: (C, 3) int32 in blocks from the origin; only the first ``count`` rows are used.
-        beside: (C, 8) int32 the neighbour one further along x, y and z, at the sum of 1, 2 and 4 for these
-            axes. Entry 0 is the block itself; -1 marks a missing neighbour.
+        places: (C, 3) int32 positions of the blocks, in blocks from the origin; only the first ``count`` rows
+            are used.
+        beside: (C, 8) int32 numbers of the next blocks in positive directions. Column 1 is the neighbour
+            along +x, 2 along +y and 4 along +z; diagonal neighbours have the sum, for example 3 for +x +y.
+            Column 0 is the block itself; -1 marks a missing neighbour.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,9 @@ def key_of(x, y, z):
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _home_slot(key, size):
-    """Returns the slot at which the search for a key begins, in a table of ``size``, a power of two."""
+    """Returns the slot at which the search for a key begins, in a table with ``size`` slots (a power of
+    two).
+    """
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(size - 1))
 

@@ -1,7 +1,8 @@
 """The triangle table of marching cubes for all 256 corner configurations of a cell.
 
-The table is computed, not copied. On every face of the cell, a segment separates each run of inside corners
-from the rest. Two cells find the same runs on their shared face, so no crack opens between them.
+The table is computed, not copied from a publication. On every face of the cell, one line segment separates
+each run of adjacent inside corners from the outside corners. Two cells find the same runs on their shared
+face, so no crack opens between them.
 
 Corner k of a cell is at (k & 1, k >> 1 & 1, k >> 2). Edge 4 a + n runs along axis a; n numbers the four
 corners at which an edge along that axis begins.
@@ -32,9 +33,10 @@ def _edge_number(a: int, b: int) -> int:
 
 @cache
 def triangle_table() -> Int32:
-    """Returns (256, 16) int32 the edges of each case's triangles, in groups of three, -1 after the last.
+    """Returns the (256, 16) int32 table: for each case, the edges that contain the triangles' corners, three
+    per triangle, then -1.
 
-    Bit k of the case is set if corner k is inside, that is, its distance is negative. Triangles are
+    A case is a bit mask: bit k is set if corner k is inside (its signed distance is negative). Triangles are
     counter-clockwise seen from outside of the surface.
     """
     table = np.full((256, 3 * MOST_TRIANGLES + 1), -1, np.int32)
@@ -51,35 +53,35 @@ def triangle_table() -> Int32:
 
 def _surface_loops(case: int) -> list[list[int]]:
     """Returns the closed loops of edges along which the surface intersects the cell's faces."""
-    after: dict[int, int] = {}
+    next_edges: dict[int, int] = {}
     for corners in _FACE_CORNERS:
-        inside = [bool(case >> corner & 1) for corner in corners]
+        is_inside = [bool(case >> corner & 1) for corner in corners]
         for k in range(4):
-            if inside[k] or not inside[(k + 1) % 4]:
+            if is_inside[k] or not is_inside[(k + 1) % 4]:
                 continue
-            # A run of inside corners begins here. Its segment leads from the end of the run to its beginning.
-            last = next(n for n in range(k + 1, k + 5) if not inside[(n + 1) % 4])
-            end = _edge_number(corners[last % 4], corners[(last + 1) % 4])
-            after[_edge_number(corners[k], corners[(k + 1) % 4])] = end
+            # A run of inside corners begins here. The segment leads from the end of the run to its beginning.
+            run_end = next(n for n in range(k + 1, k + 5) if not is_inside[(n + 1) % 4])
+            end_edge = _edge_number(corners[run_end % 4], corners[(run_end + 1) % 4])
+            next_edges[_edge_number(corners[k], corners[(k + 1) % 4])] = end_edge
     loops = []
-    while after:
-        loop = [next(iter(after))]
-        while (following := after.pop(loop[-1])) != loop[0]:
+    while next_edges:
+        loop = [next(iter(next_edges))]
+        while (following := next_edges.pop(loop[-1])) != loop[0]:
             loop.append(following)
         loops.append(loop)
     return loops
 
 
 def _loop_triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """Returns the triangles of a loop, with as few inner sides as possible in a face of the cell.
+    """Triangulates a loop, with as few diagonals as possible in a face of the cell.
 
-    An inner side in a face would coincide with that of the neighbouring cell, and four triangles would share
-    it.
+    A diagonal in a face would coincide with a diagonal of the neighbouring cell, and four triangles would
+    then share one edge.
     """
     if len(loop) < 3:
         return []
-    best: list[tuple[int, int, int]] = []
-    least = np.inf
+    best_triangles: list[tuple[int, int, int]] = []
+    lowest_cost = np.inf
     for k in range(1, len(loop) - 1):
         triangles = [
             (loop[0], loop[k], loop[-1]),
@@ -87,18 +89,16 @@ def _loop_triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
             *_loop_triangles(loop[k:]),
         ]
         cost = _count_sides_in_faces(triangles, loop)
-        if cost < least:
-            best, least = triangles, cost
-    return best
+        if cost < lowest_cost:
+            best_triangles, lowest_cost = triangles, cost
+    return best_triangles
 
 
 def _count_sides_in_faces(triangles: list[tuple[int, int, int]], loop: tuple[int, ...]) -> int:
-    """Returns the number of inner sides of triangles (not sides of the loop) that lie in a face of the
-    cell.
-    """
+    """Counts the diagonals (triangle sides that are not sides of the loop) that lie in a face of the cell."""
     border = {frozenset(side) for side in pairwise((*loop, loop[0]))}
-    inner = {frozenset((t[a], t[(a + 1) % 3])) for t in triangles for a in range(3)} - border
-    return sum(1 for side in inner if any(side <= face for face in _edges_of_faces()))
+    diagonals = {frozenset((t[a], t[(a + 1) % 3])) for t in triangles for a in range(3)} - border
+    return sum(1 for side in diagonals if any(side <= face for face in _edges_of_faces()))
 
 
 @cache

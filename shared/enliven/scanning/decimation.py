@@ -18,17 +18,17 @@ _COMPARED_VERTICES = 20_000
 _SAMPLE_POINTS = 60_000
 """Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
 _NEAREST_SAMPLES = 20
-"""Number of nearest sample points. Their faces are tested. If another face is nearer, the reported distance
-is too large."""
+"""Number of nearest sample points. Only their faces are tested. If an untested face is nearer, the reported
+distance is too large."""
 
 
 @dataclass(frozen=True)
 class DecimatedMesh:
-    """A mesh with fewer triangles.
+    """A mesh with fewer triangles, and its distance from the full mesh.
 
     Attributes:
-        mean: metres, mean distance from the full mesh's vertices to its surface.
-        most: metres, the 99th percentile of these distances.
+        mean: mean distance from the full mesh's vertices to the surface of the decimated mesh, metres.
+        most: 99th percentile of these distances, metres.
     """
 
     mesh: Mesh
@@ -62,7 +62,7 @@ def decimate(mesh: Mesh, faces: int) -> DecimatedMesh:
 
 
 def _remove_folds(faces: Int | Int32) -> Int32:
-    """Returns the faces (F, 3) without pairs that share all corners, which are folds of zero thickness."""
+    """Removes pairs of faces (F, 3) that share all three corners. Such a pair is a fold of zero thickness."""
     _, number, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(faces[count[number.reshape(-1)] == 1], np.int32)
 
@@ -78,23 +78,25 @@ def distances(mesh: Mesh, points: Float) -> Float:
         np.ceil(_SAMPLE_POINTS * areas / areas.sum()).astype(int).clip(1),
     )
     face = np.repeat(np.arange(len(corners)), count)
-    shares = random.dirichlet((1.0, 1.0, 1.0), len(face))
-    tree = cKDTree((corners[face] * shares[..., None]).sum(1))
-    near = face[tree.query(points, _NEAREST_SAMPLES)[1]]
-    squares = [_squared_distances(points, corners[near[:, k]]) for k in range(_NEAREST_SAMPLES)]
+    barycentric = random.dirichlet((1.0, 1.0, 1.0), len(face))
+    tree = cKDTree((corners[face] * barycentric[..., None]).sum(1))
+    candidate_faces = face[tree.query(points, _NEAREST_SAMPLES)[1]]
+    squares = [_squared_distances(points, corners[candidate_faces[:, k]]) for k in range(_NEAREST_SAMPLES)]
     return np.asarray(np.sqrt(np.min(squares, axis=0)))
 
 
 def _squared_distances(points: Float, corners: Float) -> Float:
     """Returns (N,) squared distances of points (N, 3) to triangles (N, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inside, sides = np.ones(len(points), bool), np.full(len(points), np.inf)
+    inside, squared_side_distances = np.ones(len(points), bool), np.full(len(points), np.inf)
     for k in range(3):
-        start, along = corners[:, k], corners[:, (k + 1) % 3] - corners[:, k]
-        off = points - start
-        share = np.clip((off * along).sum(1) / np.maximum((along * along).sum(1), 1e-30), 0.0, 1.0)
-        sides = np.minimum(sides, np.square(off - share[:, None] * along).sum(1))
-        inside &= (np.cross(along, off) * normal).sum(1) >= 0.0
+        start, side = corners[:, k], corners[:, (k + 1) % 3] - corners[:, k]
+        from_start = points - start
+        fraction = np.clip((from_start * side).sum(1) / np.maximum((side * side).sum(1), 1e-30), 0.0, 1.0)
+        squared_side_distances = np.minimum(
+            squared_side_distances, np.square(from_start - fraction[:, None] * side).sum(1)
+        )
+        inside &= (np.cross(side, from_start) * normal).sum(1) >= 0.0
     area = np.maximum((normal * normal).sum(1), 1e-30)
-    above = np.square(((points - corners[:, 0]) * normal).sum(1)) / area
-    return np.asarray(np.where(inside, above, sides))
+    squared_heights = np.square(((points - corners[:, 0]) * normal).sum(1)) / area
+    return np.asarray(np.where(inside, squared_heights, squared_side_distances))

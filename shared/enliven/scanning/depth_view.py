@@ -14,17 +14,18 @@ from enliven.scanning.settings import DepthNoiseModel
 from enliven.scanning.threads import run_in_pieces
 
 TILE = 8
-"""Pixels along a tile's side. The nearest and farthest depth are kept for each tile. A block covers a few
-tiles."""
+"""Pixels along a tile's side. The minimum and maximum depth are stored for each tile. A voxel block covers a
+few tiles."""
 _SAMPLE_SPACING_PX = 2
-"""Half-size pixels between the nine samples of a plane fit: 17 mm across at 1 m. The pixels between them
-have the same noise in most cameras."""
+"""Spacing, in half-size pixels, of the nine samples of a plane fit. They span 17 mm at 1 m. Closer samples
+would not help: in most cameras, adjacent pixels share their noise."""
 _MAX_DEPTH_JUMP = 0.04
 """Maximum relative difference in depth between a pixel and a neighbour on the same surface."""
 _MIN_PLANE_SAMPLES = 4
-"""Minimum number of the nine samples for a plane fit. Fewer are isolated points that float at edges."""
+"""Minimum number of valid samples (of nine) for a plane fit. Points with fewer samples are isolated points
+that float at edges."""
 _MIN_FACING_COSINE = 0.12
-"""Cosine between ray and normal below which depth is not trusted: 83 degrees."""
+"""Minimum cosine (83 degrees) between ray and normal at which depth is trusted."""
 _NO_SURFACE_OFFSET = np.float32(1e9)
 """Plane offset of a pixel without depth. All voxels lie far behind such a plane, so that nothing is fused."""
 _ROWS_PER_PIECE = 24
@@ -33,18 +34,18 @@ _ROWS_PER_PIECE = 24
 
 @dataclass(frozen=True)
 class DepthView:
-    """One prepared depth image.
+    """A depth image prepared for fusion and tracking.
 
     Attributes:
-        intrinsics: of the full image.
+        intrinsics: camera intrinsics of the full image.
         planes: (H, W, 4) float32 unit normal towards the camera, camera frame, and offset. The distance of a
             point in front of the surface is normal . point - offset.
-        weights: (H, W) float32 weight of the pixel's distance, at most 1; 0 if it has none.
-        points: (h, w, 3) float32 points of the half-size image, metres, camera frame; 0 if there is none.
-        normals: (h, w, 3) float32 the points' normals; 0 if there is none.
+        weights: (H, W) float32 weight of the pixel's plane, at most 1; 0 if the pixel has no plane.
+        points: (h, w, 3) float32 points of the half-size image, metres, camera frame; 0 for none.
+        normals: (h, w, 3) float32 normals of the points; 0 if a pixel has no point.
         worth: (h, w) float32 weights of the points, like ``weights``.
-        tiles: (R, C, 3) float32 nearest and farthest depth of each 8 x 8 tile, metres (inf and 0 if it has
-            none), and the fraction of its pixels without depth.
+        tiles: (R, C, 3) float32 minimum and maximum depth of each 8 x 8 tile, metres, and the fraction of its
+            pixels without depth. A tile without depth has inf and 0.
         colour: (H, W, 3) uint8 sRGB, or None.
     """
 
@@ -59,7 +60,7 @@ class DepthView:
 
     @property
     def point_arrays(self) -> PointArrays:
-        """The points in the form that kernels take."""
+        """The points in the form that kernels require."""
         return PointArrays(self.points, self.normals, self.worth)
 
     @property
@@ -116,19 +117,27 @@ class DepthPreparation:
         if self._straight is not None:
             depth = depth[self._straight]
             colour = None if colour is None else colour[self._straight]
-        half = ((height + 1) // 2, (width + 1) // 2)
+        half_shape = ((height + 1) // 2, (width + 1) // 2)
         # Add empty columns on both sides, so that the neighbours of a pixel need no bounds check.
-        inverse = np.zeros((half[0], half[1] + 2 * _SAMPLE_SPACING_PX), np.float32)
+        inverse = np.zeros((half_shape[0], half_shape[1] + 2 * _SAMPLE_SPACING_PX), np.float32)
         planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
-        points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
-        worth = np.zeros(half, np.float32)
-        run_in_pieces(_halve_resolution, half[0], _ROWS_PER_PIECE, depth, self._limits, inverse)
+        points, normals = np.zeros((*half_shape, 3), np.float32), np.zeros((*half_shape, 3), np.float32)
+        worth = np.zeros(half_shape, np.float32)
+        run_in_pieces(_halve_resolution, half_shape[0], _ROWS_PER_PIECE, depth, self._limits, inverse)
         run_in_pieces(
-            _fit_planes, half[0], _ROWS_PER_PIECE, inverse, *self._half, self._limits, points, normals, worth
+            _fit_planes,
+            half_shape[0],
+            _ROWS_PER_PIECE,
+            inverse,
+            *self._half,
+            self._limits,
+            points,
+            normals,
+            worth,
         )
         run_in_pieces(
             _assign_pixel_planes,
-            half[0],
+            half_shape[0],
             _ROWS_PER_PIECE,
             depth,
             self._across,
@@ -158,14 +167,14 @@ def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
 
 def _pair_means(values: Float32) -> Float32:
     """Returns the means of (N,) values in pairs; the last value is its own mean if N is odd."""
-    other = np.minimum(np.arange(1, len(values) + 1, 2), len(values) - 1)
-    return (0.5 * (values[::2] + values[other])).astype(np.float32)
+    next_index = np.minimum(np.arange(1, len(values) + 1, 2), len(values) - 1)
+    return (0.5 * (values[::2] + values[next_index])).astype(np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _halve_resolution(depth, limits, inverse, first, last):
-    """Fills rows of (h, w + 2 _SAMPLE_SPACING_PX) inverse depth, 1/m, from 2 x 2 pixels: the mean over
-    the nearest surface.
+    """Halves the resolution of some rows. Writes the mean inverse depth (1/m) of each 2 x 2 pixels over the
+    nearest surface into ``inverse`` (h, w + 2 _SAMPLE_SPACING_PX).
     """
     height, width = depth.shape
     for v in range(first, last):
@@ -181,8 +190,8 @@ def _halve_resolution(depth, limits, inverse, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _mean_inverse(a, b, c, d, limits):
-    """Returns the mean inverse depth, 1/m, of those of four depths (mm) on the nearest surface; 0 if there
-    are none.
+    """Averages the inverse depth (1/m) of the pixels on the nearest surface, out of four depths (mm). Returns
+    0 if all four are unknown.
     """
     za, zb, zc, zd = (
         _depth_in_metres(a, limits),
@@ -258,8 +267,8 @@ def _fit_planes(inverse, across, down, limits, points, normals, worth, first, la
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_neighbours(inverse, v, across, down, sums):
-    """Sums over the nine samples around each pixel of a row that belong to the same surface, without a
-    branch.
+    """Sums over those of the nine samples around each pixel of a row that belong to the same surface. The
+    loop has no branch, so that it is vectorized.
 
     Args:
         sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz, written. x, y (rays) and z (1/m) are relative to
@@ -299,7 +308,7 @@ def _add_neighbours(inverse, v, across, down, sums):
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def certainty(limits, z):
-    """Returns the variance at the best depth divided by the variance at depth z, at most 1."""
+    """Returns the ratio of the depth variance at the best depth to that at depth z, at most 1."""
     beyond = z - limits[4]
     share = limits[2] / (limits[2] + limits[3] * beyond * beyond)
     return share * share
@@ -307,8 +316,8 @@ def certainty(limits, z):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, weights, first, last):
-    """Assigns to each pixel of some rows the plane of its half-size pixel, shifted through the pixel's own
-    depth.
+    """Assigns to each pixel of some rows the plane of its half-size pixel, shifted to pass through the
+    pixel's own depth point.
     """
     height, width = depth.shape
     for v in range(2 * first, min(2 * last, height)):
@@ -328,7 +337,7 @@ def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, we
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bound_tiles(depth, limits, tiles, first, last):
-    """Fills the nearest and farthest depth of some rows of tiles."""
+    """Computes the minimum and maximum depth, and the fraction of unknown pixels, of some rows of tiles."""
     height, width = depth.shape
     zero, unity = np.float32(0.0), np.float32(1.0)
     near, far, known_counts = (

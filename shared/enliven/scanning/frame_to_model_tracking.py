@@ -15,16 +15,33 @@ from enliven.scanning.settings import TrackingSettings
 from enliven.scanning.threads import run_in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
+_MAX_COARSE_STEPS = 6
+"""Maximum number of Gauss-Newton steps in each coarse volume."""
+_MAX_FINE_STEPS = 5
+"""Maximum number of Gauss-Newton steps in the finest volume."""
+_MIN_ALIGNMENT_STEP = 3e-4
+"""The alignment stops when a step is smaller than this, in metres and radians."""
+_MAX_EXACT_STEPS = 15
+"""Maximum number of steps of the exact alignment, used if the normal one leaves the camera pose uncertain."""
+_COARSE_STRIDE_PX = 4
+"""Step between sample points in the coarse volumes, in pixels of the half-size image."""
+_ROBUST_WIDTH_VOXELS = 2.0
+"""Robust width: a point at this distance from the surface has a quarter of the full weight."""
+_GRAVITY_WEIGHT_M2 = 0.1
+"""Weight of the up direction from the accelerometer, in squared metres."""
+_DAMPING = 1e-6
+"""Damping of the normal matrix, relative to the total weight of the points."""
+
 _ROWS_PER_PIECE = 16
 """Rows of points that a thread processes at a time."""
 _MIN_INFORMATION = 1e-6
-"""Information, 1/m^2, below which a direction counts as unobserved. It corresponds to a deviation of one
-kilometre."""
+"""Information (inverse variance, 1/m^2) below which a direction counts as unobserved. It corresponds to a
+standard deviation of one kilometre."""
 _MIN_SIGNAL_FRACTION = 0.5
-"""Minimum fraction of the normal matrix that counts as signal in a closer step. It limits the step to
-twice the Gauss-Newton step, because a longer step may oscillate."""
+"""Minimum fraction of the normal matrix that counts as signal rather than noise in a step of
+``align_closely``. It limits the step to twice the Gauss-Newton step, because a longer step may oscillate."""
 _UPPER_INDICES = np.triu_indices(6)
-"""Indices of the 21 sums of the upper half in a normal matrix."""
+"""Row and column indices of the upper triangle (21 elements) of a 6 x 6 normal matrix."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +50,9 @@ class Alignment:
 
     Attributes:
         world_from_camera: (4, 4) pose.
-        agreeing: fraction, 0 to 1, of the points in known space that lie at its surface.
-        overlap: fraction of the image's points that lie in known space.
-        error: metres, weighted root mean square of the distances.
+        agreeing: fraction, 0 to 1, of the points in observed space that lie on the fused surface.
+        overlap: fraction of the image's points that lie in observed space.
+        error: weighted root mean square of the distances between points and surface, metres.
         information: (6, 6) inverse covariance of a translation (m) and a rotation (rad) about the camera,
             world axes.
     """
@@ -66,11 +83,11 @@ class CameraTracker:
 
     No surface is rendered and no pixel is matched, unlike in ICP with projective data association. The
     residual is the volume's own signed distance at a point, and its gradient is the normal (Bylow et al.,
-    "Real-time camera tracking and 3D reconstruction using signed distance functions", RSS 2013). The wide
-    truncation bands of coarse volumes let distant poses converge.
+    "Real-time camera tracking and 3D reconstruction using signed distance functions", RSS 2013). Coarse
+    volumes have wide truncation bands, so that distant poses converge.
 
     Args:
-        volumes: from the finest to the coarsest.
+        volumes: the TSDF volumes, from the finest to the coarsest.
     """
 
     def __init__(self, volumes: Sequence[TsdfVolume], settings: TrackingSettings | None = None) -> None:
@@ -83,17 +100,18 @@ class CameraTracker:
             up: (3,) unit vector, camera frame, that points up according to an accelerometer, or None.
             coarsest: index of the first volume to use; 0 is the finest.
         """
-        s, pose = self.settings, start.copy()
+        pose = start.copy()
         for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
-            for _ in range(s.coarse_steps if level else s.fine_steps):
+            for _ in range(_MAX_COARSE_STEPS if level else _MAX_FINE_STEPS):
                 move = self._gauss_newton_step(self._normal_equations(view, pose, level), pose, up)
                 pose = move_pose(pose, move)
-                if np.linalg.norm(move) < s.still:
+                if np.linalg.norm(move) < _MIN_ALIGNMENT_STEP:
                     break
         return self.evaluate(view, pose)
 
     def align_closely(self, view: DepthView, start: Float, up: Float | None = None) -> Alignment:
-        """Returns the pose near ``start`` (4, 4) at which the image fits best, if noise hides the signal.
+        """Returns the pose near ``start`` (4, 4) at which the image fits best. Use it if noise hides the
+        signal.
 
         On a floor with a small object on it, the noise of the slopes outweighs the information in the object.
         Steps are then too short, and the information seems to be zero. Products of the surface's slopes and
@@ -101,17 +119,17 @@ class CameraTracker:
         Measurement Error Models, 1987, section 1.4). This method takes more steps, each slightly longer.
         """
         pose = start.copy()
-        for _ in range(self.settings.close_steps):
+        for _ in range(_MAX_EXACT_STEPS):
             sums = self._normal_equations(view, pose, 0, closely=True)
             move = self._gauss_newton_step(sums, pose, up, _normal_matrix(sums[SQUARES + 1 :]))
             pose = move_pose(pose, move)
-            if np.linalg.norm(move) < self.settings.still:
+            if np.linalg.norm(move) < _MIN_ALIGNMENT_STEP:
                 break
         sums = self._normal_equations(view, pose, 0, closely=True)
         return self._alignment_for(sums, pose, _denoised_close_matrix(sums, self.settings.independent))
 
     def evaluate(self, view: DepthView, pose: Float) -> Alignment:
-        """Returns how well an image fits at a given pose, with its error and information."""
+        """Evaluates a given pose: returns it with its fit, error and information."""
         sums = self._normal_equations(view, pose, 0)
         return self._alignment_for(sums, pose, _denoised_matrix(sums))
 
@@ -129,11 +147,11 @@ class CameraTracker:
         return Alignment(pose, float(agreeing), float(overlap), error, information)
 
     def _normal_equations(self, view: DepthView, pose: Float, level: int, *, closely: bool = False) -> Float:
-        """Returns (SUMS,) sums over all points. Each point uses the finest volume from ``level`` on that
-        covers its depth.
+        """Returns the (SUMS,) sums of the normal equations over all points, as described at ``SUMS``. Each
+        point uses the finest volume, from number ``level`` on, that covers its depth.
         """
-        s, total = self.settings, np.zeros(SUMS)
-        stride = s.fine_stride if level == 0 else s.coarse_stride
+        total = np.zeros(SUMS)
+        stride = self.settings.fine_stride if level == 0 else _COARSE_STRIDE_PX
         nearest = 0.0
         for index in range(level, len(self.volumes)):
             volume = self.volumes[index]
@@ -145,39 +163,40 @@ class CameraTracker:
             sums = np.empty((rows, SUMS))
             run_in_pieces(
                 residuals, rows, _ROWS_PER_PIECE, view.point_arrays, stride, span, pose,
-                s.soft * volume.band.voxel, volume.field, closely, sums,
+                _ROBUST_WIDTH_VOXELS * volume.band.voxel, volume.field, closely, sums,
             )  # fmt: skip
             total += sums.sum(0)
         return total
 
     def _gauss_newton_step(
-        self, sums: Float, pose: Float, up: Float | None, true: Float | None = None
+        self, sums: Float, pose: Float, up: Float | None, noise_free: Float | None = None
     ) -> Float:
         """Returns (6,) the translation and rotation of a Gauss-Newton step.
 
         Args:
-            true: (6, 6) the normal matrix without noise, if it is known. Steps are then longer, according to
-                its fraction.
+            noise_free: (6, 6) the normal matrix without noise, or None if it is unknown. If it is given, each
+                step is divided by the fraction of the normal matrix that is signal.
         """
         matrix, gradient = _normal_matrix(sums), sums[21:27].copy()
         scale = max(sums[28], 1e-9)
         if up is not None:
-            # A rotation w moves the measured up direction by w x felt. It should align this direction with
-            # +Y.
+            # A rotation w moves the measured up direction by w x measured_up. It should align this direction
+            # with +Y.
             measured_up = pose[:3, :3] @ up
             j = -cross_matrix(measured_up)
-            weight = scale * self.settings.gravity
+            weight = scale * _GRAVITY_WEIGHT_M2
             matrix[3:, 3:] += weight * j.T @ j
             gradient[3:] += weight * j.T @ (measured_up - np.array([0.0, 1.0, 0.0]))
-        matrix[np.diag_indices(6)] += scale * self.settings.damping
-        if true is None:
+        matrix[np.diag_indices(6)] += scale * _DAMPING
+        if noise_free is None:
             return np.asarray(-np.linalg.solve(matrix, gradient), np.float64)
-        # Work in the coordinates in which the normal matrix is the identity.
-        half = np.linalg.inv(np.linalg.cholesky(matrix))
-        share, directions = np.linalg.eigh(half @ true @ half.T)
-        directions = directions.T @ half
+        # Whiten: use the coordinates in which the normal matrix is the identity.
+        whitening = np.linalg.inv(np.linalg.cholesky(matrix))
+        signal_fraction, directions = np.linalg.eigh(whitening @ noise_free @ whitening.T)
+        directions = directions.T @ whitening
         return np.asarray(
-            -directions.T @ ((directions @ gradient) / share.clip(_MIN_SIGNAL_FRACTION, 1.0)), np.float64
+            -directions.T @ ((directions @ gradient) / signal_fraction.clip(_MIN_SIGNAL_FRACTION, 1.0)),
+            np.float64,
         )
 
 
@@ -193,25 +212,30 @@ def _denoised_matrix(sums: Float) -> Float:
 
     Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
     variables: Fuller, Measurement Error Models, 1987, section 1.2). Without the correction, a blank wall
-    would seem to constrain the camera along the wall. A slope's noise is perpendicular to it. The angles
-    between the surface's slopes and the image's normals contain the noise of both, so the correction is
-    rather too large.
+    would seem to constrain the camera along the wall. A slope's noise is perpendicular to it. The variance is
+    estimated from the angles between the surface's slopes and the image's normals. They contain the noise of
+    both, so the correction is slightly too large.
     """
     x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
     weight, matrix = sums[28], _normal_matrix(sums)
-    first, products = cross_matrix(np.array([x, y, z])), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    mean_cross, products = (
+        cross_matrix(np.array([x, y, z])),
+        np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+    )
     # Build the matrix for slopes in all directions. It is the sum of A A' with A = [1; q x].
-    isotropic = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
+    isotropic = np.block(
+        [[weight * np.eye(3), mean_cross.T], [mean_cross, np.trace(products) * np.eye(3) - products]]
+    )
     return np.asarray(matrix - _slope_variance(sums[MOMENTS + 9 : SQUARES]) * (isotropic - matrix))
 
 
 def _denoised_close_matrix(sums: Float, independent: float) -> Float:
-    """Returns the (6, 6) products of slopes and normals, minus the noise that remains in a sum over these
-    points.
+    """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in a sum over
+    these points.
     """
-    matrix, true = _normal_matrix(sums), _normal_matrix(sums[SQUARES + 1 :])
+    matrix, noise_free = _normal_matrix(sums), _normal_matrix(sums[SQUARES + 1 :])
     count = sums[28] ** 2 / max(sums[SQUARES], 1e-12)
-    return np.asarray(true - (matrix - true) / np.sqrt(max(independent * count, 1.0)))
+    return np.asarray(noise_free - (matrix - noise_free) / np.sqrt(max(independent * count, 1.0)))
 
 
 def _slope_variance(weights: Float) -> float:

@@ -1,5 +1,5 @@
-"""Cuts an object that stands on the floor out of a scan: ground plane detection, hole filling, upright
-placement.
+"""Cuts an object that stands on the floor out of a scan, in three steps: ground plane detection, hole filling
+and upright placement.
 """
 
 from __future__ import annotations
@@ -15,21 +15,26 @@ from enliven.meshes import Mesh, shells, submesh
 from enliven.scanning.holes import close_holes, find_lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
+_MAX_FLOOR_DISTANCE_M = 0.02
+"""Maximum distance of faces from a plane to belong to the floor."""
+
 _PLANE_HYPOTHESES = 100
-"""Number of faces that are tried as floor hypotheses (RANSAC). It is enough if one in ten belongs to the
-floor."""
+"""Number of faces that are tried as floor hypotheses (RANSAC). This number is enough if one face in ten
+belongs to the floor."""
 _COMPARED_FACES = 6000
-"""Number of random faces that a plane is compared with. They estimate its area to some percent."""
+"""Number of random faces that a plane hypothesis is compared with. They estimate its area to within a few
+percent."""
 _MIN_UP_COSINE = 0.82
-"""Cosine (35 degrees) between a face's normal and up below which the face is not part of a floor."""
+"""Minimum cosine (35 degrees) between up and the normal of a face that may be part of a floor."""
 _MIN_FACE_COSINE = 0.97
-"""Minimum cosine (14 degrees) between a floor's normal and those of its faces, which noise tilts."""
+"""Minimum cosine (14 degrees) between the normal of the floor and the normals of its faces. Noise tilts the
+faces."""
 _RIVAL_AREA_FRACTION = 0.5
 """If a lower plane has more than this fraction of the largest plane's area, the lower plane is the floor and
 the largest plane is a table."""
 _MIN_OBJECT_FRACTION = 0.05
-"""Other objects are ignored if they have less than this fraction of the chosen object's surface near the
-focus."""
+"""Other objects are ignored if their surface area near the focus is less than this fraction of the chosen
+object's."""
 _REFITS = 3
 """Number of times that a plane is fitted to its inlier faces."""
 
@@ -53,7 +58,7 @@ class GroundPlane:
         return np.asarray(points @ self.normal - self.offset)
 
 
-def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | None = None) -> GroundPlane:
+def find_ground(mesh: Mesh, up: Float | None = None) -> GroundPlane:
     """Returns the lowest of the large level planes of a scan.
 
     Args:
@@ -62,7 +67,7 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     Raises:
         InputError: if no level surface was scanned.
     """
-    s, up = settings or CutOutSettings(), np.array([0.0, 1.0, 0.0]) if up is None else up
+    up = np.array([0.0, 1.0, 0.0]) if up is None else up
     vectors = mesh.face_vectors()
     areas = np.linalg.norm(vectors, axis=1) / 2
     normals = vectors / np.maximum(2 * areas, 1e-30)[:, None]
@@ -71,92 +76,93 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     count = len(level)
     if not count:
         problem = "no floor and no table top was scanned"
-        raise InputError(problem, where="scan", mend="Scan a part of the floor around the object, too.")
+        raise InputError(problem, where="scan", remedy="Scan a part of the floor around the object, too.")
     level = np.random.default_rng(0).permutation(level)[:_COMPARED_FACES]
     normals, middles, areas = normals[level], middles[level], areas[level] * count / len(level)
     planes = [
-        _fit_plane(normals[k], float(normals[k] @ middles[k]), normals, middles, areas, s)
+        _fit_plane(normals[k], float(normals[k] @ middles[k]), normals, middles, areas)
         for k in range(min(_PLANE_HYPOTHESES, len(level)))
     ]
-    most = max(plane.area for plane in planes)
-    large = [plane for plane in planes if plane.area > _RIVAL_AREA_FRACTION * most]
-    place = np.average(middles, axis=0, weights=areas)
-    return min(large, key=lambda plane: float(plane.offset - place @ plane.normal) / float(plane.normal @ up))
+    largest_area = max(plane.area for plane in planes)
+    large = [plane for plane in planes if plane.area > _RIVAL_AREA_FRACTION * largest_area]
+    centroid = np.average(middles, axis=0, weights=areas)
+    return min(
+        large, key=lambda plane: float(plane.offset - centroid @ plane.normal) / float(plane.normal @ up)
+    )
 
 
-def _fit_plane(
-    normal: Float, offset: float, normals: Float, middles: Float, areas: Float, s: CutOutSettings
-) -> GroundPlane:
+def _fit_plane(normal: Float, offset: float, normals: Float, middles: Float, areas: Float) -> GroundPlane:
     """Returns the plane fitted to the inlier faces of a guessed plane."""
-    inside = _faces_in_plane(normal, offset, normals, middles, s)
+    is_inlier = _faces_in_plane(normal, offset, normals, middles)
     for _ in range(_REFITS):
-        weight = areas[inside]
-        if weight.sum() <= 0 or inside.sum() < 3:
+        weight = areas[is_inlier]
+        if weight.sum() <= 0 or is_inlier.sum() < 3:
             break
-        middle = np.average(middles[inside], axis=0, weights=weight)
-        spread = (middles[inside] - middle) * np.sqrt(weight)[:, None]
+        middle = np.average(middles[is_inlier], axis=0, weights=weight)
+        spread = (middles[is_inlier] - middle) * np.sqrt(weight)[:, None]
         fitted = np.linalg.svd(spread.T @ spread)[0][:, 2]
         normal = fitted if fitted @ normal > 0 else -fitted
         offset = float(normal @ middle)
-        inside = _faces_in_plane(normal, offset, normals, middles, s)
-    return GroundPlane(normal, offset, float(areas[inside].sum()))
+        is_inlier = _faces_in_plane(normal, offset, normals, middles)
+    return GroundPlane(normal, offset, float(areas[is_inlier].sum()))
 
 
-def _faces_in_plane(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
+def _faces_in_plane(normal: Float, offset: float, normals: Float, middles: Float) -> Bool:
     """Returns (F,) True for each face that lies in a plane."""
-    near = np.abs(middles @ normal - offset) < s.thickness
+    near = np.abs(middles @ normal - offset) < _MAX_FLOOR_DISTANCE_M
     return np.asarray(near & (normals @ normal > _MIN_FACE_COSINE))
 
 
 def find_focus(poses: list[Float]) -> Float:
-    """Returns the (3,) point nearest to the optical axes of cameras (4, 4): the point that they look at."""
+    """Returns the (3,) point nearest to the optical axes of camera poses (4, 4): the point that the cameras
+    look at.
+    """
     matrix, right = 1e-6 * np.eye(3), np.zeros(3)
     for pose in poses:
         axis = pose[:3, 2]
-        across = np.eye(3) - np.outer(axis, axis)
-        matrix += across
-        right += across @ pose[:3, 3]
+        projection = np.eye(3) - np.outer(axis, axis)
+        matrix += projection
+        right += projection @ pose[:3, 3]
     # If all cameras look in the same direction, the point is undetermined. A weak prior then places it one
     # metre in front of them.
-    ahead = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
-    return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
+    prior_point = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
+    return np.asarray(np.linalg.solve(matrix, right + 1e-6 * prior_point), np.float64)
 
 
 def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSettings | None = None) -> Mesh:
-    """Returns the object that stands on the ground about ``focus`` (3,), upright, on y = 0, its box centred
-    on x and z.
+    """Cuts out the object that stands on the ground near ``focus`` (3,). The result is upright, on y = 0,
+    with its bounding box centred on x and z.
 
     If there are several objects, the settings choose one. The contact area with the ground is closed. Holes
     with short rims are closed, and larger ones stay open.
 
     Raises:
-        InputError: if no object stands there, or fewer than the number in the settings.
+        InputError: if there are fewer objects than ``number`` in the settings.
     """
     s = settings or CutOutSettings()
     parts = find_parts(mesh, ground, focus, s)
     if not parts:
         problem = "nothing that stands on the floor was scanned"
         raise InputError(
-            problem, where="scan", mend="Carry the camera round the object, and look at it all the time."
+            problem, where="scan", remedy="Carry the camera round the object, and look at it all the time."
         )
     if s.number > len(parts):
         problem = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
-        raise InputError(problem, where="scan", mend="Choose one of them, or look at it while you scan.")
-    thing = parts[s.number - 1]
-    vertices = level_mesh(thing, ground).vertices
+        raise InputError(problem, where="scan", remedy="Choose one of them, or look at it while you scan.")
+    chosen_part = parts[s.number - 1]
+    vertices = level_mesh(chosen_part, ground).vertices
     # Extend the feet down again by the clearance that the cut has removed.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
-    feet |= find_lowest_rims(replace(thing, vertices=vertices), s.drawn)
+    feet |= find_lowest_rims(replace(chosen_part, vertices=vertices), s.drawn)
     vertices[feet, 1] = 0.0
-    return close_holes(replace(thing, vertices=vertices), feet, s)
+    return close_holes(replace(chosen_part, vertices=vertices), feet, s)
 
 
 def cut_whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | None = None) -> Mesh:
-    """Returns the largest connected part of an object that was scanned from all sides, also from below:
-    upright, on y = 0.
+    """Returns the largest connected part of an object that was scanned from all sides, also from below.
 
-    Holes with short rims are closed.
+    The result is upright, on y = 0. Holes with short rims are closed.
     """
     part = level_mesh(largest_component(mesh), ground)
     part.vertices[:, 1] -= part.vertices[:, 1].min()
@@ -171,16 +177,16 @@ def find_parts(
     That is the part with the most surface near the point. Small and distant parts are left out.
     """
     s = settings or CutOutSettings()
-    above = cut_above_plane(mesh, ground.normal, ground.offset + s.clearance)
-    if not len(above.faces):
+    above_ground = cut_above_plane(mesh, ground.normal, ground.offset + s.clearance)
+    if not len(above_ground.faces):
         return []
-    label = np.asarray(shells(above.faces, len(above.vertices)))[above.faces[:, 0]]
-    middles = above.vertices[above.faces].mean(1)
-    near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
-    areas = np.linalg.norm(above.face_vectors(), axis=1) / 2
-    total_areas, near_areas = np.bincount(label, areas), np.bincount(label, areas * near)
+    label = np.asarray(shells(above_ground.faces, len(above_ground.vertices)))[above_ground.faces[:, 0]]
+    middles = above_ground.vertices[above_ground.faces].mean(1)
+    focus_weights = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
+    areas = np.linalg.norm(above_ground.face_vectors(), axis=1) / 2
+    total_areas, near_areas = np.bincount(label, areas), np.bincount(label, areas * focus_weights)
     large = (total_areas >= s.least_area) & (near_areas >= _MIN_OBJECT_FRACTION * near_areas.max())
-    return [submesh(above, label == n) for n in np.argsort(-near_areas, kind="stable") if large[n]]
+    return [submesh(above_ground, label == n) for n in np.argsort(-near_areas, kind="stable") if large[n]]
 
 
 def largest_component(mesh: Mesh) -> Mesh:
@@ -192,16 +198,20 @@ def largest_component(mesh: Mesh) -> Mesh:
 
 
 def largest_part(mesh: Mesh) -> Mesh:
-    """Returns the connected part with the most surface, standing on y = 0, its box centred on x and z."""
+    """Returns the connected part with the most surface, standing on y = 0, with its bounding box centred on x
+    and z.
+    """
     part = largest_component(mesh)
     up = np.array([0.0, 1.0, 0.0])
     return level_mesh(part, GroundPlane(up, float(part.vertices[:, 1].min()), 0.0))
 
 
 def level_mesh(mesh: Mesh, ground: GroundPlane) -> Mesh:
-    """Returns the mesh rotated upright and moved so that the ground is y = 0, its box centred on x and z."""
-    turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
-    vertices = mesh.vertices @ turn.T
+    """Rotates the mesh upright and moves it so that the ground is y = 0 and its bounding box is centred on x
+    and z.
+    """
+    rotation_matrix = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
+    vertices = mesh.vertices @ rotation_matrix.T
     vertices[:, 1] -= ground.offset
     low, high = vertices.min(0), vertices.max(0)
     vertices[:, [0, 2]] -= ((low + high) / 2)[[0, 2]]
@@ -209,14 +219,16 @@ def level_mesh(mesh: Mesh, ground: GroundPlane) -> Mesh:
 
 
 def cut_above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
-    """Returns the part of a mesh with normal (3,) . x > offset, cut along that plane."""
+    """Returns the part of a mesh above a plane (normal . x > offset, normal (3,)), cut along the plane."""
     heights = np.asarray(mesh.vertices @ normal - offset)
-    inside = heights[mesh.faces] > 0
-    count = inside.sum(1)
+    is_above = heights[mesh.faces] > 0
+    count = is_above.sum(1)
     # Rotate the corners of each face so that the corner that is alone on its side of the plane comes first.
-    lone_corner = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
-    turned = np.take_along_axis(mesh.faces, (lone_corner[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
-    one_above, two_above = turned[count == 1], turned[count == 2]
+    lone_corner = np.where(count == 1, is_above.argmax(1), (~is_above).argmax(1))
+    rotated_faces = np.take_along_axis(mesh.faces, (lone_corner[:, None] + np.arange(3)) % 3, 1).astype(
+        np.int64
+    )
+    one_above, two_above = rotated_faces[count == 1], rotated_faces[count == 2]
     ends = np.sort(
         np.concatenate(
             [one_above[:, [0, 1]], one_above[:, [0, 2]], two_above[:, [0, 1]], two_above[:, [0, 2]]]
@@ -228,15 +240,15 @@ def cut_above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
         number.reshape(-1) + len(mesh.vertices), np.cumsum([len(one_above), len(one_above), len(two_above)])
     )
     corner = [
-        turned[count == 3],
+        rotated_faces[count == 3],
         np.stack([one_above[:, 0], cuts[0], cuts[1]], 1),
         np.stack([two_above[:, 1], two_above[:, 2], cuts[2]], 1),
         np.stack([two_above[:, 2], cuts[3], cuts[2]], 1),
     ]
-    share = heights[edges[:, :1]] / (heights[edges[:, :1]] - heights[edges[:, 1:]])
+    fraction = heights[edges[:, :1]] / (heights[edges[:, :1]] - heights[edges[:, 1:]])
 
     def spread(values: Float) -> Float:
-        return np.concatenate([values, values[edges[:, 0]] * (1 - share) + values[edges[:, 1]] * share])
+        return np.concatenate([values, values[edges[:, 0]] * (1 - fraction) + values[edges[:, 1]] * fraction])
 
     colours = None if mesh.colours is None else np.rint(spread(mesh.colours.astype(float))).astype(np.uint8)
     faces = np.concatenate(corner).astype(np.int32)

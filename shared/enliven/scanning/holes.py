@@ -10,12 +10,12 @@ from scipy.spatial import cKDTree
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import triangulate_loops
+from enliven.meshes.planar import triangulate_loops
 from enliven.scanning.settings import CutOutSettings
 
 _MIN_DOWN_COSINE = 0.0
-"""Minimum cosine between down and the outward direction of a rim that faces down. It is low because rims
-are jagged."""
+"""Minimum cosine between down and the outward direction of a rim that faces down. The limit is low because
+rims are jagged."""
 _CLEAR_RADIUS_M = 0.02
 """Horizontal distance around a rim vertex, metres, within which no part of the mesh may lie below it."""
 _MIN_HEIGHT_BELOW_M = 0.03
@@ -24,7 +24,7 @@ roughness of a rim."""
 
 
 def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
-    """Returns (V,) True for each vertex on a rim that faces down and has no part of the mesh below it.
+    """Returns (V,) a mask of the vertices on rims that face down and have no part of the mesh below them.
 
     Args:
         mesh: upright, on y = 0.
@@ -34,15 +34,15 @@ def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
     lowest = np.zeros(len(vertices), bool)
     face, corner = np.nonzero(find_open_sides(faces, len(vertices)))
     start, end, inside = (faces[face, (corner + k) % 3] for k in range(3))
-    near = (vertices[start, 1] < low) & (vertices[end, 1] < low)
-    if not near.any():
+    is_low = (vertices[start, 1] < low) & (vertices[end, 1] < low)
+    if not is_low.any():
         return lowest
-    start, end, inside = start[near], end[near], inside[near]
-    along, out = vertices[end] - vertices[start], vertices[start] - vertices[inside]
-    length = np.maximum(np.square(along).sum(1), 1e-18)
-    out = out - along * ((out * along).sum(1) / length)[:, None]
-    down = -out[:, 1] > _MIN_DOWN_COSINE * np.linalg.norm(out, axis=1)
-    rim_vertices = np.unique(np.concatenate([start[down], end[down]]))
+    start, end, inside = start[is_low], end[is_low], inside[is_low]
+    side, outward = vertices[end] - vertices[start], vertices[start] - vertices[inside]
+    length = np.maximum(np.square(side).sum(1), 1e-18)
+    outward = outward - side * ((outward * side).sum(1) / length)[:, None]
+    faces_down = -outward[:, 1] > _MIN_DOWN_COSINE * np.linalg.norm(outward, axis=1)
+    rim_vertices = np.unique(np.concatenate([start[faces_down], end[faces_down]]))
     low_vertices = np.flatnonzero(vertices[:, 1] < low)
     close = cKDTree(vertices[low_vertices][:, [0, 2]]).query_ball_point(
         vertices[rim_vertices][:, [0, 2]], _CLEAR_RADIUS_M
@@ -56,8 +56,8 @@ def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with filled holes: those with short rims, and those with all rim vertices on ``feet``
-    (V,).
+    """Fills two kinds of holes: those with a short rim, and those with a rim that lies entirely in the mask
+    ``feet`` (V,).
     """
     rims = find_rims(mesh)
     soles = [rim for rim in rims if feet[rim].all()]
@@ -77,48 +77,50 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
         if mesh.colours is not None:
             colours.append(np.rint(mesh.colours[rim].mean(0, keepdims=True)).astype(np.uint8))
         count += 1
-    joined: Int32 = np.concatenate(faces).astype(np.int32)
-    return Mesh(np.concatenate(vertices), joined, mesh.name, np.concatenate(colours) if colours else None)
+    all_faces: Int32 = np.concatenate(faces).astype(np.int32)
+    return Mesh(np.concatenate(vertices), all_faces, mesh.name, np.concatenate(colours) if colours else None)
 
 
 def _orient_down(faces: Int, vertices: Float) -> Int:
-    """Returns the faces, with reversed corner order for each face that faces up."""
+    """Reverses the corner order of each face that faces up."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    up = np.cross(b - a, c - a)[:, 1] > 0
-    faces[up] = faces[up, ::-1]
+    faces_up = np.cross(b - a, c - a)[:, 1] > 0
+    faces[faces_up] = faces[faces_up, ::-1]
     return faces
 
 
 def find_rims(mesh: Mesh) -> list[Int]:
-    """Returns the boundary loops (rims of holes) of a mesh as loops of vertices."""
+    """Returns the boundary loops (rims of holes) of a mesh, each as a list of vertices."""
     faces = mesh.faces
     face, corner = np.nonzero(find_open_sides(faces, len(mesh.vertices)))
-    after: dict[int, list[int]] = {}
+    next_vertex: dict[int, list[int]] = {}
     for a, b in zip(faces[face, corner].tolist(), faces[face, (corner + 1) % 3].tolist(), strict=True):
-        after.setdefault(a, []).append(b)
+        next_vertex.setdefault(a, []).append(b)
     rims = []
-    for start in list(after):
-        while after.get(start):
+    for start in list(next_vertex):
+        while next_vertex.get(start):
             rim = [start]
             while rim[-1] != start or len(rim) == 1:
-                if not after.get(rim[-1]):
+                if not next_vertex.get(rim[-1]):
                     break
-                rim.append(after[rim[-1]].pop())
+                rim.append(next_vertex[rim[-1]].pop())
             if rim[-1] == start and len(rim) > 3:
                 rims.append(np.array(rim[:-1]))
     return rims
 
 
 def find_open_sides(faces: Int32, count: int) -> Bool:
-    """Returns (F, 3) True for each side that is a boundary: no face has the same side in the opposite
-    direction.
+    """Returns (F, 3) a mask of the boundary sides. A side is a boundary if no face has the same side in the
+    opposite direction.
 
     Args:
-        count: of vertices.
+        count: number of vertices.
     """
-    first = np.zeros(count + 1, np.int64)
-    np.cumsum(np.bincount(faces.reshape(-1), minlength=count), out=first[1:])
-    return np.asarray(_open_sides(faces, first, np.empty(faces.size, np.int32), first[:-1].copy()))
+    list_starts = np.zeros(count + 1, np.int64)
+    np.cumsum(np.bincount(faces.reshape(-1), minlength=count), out=list_starts[1:])
+    return np.asarray(
+        _open_sides(faces, list_starts, np.empty(faces.size, np.int32), list_starts[:-1].copy())
+    )
 
 
 @njit(cache=True, nogil=True)

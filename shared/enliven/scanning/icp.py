@@ -17,13 +17,14 @@ SQUARES = MOMENTS + 9 + BINS
 """Index of the sum of squared weights. The 21 sums after it are the upper half of the products of the
 surface's slopes and the image's normals, row by row. They are computed only on request."""
 SUMS = SQUARES + 22
-"""Length of a row of sums. First come 21 of the upper half of the normal matrix, row by row, and 6 of the
-gradient. Then come the weighted squares, the weights, the agreeing points, all valid points, and the
-points in known space. From MOMENTS on come the weighted positions relative to the camera (3) and their
-products (6, the upper half, row by row). After these comes a histogram of the weights by the angle between
-the two normals."""
+"""Length of a row of sums. Elements 0 to 20 are the upper half of the normal matrix, row by row, and 21 to 26
+the gradient. Then follow the weighted squared distances (27), the weights (28), and three weighted counts:
+points on the surface (29), all valid points (30), and points in observed space (31). From MOMENTS on follow
+the weighted positions relative to the camera (3), and their products (6, the upper half, row by row). After
+these comes a histogram of the weights by the angle between the two normals (BINS)."""
 _MIN_NORMAL_COSINE = 0.5
-"""Cosine between a point's normal and the surface's below which they belong to two different sides."""
+"""Minimum cosine between the normals of a point and of the surface if both belong to the same side of an
+object."""
 MAX_CHORD = 1.0
 """Twice the sine of half the angle of ``_MIN_NORMAL_COSINE``: the upper edge of the last bin of angles."""
 
@@ -34,8 +35,8 @@ def look_up(field, x, y, z, found, last):
 
     Args:
         field: :class:`FieldArrays`.
-        found: (4,) metres and three slopes; written.
-        last: (4,) int64 cache of the last block, its number and its position; read and written.
+        found: (4,) the signed distance (m) and its gradient; written.
+        last: (4,) int64 cache of the last block: its number and its position (3); read and written.
 
     Returns:
         True if all eight voxels around the point were observed.
@@ -85,8 +86,8 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
 
     Args:
         points: :class:`PointArrays`.
-        stride: pixels from one used point to the next, in each direction.
-        span: (2,) metres, the depth range of the points that are used.
+        stride: every how many pixels a point is used, in each direction.
+        span: (2,) depth range of the points that are used, metres.
         pose: (4, 4) world_from_camera.
         field: :class:`FieldArrays`.
         closely: True to accumulate the products of slopes and normals as well.

@@ -1,5 +1,5 @@
-"""Compiled loops of TSDF fusion: allocate the blocks that a depth image needs, find the visible ones,
-integrate.
+"""Compiled loops of TSDF fusion: allocate the blocks that a depth image needs, find the visible blocks, and
+integrate the image.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from enliven.scanning.blocks import SIDE, VOXELS, find, insert, key_of
 from enliven.scanning.depth_view import TILE, certainty
 
 _MAX_BANDS_BEHIND = 2.0
-"""Maximum depth of a voxel behind a surface along the ray, in truncation bands, for any slant. A deeper
-voxel may be behind the other side of a thin part."""
+"""Maximum distance of a voxel behind a surface along the ray, in truncation bands, for any slant of the
+surface. A deeper voxel may be behind the other side of a thin part."""
 _FREE_SPACE_BANDS = 8.0
-"""Distance in front of a surface, in truncation bands, beyond which a voxel is free space for any slant.
-It is the inverse of the smallest trusted cosine."""
+"""Distance in front of a surface along the ray, in truncation bands, beyond which a voxel is free space for
+any slant of the surface. It is the inverse of the smallest trusted cosine between ray and normal."""
 _MIN_BAND_WEIGHT = 0.1
 """Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
 constrains the surface least."""
@@ -26,8 +26,8 @@ _VOXEL_Y = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
 _VOXEL_Z = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
 """(512,) z of each voxel in a block."""
 _COLOUR_RANGE_VOXELS = 1.8
-"""Voxels from a surface within which a voxel stores a colour: the corners of the cells that the surface
-crosses."""
+"""Distance from a surface, in voxels, within which a voxel stores a colour. It includes the corners of all
+cells that the surface crosses."""
 _MAX_COLOUR_WEIGHT = 8.0
 """Maximum weight in the running average of a voxel's colour, so that the light of the first observation
 fades."""
@@ -36,7 +36,7 @@ UNSEEN = 0
 FREE = 1
 """State of a block in front of all surfaces in an image."""
 NEAR = 2
-"""State of a block that is at a surface in an image, or only partly visible."""
+"""State of a block that contains a surface in an image, or is only partly visible."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -45,13 +45,13 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
 
     Args:
         points: :class:`PointArrays`.
-        stride: pixels from one used point to the next, in each direction.
+        stride: every how many pixels a point is used, in each direction.
         phase: index of the first used point, 0 to stride^2 - 1.
         reach: metres; farther points are left out.
         turn, place: world_from_camera, (3, 3) and (3,).
 
     Returns:
-        The new count; the length of ``places`` if there was not enough room.
+        The new number of blocks; the length of ``places`` if the table is full.
     """
     size = band.voxel * SIDE
     for v in range(phase // stride, points.places.shape[0], stride):
@@ -117,7 +117,8 @@ def classify(places, band, camera, tiles, shape, state, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def integrate(jobs, state, places, band, camera, image, voxels, first, last):
-    """Averages the distances of an image, an :class:`ImageArrays`, into the voxels of some blocks.
+    """Integrates an image (:class:`ImageArrays`) into the voxels of some blocks as a running average of
+    distances.
 
     Args:
         jobs: (N,) numbers of blocks that are near or free.
@@ -165,7 +166,9 @@ def _depth_of(places, b, band, camera):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_free_space(distance, weight, front, more):
-    """Averages free space into all voxels of a block, and returns the number of voxels behind a surface."""
+    """Integrates a free-space observation into all voxels of a block. Returns the number of voxels behind a
+    surface.
+    """
     inside = 0
     for i in range(VOXELS):
         distance[i] = (distance[i] * weight[i] + front * more) / (weight[i] + more)
@@ -179,7 +182,7 @@ def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
     """Computes the camera-frame positions of a block's voxels and their pixels, without a branch.
 
     Args:
-        shape: of the image, (H, W).
+        shape: (H, W) of the image.
         local: (3, 512) metres, camera frame; written.
         pixel: (512,) int32 index of the pixel; written.
         shown: (512,) 1 if the voxel is in the image, else 0; written.
@@ -218,8 +221,8 @@ def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _measure_voxels(pixel, local, planes, weights, behind, before, along, worth):
-    """Computes (512,) metres in front of the plane of each voxel's pixel, normal . voxel, and the plane's
-    weight.
+    """Computes three values per voxel: its distance (m) in front of the plane of its pixel, normal . voxel
+    (along the normal), and the weight of the plane.
 
     Args:
         planes: (4, H W), weights: (H W,) as in a view.
@@ -245,8 +248,8 @@ def _measure_voxels(pixel, local, planes, weights, behind, before, along, worth)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_distances(sizes, local, shown, before, along, worth, distance, weight):
-    """Averages distances into the voxels of a block, without a branch, and returns the number behind a
-    surface.
+    """Updates the running averages of distance in the voxels of a block, without a branch (for
+    vectorization). Returns the number of voxels behind a surface.
 
     Args:
         sizes: (3,) the truncation distances in front of and behind a surface, metres, and the weight of free
@@ -277,7 +280,7 @@ def _average_distances(sizes, local, shown, before, along, worth, distance, weig
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_colours(pixel, shown, before, worth, near, picture, weight, hue):
-    """Averages the colours of an image into the voxels of a block that lie next to the surface."""
+    """Updates the running averages of colour in those voxels of a block that lie next to the surface."""
     for i in range(VOXELS):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue

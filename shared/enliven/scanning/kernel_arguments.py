@@ -16,7 +16,7 @@ class DistanceBand(NamedTuple):
 
 
 class ImageArrays(NamedTuple):
-    """A view in the form that the fusion takes.
+    """A depth view in the form that the fusion kernels require.
 
     Attributes:
         planes: (4 H W,), weights: (H W,) float32 as in a :class:`DepthView`.
@@ -34,10 +34,11 @@ class VoxelArrays(NamedTuple):
     """The contents of the voxels of C blocks.
 
     Attributes:
-        distance: (C, 512) float32 metres in front of the surface, averages.
-        weight: (C, 512) float32 sums of weights; 0 for unobserved voxels.
-        solid: (C,) whether a block has voxels behind the surface.
-        hue: (C, 512, 3) uint16 averages of sRGB in 256ths, 0 for none; (0, 512, 3) without colours.
+        distance: (C, 512) float32 average signed distance from the surface, metres, positive in front of it.
+        weight: (C, 512) float32 sum of weights; 0 for unobserved voxels.
+        solid: (C,) True if the block has voxels behind the surface.
+        hue: (C, 512, 3) uint16 average sRGB colour in 256ths, 0 if a voxel has none; (0, 512, 3) if the
+            volume stores no colours.
     """
 
     distance: Float32
@@ -47,13 +48,13 @@ class VoxelArrays(NamedTuple):
 
 
 class CameraArrays(NamedTuple):
-    """A camera and its pose in the form that kernels take.
+    """A camera and its pose in the form that kernels require.
 
     Attributes:
         turn: (3, 3) float32 rotation of camera_from_world.
         place: (3,) float32 translation of camera_from_world.
         lens: (4,) float32 fx, fy, cx, cy.
-        limits: (5,) float32 near, far, and the noise model.
+        limits: (5,) float32 minimum and maximum depth (m), and the three parameters of the noise model.
     """
 
     turn: Float32

@@ -9,9 +9,10 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import pose_difference
 
 _ROWS = 15
-"""Cells down a small image. A hand-sized shift of the camera changes only a few of them much."""
+"""Number of cell rows in a reduced image. If the camera moves by a few centimetres, only a few cells change
+much."""
 _COLUMNS = 20
-"""Cells across a small image."""
+"""Number of cell columns in a reduced image."""
 _MIN_KEYFRAME_DISTANCE_M = 0.15
 """Minimum distance between neighbouring keyframes, metres. Tracking can recover the pose from a keyframe at a
 smaller distance."""
@@ -23,7 +24,7 @@ _MIN_SHARED_CELLS = 0.3
 
 
 class Keyframes:
-    """Past camera poses that are found again by the similarity of their depth images."""
+    """A database of past camera poses, searched by the similarity of their depth images."""
 
     def __init__(self) -> None:
         self._small: list[Float32] = []
@@ -33,10 +34,10 @@ class Keyframes:
         return len(self._poses)
 
     def offer(self, view: DepthView, world_from_camera: Float) -> bool:
-        """Stores an image if no keyframe is near its pose. Returns whether it was stored."""
+        """Stores an image if no keyframe is near its pose. Returns True if the image was stored."""
         for pose in self._poses:
-            move, turn = pose_difference(pose, world_from_camera)
-            if move < _MIN_KEYFRAME_DISTANCE_M and turn < _MIN_KEYFRAME_ROTATION:
+            distance, angle = pose_difference(pose, world_from_camera)
+            if distance < _MIN_KEYFRAME_DISTANCE_M and angle < _MIN_KEYFRAME_ROTATION:
                 return False
         self._small.append(reduce_view(view))
         self._poses.append(world_from_camera.copy())
@@ -44,26 +45,32 @@ class Keyframes:
 
     def nearest(self, view: DepthView, count: int) -> list[Float]:
         """Returns the (4, 4) poses of the most similar images, most similar first."""
-        small = reduce_view(view)
-        unlike = image_differences(small, self._small)
-        order = np.argsort(unlike, kind="stable")[:count]
-        return [self._poses[n] for n in order if np.isfinite(unlike[n])]
+        reduced = reduce_view(view)
+        differences = image_differences(reduced, self._small)
+        order = np.argsort(differences, kind="stable")[:count]
+        return [self._poses[n] for n in order if np.isfinite(differences[n])]
 
 
-def image_differences(small: Float32, others: list[Float32]) -> Float:
-    """Returns (N,) differences of reduced images from one, 1/m; inf if they have too few known cells in
-    common.
+def image_differences(reduced: Float32, others: list[Float32]) -> Float:
+    """Returns (N,) mean differences in inverse depth (1/m) between N reduced images and another one; inf if
+    they share too few known cells.
     """
-    unlike = []
-    for other in others:
-        both = (small > 0) & (other > 0)
-        share = both.mean()
-        unlike.append(np.abs(small - other)[both].mean() / share if share > _MIN_SHARED_CELLS else np.inf)
-    return np.array(unlike)
+    differences = []
+    for other_image in others:
+        known_in_both = (reduced > 0) & (other_image > 0)
+        shared_fraction = known_in_both.mean()
+        differences.append(
+            np.abs(reduced - other_image)[known_in_both].mean() / shared_fraction
+            if shared_fraction > _MIN_SHARED_CELLS
+            else np.inf
+        )
+    return np.array(differences)
 
 
 def reduce_view(view: DepthView) -> Float32:
-    """Returns (15, 20) means of the inverse depth of a view's points; 0 for a cell with too few points."""
+    """Reduces a view to (15, 20) cells: the mean inverse depth (1/m) of the points in each cell, 0 for a cell
+    with too few points.
+    """
     depth = view.points[..., 2]
     height, width = depth.shape
     rows = np.arange(height) * _ROWS // height

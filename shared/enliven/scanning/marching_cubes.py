@@ -13,14 +13,14 @@ from enliven.scanning.cube_table import STARTS, triangle_table
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _EDGE_STARTS = np.array(STARTS, np.int32)
-"""(3, 4) by axis, the corners at which a cell's edges begin."""
+"""(3, 4) for each axis, the corners at which the four edges along it begin."""
 _MIN_VOXEL_WEIGHT = 0.1
 """Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
 
 
 def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
-    """Returns the surface, metres, world. It is open at unobserved voxels, and coloured if the volume has
-    colours.
+    """Returns the surface as a mesh (metres, world). The mesh is open at unobserved voxels, and has colours
+    if the volume has.
 
     Args:
         support: minimum sum of weights of a voxel.
@@ -30,8 +30,8 @@ def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> M
     is_active = solid | (solid[np.maximum(neighbours, 0)] & (neighbours >= 0)).any(1)
     rows = np.full(count, -1, np.int64)
     # The edges of a cell begin in its own block or in a neighbouring block.
-    near = neighbours[is_active]
-    owners = np.unique(near[near >= 0])
+    neighbour_blocks = neighbours[is_active]
+    owners = np.unique(neighbour_blocks[neighbour_blocks >= 0])
     rows[owners] = np.arange(len(owners))
     numbers = np.full((len(owners), VOXELS, 3), -1, np.int32)
     table, blocks = triangle_table(), np.flatnonzero(is_active)
@@ -61,8 +61,8 @@ def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def _gather_distances(b, beside, distance, weight, support, cells):
-    """Fills (9, 9, 9) distances of a block and of the next layer of its neighbours, NaN for too little
-    support.
+    """Gathers (9, 9, 9) distances: those of a block, and of the adjacent layer of its neighbours. Voxels with
+    too little support get NaN.
     """
     for z in range(SIDE + 1):
         for y in range(SIDE + 1):
@@ -96,7 +96,7 @@ def _edge_at(b, beside, x, y, z, edge):
 
 @njit(cache=True, nogil=True)
 def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):
-    """Numbers the edges that the surface crosses, and returns the counts of faces and of vertices."""
+    """Numbers the edges that the surface crosses. Returns the number of faces and of vertices."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
     for b in blocks:

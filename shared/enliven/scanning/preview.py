@@ -1,4 +1,4 @@
-"""Preview of a growing scan: the surface in pieces, coarser than the final one."""
+"""Preview of a growing scan: the surface in cubic pieces, at a lower resolution than the final surface."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from enliven.scanning.cube_table import MOST_TRIANGLES, STARTS, triangle_table
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 PIECE = 8
-"""Blocks along a side of a piece: 26 cm at 4 mm."""
+"""Number of blocks along a side of a piece. With 4 mm voxels, a piece is 26 cm wide."""
 STEPS = 512
-"""Quantization steps per voxel of vertex positions in a piece. Its side, 64 voxels, has 32768 steps."""
+"""Quantization steps of vertex positions per voxel. The side of a piece, 64 voxels, has 32768 steps."""
 PIECE_STEPS = PIECE * SIDE * STEPS
 """Quantization steps along a piece's side."""
 _VOXELS_PER_CELL = 2
-"""Voxels along a cell's side. This gives a quarter of the triangles, and legs of 2 cm are still connected."""
+"""Voxels along the side of a preview cell. Two voxels give a quarter of the triangles, and legs of 2 cm are
+still connected."""
 _CELLS_PER_BLOCK = SIDE // _VOXELS_PER_CELL
 """Cells along a side of a block."""
 _MIN_VOXEL_WEIGHT = 0.05
 """Minimum sum of weights of a voxel that is shown: half of the minimum for the final surface."""
 _WELL_OBSERVED_WEIGHT = 1.2
-"""Sum of weights of a well observed voxel: six observations from a metre and a half."""
+"""Sum of weights of a well-observed voxel: six observations from 1.5 m."""
 _EDGE_STARTS = np.array(STARTS, np.int32)
-"""(3, 4) by axis, the corners at which a cell's edges begin."""
+"""(3, 4) for each axis, the corners at which the four edges along it begin."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,9 @@ class ScanPiece:
         place: (3,) position of the piece, in piece sides from the scan's origin.
         places: (V, 3) uint16 vertex positions, in units of ``step`` metres from the piece's corner.
         colours: (V, 3) uint8 sRGB, or None.
-        seen: (V,) uint8, 255 if the surface was observed well.
+        seen: (V,) uint8 quality of the observation; 255 if the surface was observed well.
         faces: (F, 3) int32.
-        step: metres.
+        step: quantization step of ``places``, metres.
     """
 
     place: tuple[int, int, int]
@@ -52,7 +53,7 @@ class ScanPiece:
 
     @property
     def vertices(self) -> Float:
-        """(V, 3) metres, the scan's world."""
+        """(V, 3) vertex positions in the scan's world, metres."""
         return (self.places + np.array(self.place) * float(PIECE_STEPS)) * self.step
 
 
@@ -84,18 +85,18 @@ def sum_pieces(volume: TsdfVolume) -> PieceSums:
     weights = np.empty(len(blocks))
     _sum_weights(blocks, volume.weight, weights)
     block_pieces = volume.blocks.places[blocks].astype(np.int64) // PIECE
-    places, piece = np.unique(block_pieces, axis=0, return_inverse=True)
-    piece = piece.reshape(-1).astype(np.int64)
-    counts = np.bincount(piece, minlength=len(places)).astype(np.int64)
-    sums = np.asarray(np.bincount(piece, weights, len(places)), np.float64)
-    return PieceSums(places, counts, sums, piece, blocks)
+    piece_places, piece_numbers = np.unique(block_pieces, axis=0, return_inverse=True)
+    piece_numbers = piece_numbers.reshape(-1).astype(np.int64)
+    counts = np.bincount(piece_numbers, minlength=len(piece_places)).astype(np.int64)
+    sums = np.asarray(np.bincount(piece_numbers, weights, len(piece_places)), np.float64)
+    return PieceSums(piece_places, counts, sums, piece_numbers, blocks)
 
 
 def extract_piece(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
     """Returns the surface in the given blocks (B,) of a piece."""
-    most = len(blocks) * _CELLS_PER_BLOCK**3 * MOST_TRIANGLES * 3
-    places, certainties = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
-    colours = np.zeros((most if len(volume.hue) else 0, 3), np.uint8)
+    max_corners = len(blocks) * _CELLS_PER_BLOCK**3 * MOST_TRIANGLES * 3
+    places, certainties = np.empty((max_corners, 3), np.uint16), np.empty(max_corners, np.uint8)
+    colours = np.zeros((max_corners if len(volume.hue) else 0, 3), np.uint8)
     corner = np.array(place, np.int64) * PIECE
     used = _write_corners(
         blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
@@ -103,12 +104,14 @@ def extract_piece(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) 
     )  # fmt: skip
     coordinates = places[:used].astype(np.int64)
     keys = coordinates[:, 0] << 32 | coordinates[:, 1] << 16 | coordinates[:, 2]
-    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
-    faces = number.reshape(-1, 3).astype(np.int32)
+    _, first_corners, corner_vertices = np.unique(keys, return_index=True, return_inverse=True)
+    faces = corner_vertices.reshape(-1, 3).astype(np.int32)
     is_proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    tinted = colours[:used][first] if len(volume.hue) else None
+    tinted = colours[:used][first_corners] if len(volume.hue) else None
     step = volume.band.voxel / STEPS
-    return ScanPiece(place, places[:used][first], tinted, certainties[:used][first], faces[is_proper], step)
+    return ScanPiece(
+        place, places[:used][first_corners], tinted, certainties[:used][first_corners], faces[is_proper], step
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -123,7 +126,9 @@ def _sum_weights(blocks, weight, sums):
 
 @njit(cache=True, nogil=True)
 def _block_and_voxel(b, x, y, z, beside):
-    """Returns the block and the voxel at a position relative to a block, up to one block beyond its end."""
+    """Returns the block and the voxel at a position relative to a block. The position may lie up to one block
+    beyond its end.
+    """
     other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
 

@@ -19,10 +19,10 @@ overflow."""
 
 
 class RenderedMesh(NamedTuple):
-    """The visible part of a mesh at each pixel of a camera.
+    """A rendered view of a mesh: depth, face and barycentric coordinates per pixel.
 
     Attributes:
-        depth: (H, W) metres along the optical axis, inf without a face.
+        depth: (H, W) metres along the optical axis, inf if the pixel shows no face.
         face: (H, W) int32 index of the face, -1 if there is none.
         shares: (H, W, 3) barycentric coordinates at the pixel's centre.
     """
@@ -33,7 +33,7 @@ class RenderedMesh(NamedTuple):
 
 
 def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> RenderedMesh:
-    """Returns a pinhole camera's view of a mesh; lens distortion is ignored.
+    """Renders the view of a mesh from a pinhole camera. Lens distortion is ignored.
 
     Faces are visible from both sides. A face that comes nearer to the camera than 5 cm is left out.
 

@@ -1,4 +1,4 @@
-"""Basic operations on rigid poses, (4, 4) each."""
+"""Basic operations on rigid poses (4, 4)."""
 
 from __future__ import annotations
 
@@ -14,31 +14,33 @@ def cross_matrix(v: Float) -> Float:
 
 
 def move_pose(pose: Float, step: Float) -> Float:
-    """Returns the pose after a ``step`` (6,): a translation (m) and a rotation (rad) about its own position,
-    in world axes.
+    """Returns the pose moved by a ``step`` (6,), in world axes: a translation (m), and a rotation vector
+    (rad) about the position of the pose.
     """
-    out = pose.copy()
-    turn = rotation.from_rotation_vector(step[3:])
-    out[:3, :3] = rotation.nearest_rotation(rotation.to_matrix(turn) @ pose[:3, :3])
-    out[:3, 3] += step[:3]
-    return out
+    moved_pose = pose.copy()
+    step_rotation = rotation.from_rotation_vector(step[3:])
+    moved_pose[:3, :3] = rotation.nearest_rotation(rotation.to_matrix(step_rotation) @ pose[:3, :3])
+    moved_pose[:3, 3] += step[:3]
+    return moved_pose
 
 
 def invert_pose(pose: Float) -> Float:
     """Returns the inverse of a pose."""
-    out = np.eye(4)
-    out[:3, :3] = pose[:3, :3].T
-    out[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
-    return out
+    inverse = np.eye(4)
+    inverse[:3, :3] = pose[:3, :3].T
+    inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return inverse
 
 
 def pose_difference(first: Float, second: Float) -> tuple[float, float]:
     """Returns the distance in metres and the angle in radians between two poses."""
-    turn = rotation.to_rotation_vector(rotation.from_matrix(first[:3, :3].T @ second[:3, :3]))
-    return float(np.linalg.norm(second[:3, 3] - first[:3, 3])), float(np.linalg.norm(turn))
+    rotation_vector = rotation.to_rotation_vector(rotation.from_matrix(first[:3, :3].T @ second[:3, :3]))
+    return float(np.linalg.norm(second[:3, 3] - first[:3, 3])), float(np.linalg.norm(rotation_vector))
 
 
 def interpolate_poses(first: Float, second: Float, fraction: float) -> Float:
     """Returns the pose interpolated between two poses, at a fraction from 0 to 1."""
-    turn = rotation.to_rotation_vector(rotation.from_matrix(second[:3, :3] @ first[:3, :3].T))
-    return move_pose(first, np.concatenate([fraction * (second[:3, 3] - first[:3, 3]), fraction * turn]))
+    rotation_vector = rotation.to_rotation_vector(rotation.from_matrix(second[:3, :3] @ first[:3, :3].T))
+    return move_pose(
+        first, np.concatenate([fraction * (second[:3, 3] - first[:3, 3]), fraction * rotation_vector])
+    )

@@ -20,40 +20,52 @@ from enliven.scanning.depth_view import DepthPreparation, DepthView, restrict_vi
 from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
 from enliven.scanning.ground_plane import cut_out, find_focus, find_ground
 from enliven.scanning.keyframes import Keyframes
-from enliven.scanning.loop_closure import FrameHistory, LoopClosure, correct_trajectory
+from enliven.scanning.loop_closure.history import FrameHistory
+from enliven.scanning.loop_closure.loop_detection import LoopClosure, correct_trajectory
 from enliven.scanning.marching_cubes import extract_surface
-from enliven.scanning.settings import ScanSettings, VolumeSettings
+from enliven.scanning.settings import (
+    MIN_AGREEING_FRACTION,
+    MIN_OVERLAP_FRACTION,
+    ScanSettings,
+    VolumeSettings,
+)
 from enliven.scanning.threads import compute_ahead
 from enliven.scanning.tsdf_volume import TsdfVolume
+
+_MAX_CAMERA_SPEED_M_S = 4.0
+"""Maximum speed of the camera. A faster match is rejected as a similar-looking place."""
 
 _VOXEL_RATIO = 4.0
 """Ratio of voxel sizes between successive volumes. The truncation band grows by the same factor."""
 _VOLUME_COUNT = 3
-"""Number of volumes: 4, 16 and 64 mm. The last one recovers a camera from 25 cm away."""
+"""Number of volumes. The default voxel sizes are 4, 16 and 64 mm. The coarsest volume recovers a camera that
+is up to 25 cm off."""
 _KEYFRAMES_PER_FRAME = 4
-"""Number of keyframes that are tried in each frame to relocalize a lost camera: 30 ms each."""
+"""Number of keyframes that are tried in each frame to relocalize a lost camera. Each takes 30 ms."""
 _CLEANING_INTERVAL = 90
-"""Frames between removals of blocks without a surface: three seconds."""
+"""Number of frames between removals of blocks without a surface: three seconds at 30 Hz."""
 _MIN_FRAME_S = 1.0 / 30.0
 """Minimum time between two images, seconds, used if a recording's timestamps stand still."""
 _MIN_REFUSION_IMAGES = 120
 """Minimum number of images that are fused again. If twice as many are stored, every second one is left
-out. This number averages the noise out well enough, and the stage has to wait for the fusion."""
+out. This number is enough to average the noise out, and more images would take longer while the stage
+waits."""
 _COARSE_FUSION_INTERVAL = 3
-"""If there are very many images, only every third goes into the coarse volumes, which only guide the
-tracking. If there are few, all do, because each may show something that no other image shows."""
+"""If there are very many images, only every third is fused into the coarse volumes, which only guide the
+tracking. If there are few images, all are fused, because each may show something that no other image
+shows."""
 _MIN_DISPLACEMENT_VOXELS = 0.25
-"""Minimum image displacement, voxels, after a loop closure for all images to be fused again. Fusing again
-after 1.3 mm reduces the error of leaves, which are 2 mm thick, by a tenth."""
+"""All images are fused again if a loop closure displaces an image by at least this distance (voxels). Fusing
+again after 1.3 mm reduces the error of leaves, which are 2 mm thick, by a tenth."""
 _SURE_DEVIATION_FACTOR = 0.5
-"""Maximum position deviation, relative to the usual limit, for an image that left the camera's position
-uncertain at first."""
+"""For an image that first left the camera's position uncertain, maximum standard deviation of the position
+after a closer alignment, relative to the usual limit."""
 _POSITION_TOLERANCE_M = 0.05
-"""Position error of the camera, metres, that is always tolerated: twice the effect of noise and hand
-tremor."""
+"""Change in camera position, metres, that is never rejected as too fast. It is twice the effect of noise and
+hand tremor."""
 _MAX_AGREEMENT_LOSS = 0.02
-"""Maximum loss in image agreement after a loop closure. On a doubled surface, each image agrees with its
-own copy."""
+"""A loop closure is accepted if the agreement of the images decreases by at most this value. Some decrease is
+normal: on a doubled surface, each image agreed with its own copy."""
 
 
 class ScanState(Enum):
@@ -66,7 +78,7 @@ class ScanState(Enum):
     UNSURE = "unsure"
     """The image does not constrain the camera's pose (a blank wall, for example); it was not fused."""
     LOST = "lost"
-    """The camera was not found; the image was not fused."""
+    """Tracking failed, so the camera pose is unknown. The image was not fused."""
     FOUND = "found"
     """A lost camera may have been relocalized; fusion resumes once the next frame agrees."""
 
@@ -76,11 +88,11 @@ class ScanStep:
     """The result of processing a frame.
 
     Attributes:
-        state: see :class:`ScanState`.
+        state: the outcome; see :class:`ScanState`.
         world_from_camera: (4, 4) the camera's pose. If the camera was not found, the last known pose. If the
             pose is unsure, the most likely pose.
-        alignment: the quality of the fit. None for the first frame, and for an empty frame.
-        room: True if all new blocks fit into memory. After the first failure, nothing more is fused.
+        alignment: the fitted pose and its quality. None for the first frame, and for an empty frame.
+        room: False if new blocks did not fit into memory. After the first failure, no more images are fused.
     """
 
     state: ScanState
@@ -113,7 +125,8 @@ def empty_volumes(settings: VolumeSettings) -> list[TsdfVolume]:
 class Scanner:
     """Tracks one moving camera and fuses its frames into TSDF volumes.
 
-    The first frame defines the world: by its own pose if it has one, else as a level camera at the origin.
+    The first frame defines the world. If it comes with a pose, that pose is used. Otherwise the camera is
+    assumed level, at the origin.
 
     Attributes:
         full: True if the memory is full. Images are then only tracked, and the fused surface is kept.
@@ -180,8 +193,8 @@ class Scanner:
             ScanState.LOST if self._is_too_far(alignment, frame.time_ns) else self._classify(alignment)
         )
         if self._state is ScanState.UNSURE:
-            # Follow the most likely pose even if it is unsure. Otherwise tracking would be lost when the
-            # camera moves on.
+            # Follow the most likely pose even if it is unsure. Otherwise tracking would fail when the camera
+            # moves on.
             self._before, self._pose = self._pose, alignment.world_from_camera
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, alignment)
@@ -212,26 +225,26 @@ class Scanner:
         if self._camera is None or not self.poses:
             return None
         s, poses = self.settings, [pose for _, pose in self.poses]
-        closed = correct_trajectory(self.history, poses, self._ups, self._camera[1], s)
-        if closed.moved < _MIN_DISPLACEMENT_VOXELS * s.volume.voxel:
-            return closed
-        volumes, keyframes = self._fuse_again(closed.poses)
+        closure = correct_trajectory(self.history, poses, self._ups, self._camera[1], s)
+        if closure.moved < _MIN_DISPLACEMENT_VOXELS * s.volume.voxel:
+            return closure
+        volumes, keyframes = self._fuse_again(closure.poses)
         tracker = CameraTracker(volumes, s.tracking)
         if (
-            closed.agreement(tracker, closed.poses)
-            < closed.agreement(self.tracker, poses) - _MAX_AGREEMENT_LOSS
+            closure.agreement(tracker, closure.poses)
+            < closure.agreement(self.tracker, poses) - _MAX_AGREEMENT_LOSS
         ):
-            return closed
+            return closure
         self.volumes, self.tracker, self.keyframes = volumes, tracker, keyframes
-        self.poses = [(time, pose) for (time, _), pose in zip(self.poses, closed.poses, strict=True)]
-        self._pose = self._before = closed.poses[-1]
-        return replace(closed, taken=True)
+        self.poses = [(time, pose) for (time, _), pose in zip(self.poses, closure.poses, strict=True)]
+        self._pose = self._before = closure.poses[-1]
+        return replace(closure, taken=True)
 
     def _fuse_again(self, poses: list[Float]) -> tuple[list[TsdfVolume], Keyframes]:
         """Returns volumes and keyframes fused from the stored images at other poses.
 
-        If there are very many images, only every second one, or fewer, are fused. Each one then also carries
-        the weight of those left out.
+        If there are very many images, at most every second one is fused. Its weight then also counts for the
+        images that are left out.
         """
         volumes, keyframes = empty_volumes(self.settings.volume), Keyframes()
         numbers = self.history.numbers
@@ -260,15 +273,14 @@ class Scanner:
         return extract_surface(volume)
 
     def thing(self) -> Mesh:
-        """Returns the object that stands on the floor, cut out of the surface: upright, on y = 0, metres.
+        """Cuts the object that stands on the floor out of the surface. The result is upright, on y = 0, in
+        metres.
 
         Raises:
             InputError: if no floor was scanned, or no object stands on it.
         """
         surface, cut = self.surface(), self.settings.cut_out
-        return cut_out(
-            surface, find_ground(surface, settings=cut), find_focus([p for _, p in self.poses]), cut
-        )
+        return cut_out(surface, find_ground(surface), find_focus([p for _, p in self.poses]), cut)
 
     def prepare_view(self, frame: DepthFrame) -> DepthView:
         """Returns the view of a frame, cached for repeated calls with the same frame."""
@@ -279,7 +291,7 @@ class Scanner:
             self._camera = frame.intrinsics, DepthPreparation(frame.intrinsics, v.noise, v.near, v.far)
         if frame.intrinsics != self._camera[0]:
             problem = "the camera of this frame is not that of the first"
-            raise InputError(problem, where=frame.sensor, mend="Scan with one camera, of one image size.")
+            raise InputError(problem, where=frame.sensor, remedy="Scan with one camera, of one image size.")
         colour = frame.colour if self.settings.volume.colour else None
         self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
         return self._prepared[1]
@@ -287,7 +299,7 @@ class Scanner:
     def _tracked_alignment(
         self, view: DepthView, up: Float | None, doubtful: Bool | None = None
     ) -> Alignment:
-        """Returns the pose of an image that follows the last one, with a wider search if necessary."""
+        """Aligns an image near the predicted pose, and searches more widely if necessary."""
         predicted = self.predicted_pose
         if doubtful is not None:
             alignment = self.tracker.align(restrict_view(view, ~doubtful), predicted, up)
@@ -296,19 +308,21 @@ class Scanner:
         alignment = self.tracker.align(view, predicted, up)
         if self._classify(alignment) is ScanState.SCANNING:
             return alignment
-        others = [self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in (predicted, self._pose)]
+        wide_alignments = [
+            self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in (predicted, self._pose)
+        ]
         if self._classify(alignment) is ScanState.UNSURE:
             close = (
                 self.tracker.align_closely(view, candidate.world_from_camera, up)
-                for candidate in (alignment, *others)
+                for candidate in (alignment, *wide_alignments)
             )
-            sure = [
+            sure_candidates = [
                 candidate
                 for candidate in close
                 if candidate.deviation < _SURE_DEVIATION_FACTOR * self.settings.tracking.unsure
             ]
-            return max(sure, key=_fit_score, default=alignment)
-        return max((alignment, *others), key=_fit_score)
+            return max(sure_candidates, key=_fit_score, default=alignment)
+        return max((alignment, *wide_alignments), key=_fit_score)
 
     def _relocalize(self, view: DepthView, up: Float | None) -> ScanStep:
         """Relocalizes a lost camera near its last pose and at similar keyframes."""
@@ -326,7 +340,7 @@ class Scanner:
     def _classify(self, alignment: Alignment) -> ScanState:
         """Classifies an alignment as SCANNING, UNSURE or LOST."""
         s = self.settings.tracking
-        if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
+        if alignment.overlap < MIN_OVERLAP_FRACTION or alignment.agreeing < MIN_AGREEING_FRACTION:
             return ScanState.LOST
         return ScanState.UNSURE if alignment.deviation > s.unsure else ScanState.SCANNING
 
@@ -335,7 +349,7 @@ class Scanner:
         image."""
         passed = max(1e-9 * (time_ns - self.poses[-1][0]), _MIN_FRAME_S)
         distance = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
-        return distance > self.settings.tracking.fastest * passed + _POSITION_TOLERANCE_M
+        return distance > _MAX_CAMERA_SPEED_M_S * passed + _POSITION_TOLERANCE_M
 
     def _fuse_image(
         self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None

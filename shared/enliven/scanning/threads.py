@@ -1,10 +1,4 @@
-"""Splits a kernel's range between two threads.
-
-The kernels release the global interpreter lock (GIL) and are serial themselves, because parallel kernels
-cannot be called from several threads of one process on every platform. The range is split into pieces, and
-each thread takes the next piece when it is idle. A piece writes only to its own part of the output, so the
-result is always the same.
-"""
+"""The second thread of a scan, which computes pieces of a kernel's range, or the next items."""
 
 from __future__ import annotations
 
@@ -13,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any, TypeVar, cast
+
+from enliven import kernels
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -25,31 +21,17 @@ def _second_thread() -> ThreadPoolExecutor:
 
 def run_in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: Any) -> None:
     """Calls ``kernel(*arguments, first, last)`` for pieces of ``length`` that cover 0 to ``count``."""
-    pieces = deque(range(0, count, length))
-
-    def work(take: Callable[[], int]) -> None:
-        while True:
-            try:
-                first = take()
-            except IndexError:
-                return
-            kernel(*arguments, first, min(first + length, count))
-
-    if len(pieces) < 2:
-        work(pieces.popleft)
-        return
-    other = _second_thread().submit(work, pieces.pop)
-    work(pieces.popleft)
-    if not other.cancel():
-        other.result()
+    kernels.run_in_pieces(kernel, count, length, _second_thread(), *arguments)
 
 
 def compute_ahead(items: Iterator[T]) -> Iterator[T]:
-    """Yields the items; while the caller uses one, the second thread computes the next."""
+    """Yields the items of an iterator. While the caller uses an item, the second thread computes the next
+    one.
+    """
     end = object()
-    coming = _second_thread().submit(next, items, end)
-    while (item := coming.result()) is not end:
-        coming = _second_thread().submit(next, items, end)
+    next_item = _second_thread().submit(next, items, end)
+    while (item := next_item.result()) is not end:
+        next_item = _second_thread().submit(next, items, end)
         yield cast("T", item)
 
 
@@ -71,10 +53,10 @@ def run_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Cal
                 return
             do(own_tool, item)
 
-    other = _second_thread().submit(work)
+    second_thread = _second_thread().submit(work)
     try:
         work()
     finally:
         waiting.clear()
-        if not other.cancel():
-            other.result()
+        if not second_thread.cancel():
+            second_thread.result()

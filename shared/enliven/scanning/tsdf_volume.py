@@ -20,8 +20,13 @@ from enliven.scanning.kernel_arguments import (
 from enliven.scanning.settings import VolumeSettings
 from enliven.scanning.threads import run_in_pieces
 
+_TRUNCATION_VOXELS = 4.0
+"""Truncation distance of the TSDF in front of a surface. Raise it for noisy depth."""
+_TRUNCATION_BEHIND_VOXELS = 3.0
+"""Truncation distance behind a surface. Keep it below the thickness of thin parts."""
+
 _BLOCKS_PER_PIECE = 64
-"""Blocks that a thread processes at a time: 0.1 ms."""
+"""Number of blocks that a thread processes at a time, which takes 0.1 ms."""
 _PIXEL_STRIDE = 2
 """Distance, in half-size pixels, between the pixels that may allocate new blocks. The offset changes with
 each image."""
@@ -29,8 +34,8 @@ each image."""
 
 @dataclass(frozen=True)
 class FusionResult:
-    """The effect of an image on a volume: the number of changed and of new blocks, and True if there was
-    enough memory.
+    """The effect of an image on a volume: the number of changed blocks and of new blocks, and whether the
+    memory was sufficient.
     """
 
     changed: int
@@ -41,22 +46,22 @@ class FusionResult:
 class TsdfVolume:
     """A TSDF volume: averages of truncated signed distances, metres, positive in front of the surface.
 
-    A voxel's distance is that to the plane of the pixel that shows it (Bylow et al., RSS 2013), weighted by
-    the reliability of the pixel's depth. No weight depends on earlier images, so the order of images does not
-    matter.
+    A voxel's distance is measured to the plane of the pixel onto which the voxel projects (Bylow et al., RSS
+    2013), and weighted by the reliability of the pixel's depth. No weight depends on earlier images, so the
+    order of images does not matter.
 
     Args:
-        voxel: metres, side of a voxel.
+        voxel: side of a voxel, metres.
         settings: the truncation distances about a surface, in voxels, the camera's noise, and the memory
             limit.
-        reach: metres; surfaces farther from the camera get no blocks.
+        reach: surfaces farther than this from the camera, metres, get no blocks.
     """
 
     def __init__(
         self, settings: VolumeSettings, voxel: float | None = None, reach: float | None = None
     ) -> None:
         size = voxel or settings.voxel
-        self.band = DistanceBand(size, settings.truncation * size, settings.behind * size)
+        self.band = DistanceBand(size, _TRUNCATION_VOXELS * size, _TRUNCATION_BEHIND_VOXELS * size)
         self.settings, self.reach = settings, reach or settings.reach
         noise = settings.noise
         self._limits = np.array(
@@ -88,7 +93,7 @@ class TsdfVolume:
         Args:
             world_from_camera: (4, 4) pose of the camera.
         """
-        before, room = self.blocks.count, self.allocate(view, world_from_camera)
+        old_count, had_memory = self.blocks.count, self.allocate(view, world_from_camera)
         count = self.blocks.count
         camera = self._camera_arrays(view, world_from_camera)
         state: UInt8 = np.empty(count, np.uint8)
@@ -96,16 +101,16 @@ class TsdfVolume:
         run_in_pieces(
             classify, count, 1024, blocks.places, self.band, camera, view.tiles, view.weights.shape, state
         )
-        jobs: Int = np.flatnonzero((state == NEAR) | ((state == FREE) & self.solid[:count]))
+        block_numbers: Int = np.flatnonzero((state == NEAR) | ((state == FREE) & self.solid[:count]))
         image = ImageArrays(
             view.planes.reshape(-1), view.weights.reshape(-1), self._image_arrays(view), view.weights.shape
         )
         voxels = VoxelArrays(self.distance, self.weight, self.solid, self.hue)
         run_in_pieces(
             integrate,
-            len(jobs),
+            len(block_numbers),
             _BLOCKS_PER_PIECE,
-            jobs,
+            block_numbers,
             state,
             blocks.places,
             self.band,
@@ -114,29 +119,29 @@ class TsdfVolume:
             voxels,
         )
         self._images += 1
-        return FusionResult(len(jobs), count - before, room)
+        return FusionResult(len(block_numbers), count - old_count, had_memory)
 
     def allocate(self, view: DepthView, world_from_camera: Float) -> bool:
         """Adds the blocks that an image needs, as :meth:`integrate` does. Returns True if there was enough
         memory.
         """
-        before, blocks = self.blocks.count, self.blocks
+        old_count, blocks = self.blocks.count, self.blocks
         points = view.point_arrays
-        turn = np.ascontiguousarray(world_from_camera[:3, :3], np.float32)
-        place = world_from_camera[:3, 3].astype(np.float32)
-        phase, room = self._images * 3 % _PIXEL_STRIDE**2, True
+        rotation_matrix = np.ascontiguousarray(world_from_camera[:3, :3], np.float32)
+        translation = world_from_camera[:3, 3].astype(np.float32)
+        phase, had_memory = self._images * 3 % _PIXEL_STRIDE**2, True
         while True:
             blocks.count = allocate(
-                points, _PIXEL_STRIDE, phase, self.reach, turn, place, self.band, blocks.keys, blocks.slots,
-                blocks.places, blocks.count,
+                points, _PIXEL_STRIDE, phase, self.reach, rotation_matrix, translation, self.band,
+                blocks.keys, blocks.slots, blocks.places, blocks.count,
             )  # fmt: skip
             if blocks.count < blocks.capacity:
                 break
             if not self._make_room():
-                room = False
+                had_memory = False
                 break
-        link(blocks.keys, blocks.slots, blocks.places, blocks.beside, before, blocks.count)
-        return room
+        link(blocks.keys, blocks.slots, blocks.places, blocks.beside, old_count, blocks.count)
+        return had_memory
 
     def _image_arrays(self, view: DepthView) -> UInt8:
         """Returns the image's colours in the form that a kernel takes, empty if colours are off."""
@@ -168,17 +173,17 @@ class TsdfVolume:
 
     def _camera_arrays(self, view: DepthView, world_from_camera: Float) -> CameraArrays:
         """Returns the camera in the form that kernels take."""
-        turn = np.ascontiguousarray(world_from_camera[:3, :3].T)
+        rotation_matrix = np.ascontiguousarray(world_from_camera[:3, :3].T)
         i = view.intrinsics
         return CameraArrays(
-            turn.astype(np.float32),
-            (-turn @ world_from_camera[:3, 3]).astype(np.float32),
+            rotation_matrix.astype(np.float32),
+            (-rotation_matrix @ world_from_camera[:3, 3]).astype(np.float32),
             np.array([i.fx, i.fy, i.cx, i.cy], np.float32),
             self._limits,
         )
 
     def clear(self) -> None:
-        """Discards all images but keeps the allocated memory for the next ones."""
+        """Empties the volume, but keeps the allocated memory for reuse."""
         for array in (self.distance, self.weight, self.solid, self.hue):
             array[: self.blocks.count] = 0
         self.blocks.keep(np.empty(0, np.int64))
@@ -187,14 +192,14 @@ class TsdfVolume:
     def clean(self) -> int:
         """Removes the blocks that contain no surface. Returns the number of removed blocks."""
         count = self.blocks.count
-        near = self.solid[:count].copy()
-        # Include the neighbours of each block, because a surface crosses from one block into the next.
+        is_kept = self.solid[:count].copy()
+        # Also keep the neighbours of each block, because a surface continues from one block into the next.
         for k in range(1, 8):
-            other = self.blocks.beside[:count, k]
-            exists = other >= 0
-            near[:count][exists] |= self.solid[other[exists]]
-            near[other[exists]] |= self.solid[:count][exists]
-        kept_blocks = np.flatnonzero(near)
+            neighbours = self.blocks.beside[:count, k]
+            exists = neighbours >= 0
+            is_kept[:count][exists] |= self.solid[neighbours[exists]]
+            is_kept[neighbours[exists]] |= self.solid[:count][exists]
+        kept_blocks = np.flatnonzero(is_kept)
         for array in (self.distance, self.weight, self.solid, *([self.hue] if len(self.hue) else [])):
             array[: len(kept_blocks)] = array[kept_blocks]
             array[len(kept_blocks) : count] = 0

@@ -1,4 +1,5 @@
-"""Takes of performers' joints for possession: every measured frame, without resampling.
+"""Takes of performers' joints for moving possessed meshes. They contain every measured frame, without
+resampling.
 
 body_take_from_file(path) -> BodyTake
 body_take_from_frames(frames, id) -> BodyTake        # enliven.frames.BodyFrame
@@ -24,7 +25,8 @@ from enliven.wire import HOLDS, HoldMessage
 
 
 def body_take_from_file(path: Path | str) -> BodyTake:
-    """Returns all motion of the performers in a recording: bodies from its sensor, or published ones.
+    """Reads all motion of the performers in a recording: bodies from its sensor, or bodies that an edge
+    published.
 
     Raises:
         InputError: if the file is not a recording, or contains no bodies.
@@ -38,8 +40,8 @@ class RecordedHolds:
     """The performers of a recording, and their holds on characters.
 
     Attributes:
-        take: the performers.
-        begin_ns: the sensor's clock when the take begins.
+        take: the motion of the performers.
+        begin_ns: time of the sensor's clock at the start of the take, nanoseconds.
         events: the changes of holds, by id and revision of the character, ordered by time.
     """
 
@@ -48,14 +50,16 @@ class RecordedHolds:
     events: dict[tuple[str, int], list[HoldMessage]] = field(default_factory=dict)
 
     def possession(self, key: tuple[str, int], character: Character, poses: list[Pose]) -> Possession | None:
-        """Returns the possession of the character with these poses; None if it was not recorded.
+        """Returns the possession of a character with these poses, or None if it was not recorded.
 
         Args:
             key: the id and the revision of the character.
         """
         events = [event for event in self.events.get(key, []) if event.mode != "remove"]
-        first = next((event for event in events if len(event.place) == 5 and event.place[0] > 0.0), None)
-        if character.kind != "graph" or first is None or not first.size > 0.0:
+        first_placed = next(
+            (event for event in events if len(event.place) == 5 and event.place[0] > 0.0), None
+        )
+        if character.kind != "graph" or first_placed is None or not first_placed.size > 0.0:
             return None
         changes = []
         for event in events:
@@ -68,22 +72,24 @@ class RecordedHolds:
         return Possession(
             self.take.id,
             tuple(changes),
-            first.settings,
+            first_placed.settings,
             float(np.ptp(character.vertices[:, 1])),
-            first.size,
-            tuple(first.place),
+            first_placed.size,
+            tuple(first_placed.place),
             self._take_second(poses[0].time_ns),
             self._take_second(poses[-1].time_ns),
             np.asarray(character.pivots, np.float64),
         )
 
     def _take_second(self, time_ns: int) -> float:
-        """Returns the second of the take for a time of the sensor's clock, as in :attr:`BodyTake.seconds`."""
+        """Converts a time of the sensor's clock to seconds of the take, as in :attr:`BodyTake.seconds`."""
         return float((time_ns - self.begin_ns) * 1e-9)
 
 
 def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
-    """Returns the performers of a recording and their holds; None if the recording does not contain them."""
+    """Reads the performers of a recording and their holds. Returns None if the recording does not contain
+    them.
+    """
     if HOLDS.name not in recording.info.topics:
         return None
     events = []
@@ -98,7 +104,9 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
 def holds_from_frames(
     frames: Iterable[Frame], events: Iterable[HoldMessage], id: str
 ) -> RecordedHolds | None:
-    """Returns the performers in the frames as a take, and their holds; None without performers."""
+    """Converts the performers in frames to a take, with their holds. Returns None if there are no
+    performers.
+    """
     observed = [frame for frame in frames if isinstance(frame, BodyFrame)]
     begin = next((frame.time_ns for frame in observed if frame.bodies), None)
     if begin is None:
@@ -110,10 +118,9 @@ def holds_from_frames(
 
 
 def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
-    """Returns the bodies of frames as a take, beginning with the first frame that contains a performer.
+    """Converts the bodies of frames to a take. It begins with the first frame that contains a performer.
 
-    A frame that is not later than the previous one is dropped, and joints that are not finite count as
-    unseen.
+    A frame that is not later than the previous one is dropped. Joints that are not finite count as not seen.
 
     Raises:
         InputError: if the frames contain no performer.
@@ -125,8 +132,8 @@ def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
             used_frames.append(frame)
     people = sorted({body.id for frame in used_frames for body in frame.bodies})
     if not people:
-        mend = "Track the depth first: enliven track TAKE.mcap -o bodies.mcap"
-        raise InputError("no performer is in them", where=f"take {id!r}", mend=mend)
+        advice = "Track the depth first: enliven track TAKE.mcap -o bodies.mcap"
+        raise InputError("no performer is in them", where=f"take {id!r}", remedy=advice)
     shape = (len(used_frames), len(people))
     joints, confidence = np.zeros((*shape, len(Joint), 3)), np.zeros((*shape, len(Joint)))
     present, stature = np.zeros(shape, np.bool_), np.zeros(shape)

@@ -1,10 +1,10 @@
-"""Clips of motion captures and of tracked people, resampled to another rate, or cut out of longer ones.
+"""Builds clips from motion captures and tracked people, and resamples and trims clips.
 
     clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
     clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
     trim_clip(clip, start, stop) -> Clip
 
-Clips are in metres, +Y up; their quaternions do not change sign from frame to frame.
+Clips are in metres, +Y up. Their quaternions have consistent signs from frame to frame.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
-from enliven.formats.motion import Capture
-from enliven.person import PARENTS, Body, Joint
+from enliven.formats.motion.capture import Capture
+from enliven.person import BODY_NAMES, PARENTS, Body
 from enliven.rotation import conjugate, from_matrix, multiply, remove_sign_jumps, rotate, slerp
 from enliven.takes.capture_rest import (
     find_moving_root,
@@ -33,9 +33,6 @@ from enliven.takes.capture_rest import (
 from enliven.takes.capture_upright import metres_per_unit_from_legs, turn_upright
 from enliven.takes.positions import fill_unseen, rest_from_positions, rotations_from_positions
 
-BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
-"""Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""
-
 
 def clip_of_capture(
     capture: Capture, id: str, *, rest: str | int = "auto", unit: str | float | None = None
@@ -43,14 +40,14 @@ def clip_of_capture(
     """Returns the motion of a file as a clip in metres.
 
     A capture with another axis up is turned upright. Visible translations of joints relative to their parents
-    become the clip's offsets. A joint above all others that only carries the moving root (a point on the
-    floor) is removed.
+    become the clip's offsets. A static joint above the moving root (for example a point on the floor) is
+    removed.
 
     Args:
-        rest: the rest pose: "zero" for all rotations zero; "first" for the first frame; a frame number; or
-            "auto", which is "zero" if that pose stands as tall as the frames do, else "first".
-        unit: a name of ``UNITS``, or metres per unit. None guesses it from the legs of a person, else from
-            the height of the root over the lowest joint.
+        rest: the rest pose: "zero" (all rotations are zero), "first" (the first frame), a frame number, or
+            "auto". "auto" is "zero" if the zero pose is as tall as the frames, and otherwise "first".
+        unit: a name of ``UNITS``, or metres per unit. None guesses it from the legs of a person or, if there
+            are none, from the height of the root above the lowest joint.
 
     Raises:
         InputError: if the tree has two roots, or a frame or unit does not exist.
@@ -62,24 +59,29 @@ def clip_of_capture(
     if rest == "auto":
         rest = "zero" if is_zero_pose_standing(parents, offsets, positions) else "first"
     if rest == "zero":
-        at_rest, before = zero_pose(parents, offsets, positions), np.tile([1.0, 0, 0, 0], (len(names), 1))
+        at_rest, frame_turns = (
+            zero_pose(parents, offsets, positions),
+            np.tile([1.0, 0, 0, 0], (len(names), 1)),
+        )
     else:
         frame = 0 if rest == "first" else rest
         if not isinstance(frame, int) or not 0 <= frame < len(positions):
-            mend = f'Give "auto", "zero", "first" or 0..{len(positions) - 1}.'
-            raise InputError(f"the rest pose {rest!r} does not exist", where=f"clip {id!r}", mend=mend)
+            advice = f'Give "auto", "zero", "first" or 0..{len(positions) - 1}.'
+            raise InputError(f"the rest pose {rest!r} does not exist", where=f"clip {id!r}", remedy=advice)
         at_rest = rigid_pose(parents, offsets, positions[frame], rotations[frame])
-        before = turns[frame]
+        frame_turns = turns[frame]
     if unit is None:
         unit = metres_per_unit_from_legs(capture)
     scale = metres_per_unit(unit, at_rest, f"clip {id!r}")
     # Bone j rotates with its parent joint. The root and its children rotate as one.
     holds = np.array([0, *parents[1:]])
-    world = multiply(turns[:, holds], conjugate(before[holds]))
+    world = multiply(turns[:, holds], conjugate(frame_turns[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
-    moved = rotate(before[holds], link_translations(parents, offsets, positions, rotations)) * scale
+    translations = (
+        rotate(frame_turns[holds], link_translations(parents, offsets, positions, rotations)) * scale
+    )
     root = positions[:, 0] * scale
-    shifts = moved if moved.any() else None
+    shifts = translations if translations.any() else None
     return Clip(id, skeleton, remove_sign_jumps(world), root, capture.seconds, offsets=shifts)
 
 
@@ -92,18 +94,18 @@ def clip_of_bodies(
     step: float = 1.0 / 30.0,
     names: Sequence[str] | None = None,
 ) -> Clip:
-    """Returns a tracked person's motion as a clip of 20 joints.
+    """Converts a tracked person's motion to a clip of 20 joints.
 
     If a body has orientations, a bone's rotation is the orientation since rest. Otherwise it is the swing
-    with the least twist relative to the parent bone. In both cases, every bone points along its joints. A
-    joint of confidence 0 is interpolated from the frames before and after.
+    with the least twist relative to the parent bone. In both cases, every bone points from its parent joint
+    to its joint. A joint of confidence 0 is interpolated from the frames before and after.
 
     Args:
         bodies: (F,) the person over time.
-        seconds: (F,) their times, ascending, irregular intervals allowed.
+        seconds: (F,) times of the bodies, ascending. Intervals may be irregular.
         rest: index of the rest pose among the bodies, or a body in the rest pose.
         step: seconds between the frames of the clip.
-        names: (20,) of the joints; None for :data:`BODY_NAMES`.
+        names: (20,) names of the joints; None for :data:`BODY_NAMES`.
 
     Raises:
         InputError: if the list of bodies is empty, or the times do not match or do not ascend.
@@ -111,23 +113,21 @@ def clip_of_bodies(
     times: Float = np.asarray(seconds, np.float64)
     where = f"clip {id!r}"
     if not bodies or times.shape != (len(bodies),) or (np.diff(times) <= 0).any():
-        mend = "Give one time for each body, each after the one before."
-        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, mend=mend)
+        advice = "Give one time for each body, each after the one before."
+        raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, remedy=advice)
     joints = np.stack([body.joints for body in bodies])
     is_seen = np.stack([body.confidence > 0 for body in bodies])
     joints = fill_unseen(np.array(PARENTS), joints, is_seen)
-    still = bodies[rest] if isinstance(rest, int) else rest
+    rest_body = bodies[rest] if isinstance(rest, int) else rest
     rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
     positions = rest_from_positions(np.array(PARENTS), rest_joints, joints)
     skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
-    turns = rotations_from_positions(skeleton, joints, _measured_rotations(bodies, still))
+    turns = rotations_from_positions(skeleton, joints, _measured_rotations(bodies, rest_body))
     return _evenly_sampled_clip(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
 def resample_clip(clip: Clip, step: float) -> Clip:
-    """Returns the clip with a frame every ``step`` seconds; its last frame is the last at or before its
-    end.
-    """
+    """Resamples a clip to a frame every ``step`` seconds. The last frame is at or before the clip's end."""
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     tracks: dict[str, Any] = {name: _interpolate_track(track, times, step) for name, track in clip.tracks}
     if clip.mirrors is not None:
@@ -136,36 +136,40 @@ def resample_clip(clip: Clip, step: float) -> Clip:
 
 
 def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
-    """Returns the frames of a clip from ``start`` to ``stop`` seconds, at least one."""
+    """Trims a clip to the frames from ``start`` to ``stop`` seconds, at least one."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
-    cut = clip.mapped(lambda track: track[first:last])
+    trimmed = clip.mapped(lambda track: track[first:last])
     if clip.fine is None:
-        return cut
-    return replace(cut, fine=clip.fine.between(first * clip.step, (len(cut.turns) + first - 1) * clip.step))
+        return trimmed
+    return replace(
+        trimmed, fine=clip.fine.between(first * clip.step, (len(trimmed.turns) + first - 1) * clip.step)
+    )
 
 
 def _evenly_sampled_clip(
     id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float
 ) -> Clip:
-    """Returns a clip with frames ``step`` seconds apart, from rotations and root at ``times`` (F,) that
-    begin at 0.
+    """Builds a clip with frames ``step`` seconds apart by interpolating rotations and root at ``times`` (F,),
+    which begin at 0.
     """
-    before, after, part = _frame_fractions(times, step)
-    even_turns = slerp(turns[before], turns[after], part[:, None])
+    before, after, fraction = _frame_fractions(times, step)
+    even_turns = slerp(turns[before], turns[after], fraction[:, None])
     return Clip(id, skeleton, remove_sign_jumps(even_turns), _interpolate_track(root, times, step), step)
 
 
 def _interpolate_track(track: Float, times: Float, step: float) -> Float:
-    """Returns (G, ...) the values of (F, ...) at ``times`` (F,), interpolated every ``step`` seconds."""
-    before, after, part = _frame_fractions(times, step)
-    part = part.reshape(-1, *(1,) * (track.ndim - 1))
-    return np.asarray(track[before] + part * (track[after] - track[before]))
+    """Interpolates a track (F, ...) at ``times`` (F,) to G frames, one every ``step`` seconds. Returns (G,
+    ...).
+    """
+    before, after, fraction = _frame_fractions(times, step)
+    fraction = fraction.reshape(-1, *(1,) * (track.ndim - 1))
+    return np.asarray(track[before] + fraction * (track[after] - track[before]))
 
 
 def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
-    """Returns (G,) the frames before and after times ``step`` seconds apart, and the interpolation
-    factors.
+    """Returns, for G times that are ``step`` seconds apart, the frames before and after them (G,), and the
+    interpolation factors (G,).
     """
     count = int(np.floor(times[-1] / step + 1e-6)) + 1
     sample_times = np.minimum(np.arange(count) * step, times[-1])
@@ -176,7 +180,9 @@ def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
 
 
 def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
-    """Returns (F, 20, 4) rotations since rest from the bodies' orientations, or None if a body has none."""
+    """Computes rotations since rest (F, 20, 4) from the bodies' orientations. Returns None if a body has no
+    orientations.
+    """
     if still.orientations is None or any(body.orientations is None for body in bodies):
         return None
     world = np.stack([np.asarray(body.orientations) for body in bodies])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.formats.motion import Capture
+from enliven.formats.motion.capture import Capture
 from enliven.person import Limb
 from enliven.rotation import nearest_rotation, rotate, swing, unit
 from enliven.takes.capture_roles import Roles
@@ -16,42 +16,48 @@ _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np
 def find_limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     """Returns (F, 16, 3, 3) world_from_limb in every frame, and (F, 2) True for each standing foot."""
     p = capture.positions
-    at = lambda pair: p[:, list(pair)]  # noqa: E731  (F, 2, 3)
+    pair_positions = lambda pair: p[:, list(pair)]  # noqa: E731  (F, 2, 3)
     shoulders, elbows, wrists, tips = (
-        at(r) for r in (roles.shoulders, roles.elbows, roles.wrists, roles.tips)
+        pair_positions(r) for r in (roles.shoulders, roles.elbows, roles.wrists, roles.tips)
     )
-    hips, knees, ankles, toes = (at(r) for r in (roles.hips, roles.knees, roles.ankles, roles.toes))
+    hips, knees, ankles, toes = (
+        pair_positions(r) for r in (roles.hips, roles.knees, roles.ankles, roles.toes)
+    )
     low, top = hips.mean(1), shoulders.mean(1)
-    middle = path_midpoint(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
-    out = np.empty((capture.frames, 16, 3, 3))
+    spine_middle = path_midpoint(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
+    rotations = np.empty((capture.frames, 16, 3, 3))
     across_hips, across_shoulders = hips[:, 0] - hips[:, 1], shoulders[:, 0] - shoulders[:, 1]
-    out[:, Limb.PELVIS] = _limb_axes(middle - low, across_hips)
-    out[:, Limb.CHEST] = _limb_axes(top - middle, across_shoulders)
-    out[:, Limb.ABDOMEN] = _limb_axes(top - low, unit(across_hips) + unit(across_shoulders))
-    # The head rotates with its joint. On average it faces in the same direction as the chest.
+    rotations[:, Limb.PELVIS] = _limb_axes(spine_middle - low, across_hips)
+    rotations[:, Limb.CHEST] = _limb_axes(top - spine_middle, across_shoulders)
+    rotations[:, Limb.ABDOMEN] = _limb_axes(top - low, unit(across_hips) + unit(across_shoulders))
+    # The head rotates with its joint. Assume that on average it faces in the same direction as the chest.
     head = capture.rotations[:, roles.head]
-    usual = nearest_rotation((out[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
-    out[:, Limb.SKULL] = head @ usual.T
-    beyond = np.where(np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows)
+    usual = nearest_rotation((rotations[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
+    rotations[:, Limb.SKULL] = head @ usual.T
+    hand_tips = np.where(
+        np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows
+    )
     standing = _standing_feet(toes, ankles, capture.seconds, knees, hips)
     for side in (0, 1):
-        hinge = _hinge_axis(shoulders[:, side], elbows[:, side], wrists[:, side], out[:, Limb.CHEST], 1.0)
-        out[:, Limb.UPPER_ARM_LEFT + side] = _limb_axes(shoulders[:, side] - elbows[:, side], hinge)
-        out[:, Limb.FOREARM_LEFT + side] = _limb_axes(elbows[:, side] - wrists[:, side], hinge)
-        out[:, Limb.HAND_LEFT + side] = _limb_axes(wrists[:, side] - beyond[:, side], hinge)
-        hinge = _hinge_axis(hips[:, side], knees[:, side], ankles[:, side], out[:, Limb.PELVIS], -1.0)
-        out[:, Limb.THIGH_LEFT + side] = _limb_axes(hips[:, side] - knees[:, side], hinge)
-        out[:, Limb.SHANK_LEFT + side] = _limb_axes(knees[:, side] - ankles[:, side], hinge)
-        shank = out[:, Limb.SHANK_LEFT + side, :, 0]
-        out[:, Limb.FOOT_LEFT + side] = _foot_frames(
+        hinge = _hinge_axis(
+            shoulders[:, side], elbows[:, side], wrists[:, side], rotations[:, Limb.CHEST], 1.0
+        )
+        rotations[:, Limb.UPPER_ARM_LEFT + side] = _limb_axes(shoulders[:, side] - elbows[:, side], hinge)
+        rotations[:, Limb.FOREARM_LEFT + side] = _limb_axes(elbows[:, side] - wrists[:, side], hinge)
+        rotations[:, Limb.HAND_LEFT + side] = _limb_axes(wrists[:, side] - hand_tips[:, side], hinge)
+        hinge = _hinge_axis(hips[:, side], knees[:, side], ankles[:, side], rotations[:, Limb.PELVIS], -1.0)
+        rotations[:, Limb.THIGH_LEFT + side] = _limb_axes(hips[:, side] - knees[:, side], hinge)
+        rotations[:, Limb.SHANK_LEFT + side] = _limb_axes(knees[:, side] - ankles[:, side], hinge)
+        shank = rotations[:, Limb.SHANK_LEFT + side, :, 0]
+        rotations[:, Limb.FOOT_LEFT + side] = _foot_frames(
             toes[:, side] - ankles[:, side], shank, standing[:, side]
         )
-    return out, standing
+    return rotations, standing
 
 
 def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
-    """Returns (F, 2) True if a foot is low and hardly moves in a frame. At least the best fifth of all frames
-    are True.
+    """Returns (F, 2) True for frames in which a foot is low and hardly moves. At least the best fifth of all
+    frames is True.
     """
     leg = float(np.median(np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)))
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) / seconds / leg
@@ -64,43 +70,45 @@ def path_midpoint(path: Float) -> Float:
     """Returns (F, 3) the point halfway along the length of each polyline (F, K, 3)."""
     steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
     upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)
-    half = upto[:, -1:] / 2
-    k = np.clip((upto <= half).sum(1) - 1, 0, path.shape[1] - 2)
+    half_length = upto[:, -1:] / 2
+    k = np.clip((upto <= half_length).sum(1) - 1, 0, path.shape[1] - 2)
     f = np.arange(len(path))
-    part = (half[:, 0] - upto[f, k]) / np.maximum(steps[f, k], 1e-9)
-    return np.asarray(path[f, k] + part[:, None] * (path[f, k + 1] - path[f, k]))
+    fraction = (half_length[:, 0] - upto[f, k]) / np.maximum(steps[f, k], 1e-9)
+    return np.asarray(path[f, k] + fraction[:, None] * (path[f, k + 1] - path[f, k]))
 
 
 def _limb_axes(up: Float, left: Float) -> Float:
-    """Returns (F, 3, 3) frames with +Y along ``up`` and +X as near to ``left`` as possible."""
+    """Returns (F, 3, 3) coordinate frames with +Y along ``up`` and +X as near to ``left`` as possible."""
     y = unit(up)
     x = unit(left - (left * y).sum(-1, keepdims=True) * y)
     return np.stack([x, y, np.cross(x, y)], -1)
 
 
 def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
-    """Returns (F, 3) the hinge axis of a limb, towards the body's left; straight limbs use the trunk's axis.
+    """Returns (F, 3) the hinge axis of a limb, towards the body's left. A straight limb uses the axis of the
+    trunk.
 
     Args:
-        trunk: (F, 3, 3) the frame that the limb is attached to.
+        trunk: (F, 3, 3) coordinate frame of the trunk part to which the limb is attached.
         sense: 1 if the lower half bends forward (elbows), -1 if it bends backward (knees).
     """
     upper, lower = unit(middle - first), unit(last - middle)
-    bent = sense * np.cross(lower, upper)
-    carried = rotate(swing(trunk @ _DOWN, upper), trunk[:, :, 0])
-    weight = smoothstep(np.linalg.norm(bent, axis=-1), 0.1, 0.35)[:, None]
+    bend_axis = sense * np.cross(lower, upper)
+    trunk_axis = rotate(swing(trunk @ _DOWN, upper), trunk[:, :, 0])
+    weight = smoothstep(np.linalg.norm(bend_axis, axis=-1), 0.1, 0.35)[:, None]
     return np.asarray(
-        weight * bent / np.maximum(np.linalg.norm(bent, axis=-1, keepdims=True), 1e-9)
-        + (1.001 - weight) * carried
+        weight * bend_axis / np.maximum(np.linalg.norm(bend_axis, axis=-1, keepdims=True), 1e-9)
+        + (1.001 - weight) * trunk_axis
     )
 
 
 def _foot_frames(along: Float, shank_left: Float, standing: Bool) -> Float:
-    """Returns (F, 3, 3) foot frames. A standing foot is level, even if the captured foot slopes.
+    """Returns the coordinate frames (F, 3, 3) of a foot. A standing foot is level, even if the captured foot
+    slopes.
 
     Args:
         along: (F, 3) from the ankle to the toes.
-        shank_left: (F, 3) the shank's +X, used as left if the foot points up or down.
+        shank_left: (F, 3) the +X axis of the lower leg. It is used as left if the foot points up or down.
     """
     z = unit(along)
     flat = np.hypot(z[:, 0], z[:, 2])

@@ -6,15 +6,15 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion import UNITS, Capture, guess_unit
+from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 
 _MIN_STANDING_HEIGHT_FRACTION = 0.9
 """Minimum height of a zero pose that counts as standing, as a fraction of the height in the frames."""
 _MIN_ROOT_MOTION_FRACTION = 0.002
-"""Minimum motion of a joint relative to its parent to count as a separate root, as a fraction of the extent.
-Smaller motions are rounding errors."""
+"""A joint that moves relative to its parent by at least this fraction of the extent counts as the moving
+root. Smaller motions are rounding errors."""
 _HIP_TO_ANKLE = 0.9
-"""Leg length as a fraction of the root's height over the lowest joint, for guessing the unit."""
+"""Typical leg length as a fraction of the root's height above the lowest joint, for guessing the unit."""
 
 
 def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
@@ -22,7 +22,9 @@ def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[i
     the root.
     """
     if sum(parent < 0 for parent in capture.parents) != 1 or capture.parents[0] != -1:
-        raise InputError("it has more than one root", where=f"clip {id!r}", mend="Keep one of its skeletons.")
+        raise InputError(
+            "it has more than one root", where=f"clip {id!r}", remedy="Keep one of its skeletons."
+        )
     names, parents = capture.names, list(capture.parents)
     positions, rotations = capture.positions, capture.rotations
     extent = float(np.median(np.ptp(positions, axis=1).max(1)))
@@ -36,45 +38,46 @@ def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[i
 
 
 def median_links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns (N, 3) the position of each joint in its parent's frame, median over the frames; zero at the
+    """Returns (N, 3) the median position over all frames of each joint in its parent's frame; zero at the
     root.
     """
     return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
 
 
 def link_translations(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """Returns (F, N, 3) the translation of each joint in its parent's frame beyond its (N, 3) ``offsets``.
+    """Returns (F, N, 3) the translation of each joint in its parent's frame, relative to its rest offset in
+    ``offsets`` (N, 3).
 
-    It is zero for a joint that moves only by rounding.
+    It is zero for a joint that moves only by rounding errors.
     """
-    moved = _local_links(parents, positions, rotations) - offsets
+    translations = _local_links(parents, positions, rotations) - offsets
     extent = float(np.median(np.ptp(positions, axis=1).max(1)))
-    moved[:, np.abs(moved).max((0, 2)) < _MIN_ROOT_MOTION_FRACTION * extent] = 0.0
-    return moved
+    translations[:, np.abs(translations).max((0, 2)) < _MIN_ROOT_MOTION_FRACTION * extent] = 0.0
+    return translations
 
 
 def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
     """Returns (F, N, 3) the position of each joint in its parent's frame; zero at the root."""
-    above = np.maximum(parents, 0)
-    offsets = positions - positions[:, above]
-    return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, above], offsets))
+    parent_joints = np.maximum(parents, 0)
+    offsets = positions - positions[:, parent_joints]
+    return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, parent_joints], offsets))
 
 
 def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
     """Returns (N, 3) the joints of a frame with constant bone lengths."""
-    at = positions.copy()
+    pose = positions.copy()
     for j, parent in enumerate(parents[1:], 1):
-        at[j] = at[parent] + rotations[parent] @ offsets[j]
-    return at
+        pose[j] = pose[parent] + rotations[parent] @ offsets[j]
+    return pose
 
 
 def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
     """Returns (N, 3) the joints with all rotations zero, standing on the floor at the start of the motion."""
     count = len(parents)
-    at = rigid_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
+    pose = rigid_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     floor = np.percentile(positions[:, :, 1].min(1), 10)
-    moved = np.array([positions[0, 0, 0], floor - at[:, 1].min(), positions[0, 0, 2]])
-    return np.asarray(at + moved)
+    shift = np.array([positions[0, 0, 0], floor - pose[:, 1].min(), positions[0, 0, 2]])
+    return np.asarray(pose + shift)
 
 
 def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) -> bool:
@@ -82,11 +85,16 @@ def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) 
     height."""
     zero = zero_pose(parents, offsets, positions)
     lowest = positions[:, :, 1].min(1)
-    tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
+    frame_height, root_height = (
+        np.median(positions[:, :, 1].max(1) - lowest),
+        np.median(positions[:, 0, 1] - lowest),
+    )
     legs = zero[0, 1] - zero[:, 1].min()
     return bool(
-        np.ptp(zero[:, 1]) > _MIN_STANDING_HEIGHT_FRACTION * tall
-        and _MIN_STANDING_HEIGHT_FRACTION * high < legs < high / _MIN_STANDING_HEIGHT_FRACTION**2
+        np.ptp(zero[:, 1]) > _MIN_STANDING_HEIGHT_FRACTION * frame_height
+        and _MIN_STANDING_HEIGHT_FRACTION * root_height
+        < legs
+        < root_height / _MIN_STANDING_HEIGHT_FRACTION**2
     )
 
 
@@ -98,9 +106,9 @@ def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> flo
     if isinstance(unit, str):
         if unit not in UNITS:
             raise InputError(
-                f"the unit {unit!r} does not exist", where=where, mend=f"Known: {', '.join(UNITS)}."
+                f"the unit {unit!r} does not exist", where=where, remedy=f"Known: {', '.join(UNITS)}."
             )
         return UNITS[unit]
     if not 0.0 < unit < 1e6:
-        raise InputError(f"a unit of {unit} m cannot be", where=where, mend="Give the metres of one unit.")
+        raise InputError(f"a unit of {unit} m cannot be", where=where, remedy="Give the metres of one unit.")
     return float(unit)

@@ -1,4 +1,6 @@
-"""Finds the roles of a motion capture's joints (such as the left elbow) by name and by the tree."""
+"""Finds the roles of a motion capture's joints (such as the left elbow) by their names and their positions in
+the joint tree.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.formats.motion import Capture
+from enliven.formats.motion.capture import Capture
 
 _ELBOWS = ("forearm", "lowerarm", "elbow")
 _KNEES = ("knee", "lowerleg", "shin", "calf", "leg")
@@ -21,7 +23,7 @@ _SIDES = (("left", "l"), ("right", "r"))
 
 @dataclass(frozen=True)
 class Roles:
-    """Indices of a capture's joints; in a pair the left one comes first.
+    """Indices of a capture's joints by role. In a pair, the left joint comes first.
 
     Attributes:
         root: the joint at which trunk and legs branch.
@@ -100,7 +102,7 @@ def _missing_role_error(capture: Capture, role: str) -> InputError:
     return InputError(
         f"there is no {role} among the joints",
         where="motion capture",
-        mend=f"The joints are called {', '.join(capture.names[:40])}.",
+        remedy=f"The joints are called {', '.join(capture.names[:40])}.",
     )
 
 
@@ -137,11 +139,13 @@ def _matching_children(
 
 
 def _next_descendant(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
-    """Returns the nearest descendant at a different position that is not a thumb, or the joint itself."""
-    fringe = [joint]
-    while fringe:
-        fringe = [j for f in fringe for j in _children_of(capture, f) if "thumb" not in names[j]]
-        distant = [j for j in fringe if _distance_between(capture.positions, joint, j) > 1e-3]
+    """Returns the nearest descendant at a different position that is not a thumb. If there is none, returns
+    the joint itself.
+    """
+    frontier = [joint]
+    while frontier:
+        frontier = [j for f in frontier for j in _children_of(capture, f) if "thumb" not in names[j]]
+        distant = [j for j in frontier if _distance_between(capture.positions, joint, j) > 1e-3]
         matching = [j for part in parts for j in distant if part in names[j]]
         if matching or distant:
             return (matching or distant)[0]

@@ -1,4 +1,6 @@
-"""Turns motion captures upright and finds their unit. Import, retargeting, export and studio all use it."""
+"""Rotates motion captures upright and finds their unit. Import, retargeting, export and studio use this
+module.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text, open_file
-from enliven.formats.motion import UNITS, Capture, guess_unit, read_bvh, read_expmap
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.motion.capture import UNITS, Capture, guess_unit
+from enliven.formats.motion.expmap import read_expmap
 from enliven.rotation import unit
 from enliven.takes.capture_roles import Roles, find_roles
 
@@ -23,26 +27,27 @@ _Y_FROM = {
     "+X": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     "-X": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
 }
-"""(3, 3) rotations that map each up axis of a file to +Y."""
+"""(3, 3) rotations that map each possible up axis of a file to +Y."""
 _HEAD_BYTES = 1024
 """Number of bytes at the start of a file in which its first word is searched."""
 _MIN_ALIGNMENT = 0.8
-"""Minimum cosine between a rest pose, or an animal's legs, and an axis for it to determine the up
+"""Minimum cosine between an axis and the rest pose (or an animal's legs) if this axis is to be the up
 direction."""
 _MIN_REST_HEIGHT = 0.8
 """Minimum height of a rest pose that counts as standing, as a ratio of the height in the frames."""
 _MIN_STEADINESS = 0.7
-"""Minimum mean cosine between the body and its median direction for the frames to override the rest pose.
-A person that turns somersaults has no such direction."""
+"""Minimum mean cosine between the body and its median direction. Below it, the frames do not determine the up
+direction, and the rest pose is used. A person that turns somersaults has no constant direction."""
 _FLOOR_TOLERANCE = 0.05
-"""Maximum distance of the lowest joint from zero along an axis, as a ratio of the body's length, for the
-file to have its floor there. Markers are some centimetres above the floor."""
+"""If the lowest joint is within this distance of zero along an axis, as a fraction of the body's length, the
+floor of the file is there. Markers are some centimetres above the floor."""
 _FOOT_NAME_PATTERN = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
 """Names of the lowest joint of a leg, also in captures of animals."""
 
 
 def read_capture(path: Path) -> Capture:
-    """Reads a motion capture, BVH or CMU's exponential maps, turned upright with +Y up, in its own unit.
+    """Reads a motion capture (BVH or CMU's exponential maps), and rotates it upright (+Y up). The unit is
+    that of the file.
 
     Raises:
         InputError: if the file cannot be read or is damaged.
@@ -50,24 +55,28 @@ def read_capture(path: Path) -> Capture:
     with open_file(path) as file:
         is_bvh = decode_text(file.read(_HEAD_BYTES)).lstrip().upper().startswith("HIERARCHY")
     capture = read_bvh(path) if is_bvh or path.suffix.lower() == ".bvh" else read_expmap(path)
-    turned = turn_upright(capture)
-    if turned is capture:
+    upright_capture = turn_upright(capture)
+    if upright_capture is capture:
         return capture
     note = f"its {_up_axis(capture)} axis points up: turned upright"
-    return replace(turned, notes=(*capture.notes, note))
+    return replace(upright_capture, notes=(*capture.notes, note))
 
 
 def turn_upright(capture: Capture) -> Capture:
-    """Returns the capture with +Y up; the same object if it already is.
+    """Rotates the capture so that +Y is up. Returns the same object if it is already upright.
 
-    The joints' own frames are rotated too. So the result equals the same motion written with +Y up, and zero
-    rotations give the same pose.
+    The coordinate frames of the joints are rotated too. So the result equals that of a file that was written
+    with +Y up, and zero rotations still give the same pose.
     """
     up = _up_axis(capture)
     if up == "+Y":
         return capture
-    turn = _Y_FROM[up]
-    return replace(capture, positions=capture.positions @ turn.T, rotations=turn @ capture.rotations @ turn.T)
+    rotation_matrix = _Y_FROM[up]
+    return replace(
+        capture,
+        positions=capture.positions @ rotation_matrix.T,
+        rotations=rotation_matrix @ capture.rotations @ rotation_matrix.T,
+    )
 
 
 def leg_length(capture: Capture, roles: Roles) -> float:
@@ -96,9 +105,9 @@ def _joint_roles(capture: Capture) -> Roles | None:
 def _up_axis(capture: Capture) -> str:
     """Returns the axis of a file that points up, such as "+Z".
 
-    It is the axis along which the head is above the ankles, or the legs of an animal stand. If a person
-    crawls or lies the whole time, the rest pose stands along another axis. That axis is used if the floor is
-    at zero only along it.
+    It is the axis along which the head is above the ankles or, for an animal, along which the legs stand. If
+    a person crawls or lies the whole time, the rest pose stands along another axis. This other axis is used
+    if the floor is at zero only along it.
     """
     roles = _joint_roles(capture)
     ups = _up_vectors(capture, roles, capture.positions)
@@ -109,9 +118,9 @@ def _up_axis(capture: Capture) -> str:
     is_steady = float(np.mean(unit(ups), axis=0) @ unit(moving)) > _MIN_STEADINESS
     if roles is None and not is_clear:
         return "+Y"
-    still = _up_vectors(capture, roles, _zero_pose(capture)[None])[0]
-    resting, stands = _nearest_axis(still)
-    stands = stands and np.linalg.norm(still) > _MIN_REST_HEIGHT * np.linalg.norm(moving)
+    rest_up = _up_vectors(capture, roles, _zero_pose(capture)[None])[0]
+    resting, stands = _nearest_axis(rest_up)
+    stands = stands and np.linalg.norm(rest_up) > _MIN_REST_HEIGHT * np.linalg.norm(moving)
     if not stands or resting == axis:
         return axis
     is_lying = _has_floor(capture, resting) and not _has_floor(capture, axis)
@@ -137,26 +146,28 @@ def _up_vectors(capture: Capture, roles: Roles | None, positions: Float) -> Floa
 
 
 def _nearest_axis(up: Float) -> tuple[str, bool]:
-    """Returns the axis nearest to a vector (+Y or -Y if it is not clear), and True if the choice is clear."""
+    """Returns the axis nearest to a vector, and True if the choice is clear. If it is not clear, the axis is
+    +Y or -Y.
+    """
     length = np.abs(up)
     k = 1 if length[1] >= length.max() else int(np.argmax(length))
     return f"{'+-'[int(up[k] < 0)]}{'XYZ'[k]}", bool(np.abs(unit(up)[k]) > _MIN_ALIGNMENT)
 
 
 def _zero_pose(capture: Capture) -> Float:
-    """Returns (N, 3) the joints with all rotations zero, the root at the origin."""
-    at = np.zeros((len(capture.parents), 3))
+    """Returns the joints (N, 3) in the zero pose (all rotations zero), with the root at the origin."""
+    positions = np.zeros((len(capture.parents), 3))
     for j, parent in enumerate(capture.parents):
         if parent >= 0:
             offset = capture.positions[:, j] - capture.positions[:, parent]
-            at[j] = at[parent] + np.median(
+            positions[j] = positions[parent] + np.median(
                 np.einsum("fji,fj->fi", capture.rotations[:, parent], offset), axis=0
             )
-    return at
+    return positions
 
 
 def _has_floor(capture: Capture, axis: str) -> bool:
     """Returns True if the lowest joint is near zero along an axis in the frames."""
-    along = capture.positions[:, :, "XYZ".index(axis[1])] * (1.0 if axis[0] == "+" else -1.0)
+    heights = capture.positions[:, :, "XYZ".index(axis[1])] * (1.0 if axis[0] == "+" else -1.0)
     length = float(np.median(np.ptp(capture.positions, axis=1).max(1)))
-    return bool(abs(np.percentile(along.min(1), 10)) < _FLOOR_TOLERANCE * length)
+    return bool(abs(np.percentile(heights.min(1), 10)) < _FLOOR_TOLERANCE * length)

@@ -12,9 +12,9 @@ from pathlib import Path
 from enliven.arrays import Float
 from enliven.document import Clip, joint_places
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
-from enliven.formats.motion import added_frame_notes, count_added_frames
-from enliven.formats.project import read_project
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.motion.added_pose import added_frame_notes, count_added_frames
+from enliven.formats.project.file import read_project
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.takes.capture_clip import clip_of_capture, trim_clip
 from enliven.takes.capture_upright import read_capture
@@ -30,7 +30,7 @@ _KNOWN_FORMATS_ADVICE = (
 def read_take(
     path: Path | str, animation: str | None = None, start: float = 0.0, end: float | None = None
 ) -> tuple[Clip, tuple[str, ...]]:
-    """Returns the clip of a file from ``start`` to ``end`` seconds, and notes on unusual content.
+    """Reads one clip of a file, from ``start`` to ``end`` seconds. Returns it with notes on unusual content.
 
     Args:
         animation: name of a glTF animation, of a person in a recording, or of a take in a project; None for
@@ -46,7 +46,7 @@ def read_take(
     stop = clip.duration if end is None else end
     if start > clip.duration or stop <= start:
         problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
-        raise InputError(problem, where=str(path), mend="Choose another start and end.")
+        raise InputError(problem, where=str(path), remedy="Choose another start and end.")
     return trim_clip(clip, start, stop), notes
 
 
@@ -55,8 +55,8 @@ def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...
     if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
         clip = _find_clip(rig.clips, path, animation)
-        # A jump between two poses may be intended in a model. So remove the added pose only if it is the rest
-        # pose.
+        # In an animated model, a jump between two poses may be intended. So remove an added pose only if it
+        # is the rest pose.
         return _remove_added_poses(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
         return _find_clip(clips_of_recording(path), path, animation), ()
@@ -66,7 +66,7 @@ def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...
         raise InputError(
             f"{kind or 'a file without an ending'} is not a motion file",
             where=str(path),
-            mend=_KNOWN_FORMATS_ADVICE,
+            remedy=_KNOWN_FORMATS_ADVICE,
         )
     capture = read_capture(path)
     clip = clip_of_capture(capture, path.stem)
@@ -76,7 +76,9 @@ def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...
 def _remove_added_poses(
     clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
 ) -> tuple[Clip, tuple[str, ...]]:
-    """Returns the clip without poses that an exporter added at its ends, with a note. Its rest pose stays."""
+    """Removes poses that an exporter added at the ends of a clip, and adds a note. The rest pose of the clip
+    does not change.
+    """
     begin, end = count_added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
         return clip, notes
@@ -85,12 +87,15 @@ def _remove_added_poses(
 
 
 def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip:
-    """Returns the clip with the requested name, or the first clip if no name is given. The name may also be
-    the part of a glTF name after the last bar ("|")."""
+    """Returns the clip with the requested name, or the first clip if no name is given.
+
+    The name may also be the part of a glTF name after the last bar ("|")."""
     if not clips:
-        raise InputError("it has no animation", where=str(path), mend=_KNOWN_FORMATS_ADVICE)
+        raise InputError("it has no animation", where=str(path), remedy=_KNOWN_FORMATS_ADVICE)
     for clip in clips:
         if requested is None or requested in (clip.id, clip.id.rpartition("|")[2]):
             return clip
     names = ", ".join(clip.id for clip in clips)
-    raise InputError(f"the animation {requested!r} does not exist", where=str(path), mend=f"Known: {names}.")
+    raise InputError(
+        f"the animation {requested!r} does not exist", where=str(path), remedy=f"Known: {names}."
+    )

@@ -1,4 +1,6 @@
-"""A live pose as an additional layer over a shape's motion (live overlay): a preview of a recording."""
+"""Plays a live pose as an additional layer over a shape's motion (live overlay). It previews the result of a
+recording.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +8,27 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Pose, Project, Shape, unused
-from enliven.motion.layers import Player, bind_chain, clear_chain, pose_from
+from enliven.motion.layers.evaluate import Player, pose_from
+from enliven.motion.layers.retarget import bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
 
 class LiveLayer:
-    """A player of a project's shape with a live pose on top, or in place of its present motion.
+    """A player of a project's shape that adds a live pose to its present motion, or replaces the motion by
+    it.
 
-    It keeps a snapshot of the project. After an edit, create another.
+    It keeps the given version of the project. After an edit, create a new player.
 
     Args:
-        replaced: joints of the bones that lose their present layers.
+        replaced: joints of the bones. The live pose replaces the present layers of these bones.
     """
 
     def __init__(self, project: Project, shape_id: str, replaced: frozenset[int] = frozenset()) -> None:
         self.shape = shape = project.shape(shape_id)
-        still = np.tile(IDENTITY, (1, len(shape.skeleton), 1))
-        take = Clip(unused("live", project.takes), shape.skeleton, still, shape.skeleton.positions[:1], 1.0)
+        identity_frame = np.tile(IDENTITY, (1, len(shape.skeleton), 1))
+        take = Clip(
+            unused("live", project.takes), shape.skeleton, identity_frame, shape.skeleton.positions[:1], 1.0
+        )
         self._take = take.id
         project = project.with_takes(take)
         for joint in range(len(shape.skeleton)):
@@ -33,11 +39,12 @@ class LiveLayer:
         self._player = Player(project, shape_id)
 
     def pose(self, live: Pose, seconds: float, *, heard: bool = True) -> tuple[Pose, Float]:
-        """Returns the pose at a time of the project, at the place of the live one, and its (N, 3) joints.
+        """Returns the pose at a time of the project, moved to the position of the live pose, and its joints
+        (N, 3).
 
         Args:
-            heard: True if the live pose has an effect. If False, the shape only plays its own motion, at the
-                live pose's place.
+            heard: True if the live pose is applied. If False, the shape plays only its own motion, at the
+                position of the live pose.
         """
         shape, rest = self.shape, self.shape.skeleton.positions[0] + self.shape.place
         local_turns = np.tile(IDENTITY, (1, len(shape.skeleton), 1))
@@ -45,10 +52,10 @@ class LiveLayer:
             local_turns = local_rotations(shape, from_matrix(live.linear.astype(np.float64))[None])
         turns = compose_rotations(shape.skeleton.parents, local_turns)[0]
         self._player.feed(self._take, turns, shape.skeleton.positions[0])
-        at = self._player.at(seconds)
-        pose, shift = pose_from(shape, at, seconds), live.positions[0].astype(np.float64) - rest
-        placed = (pose.positions + shift).astype(np.float32)
-        return Pose(shape.id, live.time_ns, pose.linear, placed), at.joints + shift
+        own_pose = self._player.at(seconds)
+        pose, shift = pose_from(shape, own_pose, seconds), live.positions[0].astype(np.float64) - rest
+        moved_positions = (pose.positions + shift).astype(np.float32)
+        return Pose(shape.id, live.time_ns, pose.linear, moved_positions), own_pose.joints + shift
 
 
 def single_bone_chain(shape: Shape, joint: int) -> tuple[int, ...]:
@@ -57,16 +64,18 @@ def single_bone_chain(shape: Shape, joint: int) -> tuple[int, ...]:
 
 
 def local_rotations(shape: Shape, turns: Float) -> Float:
-    """Returns (G, N, 4) the rotation of each bone by layers, for world rotations (G, N, 4)."""
+    """Computes the rotation (G, N, 4) of each bone that layers must provide to reach the world rotations (G,
+    N, 4).
+    """
     local = np.empty_like(turns)
     for j, parent in enumerate(shape.skeleton.parents):
-        within = turns[:, j] if parent < 0 else multiply(conjugate(turns[:, parent]), turns[:, j])
-        local[:, j] = multiply(conjugate(shape.modeling[j]), within)
+        relative = turns[:, j] if parent < 0 else multiply(conjugate(turns[:, parent]), turns[:, j])
+        local[:, j] = multiply(conjugate(shape.modeling[j]), relative)
     return local
 
 
 def compose_rotations(parents: np.ndarray, local: Float) -> Float:
-    """Returns (G, N, 4) world rotations from rotations (G, N, 4) relative to the parent."""
+    """Computes world rotations (G, N, 4) from rotations (G, N, 4) relative to the parent."""
     turns = local.copy()
     for j, parent in enumerate(parents):
         if parent >= 0:

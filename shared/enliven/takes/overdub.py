@@ -1,9 +1,9 @@
-"""Overdub: a performance over a possessed mesh that already plays, live or recorded, as a layer in its rest
-space.
+"""Overdub: adds a performance, live or recorded, to a possessed mesh that already has motion. The new motion
+is a layer in the rest space of the mesh.
 
-The mesh on the stage has its own nodes and its own placement. Its motion is measured relative to the mesh:
-the rigid motion that most of its nodes share is removed, so that the parts that no performer held stand
-still. The rest is transferred to the nodes of the project's mesh.
+The mesh on the stage has other nodes and another placement than the project's mesh. The rigid motion that
+most of its nodes share is removed, so that parts that no performer moved are static. The remaining motion is
+transferred to the nodes of the project's mesh.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ from enliven.document import (
     Project,
     unused,
 )
-from enliven.modeling.possessed import between, even_times, over_base
+from enliven.modeling.possessed.even_steps import between, even_times
+from enliven.modeling.possessed.pose import over_base
 from enliven.similarity import Similarity, fit_similarity
 from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punch_in import PunchIn
 from enliven.takes.shared_motion import find_shared_motion
 
 _SAME_NODE_M = 2e-3
-"""Distance, metres, within which two nodes are the same: the step size of transmitted poses."""
+"""Maximum distance, metres, between two nodes that count as the same: the quantization step of transmitted
+poses."""
 
 
 def has_motion(project: Project, shape: GraphShape) -> bool:
@@ -42,7 +44,7 @@ class OverdubTransfer:
     """A transfer of poses from a mesh on a stage to the nodes of a shape of a project, in its rest space.
 
     Args:
-        shape: the project's.
+        shape: the shape in the project.
         character: the mesh on the stage.
     """
 
@@ -58,7 +60,7 @@ class OverdubTransfer:
         self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
         self._weights: Float = character.skin.weights[nearest].astype(np.float64)
         distances, node = scipy.spatial.cKDTree(pivots).query(self._at)
-        # If both meshes share a node, take the node's own transform instead of the motion of the surface
+        # If both meshes share a node, use the transform of the node instead of the motion of the surface
         # around it.
         is_shared = distances < _SAME_NODE_M
         self._nodes[is_shared], self._weights[is_shared] = (
@@ -69,30 +71,31 @@ class OverdubTransfer:
         self._pivots, self._scale = pivots, 0.0
 
     def __call__(self, linear: Float, positions: Float) -> tuple[Float, Float]:
-        """Returns linear maps (F, K, 3, 3) and displacements (F, K, 3) of the nodes, metres of the shape's
-        rest space.
+        """Transfers poses. Returns linear maps (F, K, 3, 3) and displacements (F, K, 3) of the project's
+        nodes, metres of the rest space.
 
         Args:
-            linear, positions: (F, N, 3, 3) and (F, N, 3) metres, of the nodes on the stage, in the world.
+            linear, positions: linear maps (F, N, 3, 3) and positions (F, N, 3), metres, of the nodes on the
+                stage in the world.
         """
         if not self._scale:
-            # The scale comes from the placement, because a performer bends a mesh, but does not scale it. So
-            # it is computed only once.
+            # Use the scale of the placement. A performer bends a mesh but does not scale it, so the scale is
+            # constant.
             self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
         turns, places = find_shared_motion(positions / self._scale, self._pivots)
-        share = self._weights / self._scale
-        around = linear[:, self._nodes]
-        maps = np.einsum("kw,fkwij->fkij", share, around)
-        displacements = np.einsum("kwj,fkwij->fki", share[..., None] * self._arms, around)
-        displacements += np.einsum("kw,fkwi->fki", share, positions[:, self._nodes])
+        node_weights = self._weights / self._scale
+        surface_maps = linear[:, self._nodes]
+        maps = np.einsum("kw,fkwij->fkij", node_weights, surface_maps)
+        displacements = np.einsum("kwj,fkwij->fki", node_weights[..., None] * self._arms, surface_maps)
+        displacements += np.einsum("kw,fkwi->fki", node_weights, positions[:, self._nodes])
         offsets = (displacements - places[:, None]) @ turns - self._at
-        turn = self._same.turn
-        back = turn @ np.swapaxes(turns, 1, 2)
-        return back[:, None] @ maps @ turn.T, self._same.size * offsets @ turn.T
+        rest_rotation = self._same.turn
+        unrotation = rest_rotation @ np.swapaxes(turns, 1, 2)
+        return unrotation[:, None] @ maps @ rest_rotation.T, self._same.size * offsets @ rest_rotation.T
 
 
 class LiveOverdub:
-    """A player of a project's possessed mesh with a live pose on top: a preview of the overdub."""
+    """A player of a project's possessed mesh that adds a live pose to its motion. It previews the overdub."""
 
     def __init__(self, project: Project, shape_id: str, character: Character) -> None:
         self._within = OverdubTransfer(project.graph(shape_id), character)
@@ -102,13 +105,13 @@ class LiveOverdub:
         """Returns the pose of the project's mesh, metres in the world.
 
         Args:
-            live: the pose of the mesh on the stage. The display rate is higher than the pose rate, so an
-                equal pose is not converted again.
+            live: the pose of the mesh on the stage. An unchanged pose is not converted again, because the
+                display rate is higher than the pose rate.
             base: the present pose of the project's mesh.
         """
         if self._last is None or self._last[0] is not live:
-            each = (np.asarray(values, np.float64)[None] for values in (live.linear, live.positions))
-            maps, offsets = self._within(*each)
+            arrays = (np.asarray(values, np.float64)[None] for values in (live.linear, live.positions))
+            maps, offsets = self._within(*arrays)
             self._last = live, maps[0], offsets[0]
         plays = base.linear.astype(np.float64), base.positions.astype(np.float64)
         linear, positions = over_base(plays, *self._last[1:])
@@ -125,12 +128,12 @@ def add_overdub_layer(
     holds: RecordedHolds | None,
     punch: PunchIn | None,
 ) -> Project:
-    """Returns a project in which a possessed mesh has the performance as an additional layer.
+    """Adds a performance to a possessed mesh as an additional layer. Returns the edited project.
 
     Args:
         key: the id and the revision of the character on the stage.
-        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        punch: the span in which all other motion of the mesh is silenced. None keeps all of its motion.
+        begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
+        punch: the time span in which all other motion of the mesh is muted. None mutes nothing.
 
     Raises:
         InputError: if the poses are inconsistent.

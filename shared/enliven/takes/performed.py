@@ -2,17 +2,18 @@
 
     project, names = add_performance(project, performed, begin)     # begin: the sensor's clock at 0 seconds
 
-Each performer becomes a take. A character of the project that was performed plays the new motion. A rigged
-shape gets layers on the bones that moved. A possessed mesh gets motion of its nodes that can be solved again.
-A puppet gets a layer of its performer's take. The new motion plays on top of the present motion, or replaces
-it for the length of the recording (punch-in). Other characters are added to the project.
+Each performer becomes a take. Each character that performers moved plays the new motion. A rigged shape gets
+layers on the bones that moved. A possessed mesh gets motion of its nodes that can be solved again. A puppet
+gets a layer of its performer's take. The new motion is added to the present motion, or replaces it during the
+recording (punch-in). Characters that are not in the project yet are added.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,15 +25,14 @@ from enliven.document import (
     Project,
     Puppet,
     PuppetLayer,
-    RigBase,
     Shape,
     unused,
 )
-from enliven.formats.rig import play_clip
+from enliven.formats.rig.rig import play_clip
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import group_as_take
-from enliven.modeling.possessed import between, even_times
-from enliven.motion.layers import bind_chain, set_travel
+from enliven.modeling.possessed.even_steps import between, even_times
+from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import IDENTITY, from_matrix, remove_sign_jumps
 from enliven.takes.body_takes import holds_from_frames
 from enliven.takes.live_layer import compose_rotations, local_rotations, single_bone_chain
@@ -45,12 +45,10 @@ from enliven.takes.rigged import shape_and_clip_from_poses
 from enliven.wire import HoldMessage
 
 _MIN_POSES = 2
-"""Minimum number of poses of a character that counts as performed."""
-_MIN_EXAMPLES = 2
-"""Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
+"""Minimum number of recorded poses of a character that counts as performed."""
 _MIN_MOTION = 0.005
-"""Minimum motion that counts as moving, in metres or in entries of a rotation matrix. The quantization steps
-of transmitted poses are a tenth of this."""
+"""Minimum change, in metres or in entries of a rotation matrix, that counts as motion. It is ten times the
+quantization step of transmitted poses."""
 _MIN_ROTATION_RADIANS = 0.01
 """Minimum rotation of a bone, radians (half a degree). Transmitted rotations have finer steps."""
 
@@ -59,7 +57,7 @@ Key = tuple[str, int]
 
 
 _UNSPLIT_TAKE_SETTINGS = TakeSettings(gap=math.inf)
-"""Creates one take per performer, even if the tracker lost them for a while."""
+"""Settings that create one take per performer, even if the tracker lost the performer for a while."""
 ONLOOKER_SUFFIX = " onlooker"
 """Suffix of a take's name, before its number, if its performer held no character while other performers
 did."""
@@ -70,11 +68,11 @@ class PerformedMotion:
     """The motion of performers and characters over a period.
 
     Attributes:
-        name: of the takes that are created from it.
-        since_ns: the sensor's clock at which it starts; frames and holds may begin before.
-        frames: of tracked performers, in the order of time.
-        events: when performers attached to and released characters, in the order of time.
-        characters: by id and revision.
+        name: name of the takes that are created from the motion.
+        since_ns: start time, nanoseconds of the sensor's clock. Frames and holds may begin earlier.
+        frames: frames with tracked performers, in the order of time.
+        events: events of performers that attach to or release characters, in the order of time.
+        characters: the characters by id and revision.
         poses: the poses of each character, ordered by time.
     """
 
@@ -86,7 +84,7 @@ class PerformedMotion:
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
 
     def until(self, time_ns: int) -> PerformedMotion:
-        """Returns the part of the performance up to a time of the sensor's clock."""
+        """Returns the part of the performance up to a time of the sensor's clock, nanoseconds."""
         poses = {
             key: [pose for pose in track if pose.time_ns <= time_ns] for key, track in self.poses.items()
         }
@@ -103,16 +101,51 @@ class PerformedMotion:
         return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _is_moving(poses)]
 
 
+@dataclass(frozen=True)
+class PerformedCharacter:
+    """The performance of one character.
+
+    Attributes:
+        key: its id and revision on the stage.
+        performed: the whole performance.
+        merged: the performers, with one id per person.
+        begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
+        replaces: True if the performance replaces the earlier motion between its begin and its end.
+    """
+
+    key: Key
+    performed: PerformedMotion
+    merged: MergedPerformers
+    begin: int
+    replaces: bool
+
+    @property
+    def character(self) -> Character:
+        """The version of the character that was on the stage."""
+        return self.performed.characters[self.key]
+
+    @property
+    def poses(self) -> list[Pose]:
+        """Its poses, ordered by time."""
+        return self.performed.poses[self.key]
+
+    def span(self, project: Project) -> PunchIn:
+        """Returns the time span of the motion, in seconds of the project."""
+        first, last = (1e-9 * (pose.time_ns - self.begin) for pose in (self.poses[0], self.poses[-1]))
+        return PunchIn.of(project, first, last)
+
+
 def add_performance(
     project: Project, performed: PerformedMotion, begin: int, *, replaces: bool = False, beside: str = ""
 ) -> tuple[Project, tuple[str, ...]]:
-    """Returns a project with takes and layers of the performance, and the ids of the new content.
+    """Adds takes and layers of a performance to a project. Returns the project, and the ids of the new
+    content.
 
-    The layers are one of several alternatives (:mod:`enliven.modeling.edits.take_comping`), or the first of
-    new ones.
+    The layers form an alternative in a group of alternative takes
+    (:mod:`enliven.modeling.edits.take_comping`), either an existing or a new group.
 
     Args:
-        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
+        begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
         replaces: True if the recording replaces the earlier motion of the moved characters between its begin
             and end. If False, both play.
         beside: name of the group of alternative takes to which the recording is added. Empty creates a new
@@ -121,41 +154,31 @@ def add_performance(
     Raises:
         InputError: if the poses of a character are inconsistent.
     """
-    new_ids, before = list[str](), project
+    new_ids, old_project = list[str](), project
     own_frames = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
-    merged = merge_performers(own_frames, performed.events)
-    for clip in _performer_clips(merged, performed):
+    merged_performers = merge_performers(own_frames, performed.events)
+    for clip in _performer_clips(merged_performers, performed):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
         new_ids.append(list(project.takes)[-1])
     for key in performed.moved:
-        existing, poses = project.characters.get(key[0]), performed.poses[key]
-        character = performed.characters[key]
-        if isinstance(existing, Shape) and len(existing.skeleton) == len(poses[0].positions):
-            project = _add_motion_layer(project, existing, key, performed, begin, replaces=replaces)
-            new_ids.append(existing.id)
-        elif isinstance(existing, Puppet) and character.kind == "points":
-            project = _add_puppet_layer(project, existing, performed, merged, begin, replaces=replaces)
-            new_ids.append(existing.id)
-        elif isinstance(existing, GraphShape) and _keeps_earlier_motion(
-            project, existing, performed, key, begin, replaces=replaces
-        ):
-            holds = holds_from_frames(
-                performed.frames, performed.events, unused(performed.name, project.bodies)
-            )
-            punch = _motion_span(project, performed, key, begin) if replaces else None
-            project = add_overdub_layer(project, existing, key, character, poses, begin, holds, punch)
-            new_ids.append(existing.id)
+        motion = PerformedCharacter(key, performed, merged_performers, begin, replaces)
+        existing = project.characters.get(key[0])
+        add = None if existing is None else RECORDERS.get(existing.kind)
+        extended = None if add is None else add(project, existing, motion)
+        if extended is None:
+            project, name = _add_character(project, motion)
         else:
-            project, name = _add_character(project, key, performed, begin)
-            new_ids.append(name)
-    return group_as_take(before, project, performed.name, beside or performed.name), tuple(
+            project, name = extended, key[0]
+        new_ids.append(name)
+    return group_as_take(old_project, project, performed.name, beside or performed.name), tuple(
         dict.fromkeys(new_ids)
     )
 
 
 def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
-    """Returns one clip for each performer. Performers that held no character while others did are
-    onlookers."""
+    """Returns one clip for each performer. Performers that held no character, while others did, are named
+    onlookers.
+    """
     ids = {
         performer for event in performed.events for performer in (event.body, event.former, *event.holders)
     }
@@ -176,46 +199,50 @@ def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> li
     return clips
 
 
-def _motion_span(project: Project, performed: PerformedMotion, key: Key, begin: int) -> PunchIn:
-    """Returns the time span of a character's motion, in seconds of the project."""
-    poses = performed.poses[key]
-    first, last = (1e-9 * (pose.time_ns - begin) for pose in (poses[0], poses[-1]))
-    return PunchIn.of(project, first, last)
-
-
-def _keeps_earlier_motion(
-    project: Project, shape: GraphShape, performed: PerformedMotion, key: Key, begin: int, *, replaces: bool
-) -> bool:
-    """Returns True if a possessed mesh continues to play some of its earlier motion."""
+def _add_node_motion(project: Project, shape: GraphShape, motion: PerformedCharacter) -> Project | None:
+    """Adds the new motion of a possessed mesh on top of its earlier motion. Returns None if nothing remains
+    of its earlier motion.
+    """
     if not has_motion(project, shape):
-        return False
-    punch = _motion_span(project, performed, key, begin)
+        return None
+    span = motion.span(project)
     # Muted alternatives may be enabled again, so they must be kept.
     has_muted = any(layer.muted for layer in shape.playing)
-    return not replaces or has_muted or punch.leaves(project, shape.playing)
+    if motion.replaces and not has_muted and not span.leaves(project, shape.playing):
+        return None
+    performed, punch = motion.performed, span if motion.replaces else None
+    holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))
+    return add_overdub_layer(
+        project, shape, motion.key, motion.character, motion.poses, motion.begin, holds, punch
+    )
 
 
 def _is_moving(poses: Sequence[Pose]) -> bool:
-    first = poses[0]
+    first_pose = poses[0]
     return any(
-        max(np.abs(pose.positions - first.positions).max(), np.abs(pose.linear - first.linear).max())
+        max(
+            np.abs(pose.positions - first_pose.positions).max(), np.abs(pose.linear - first_pose.linear).max()
+        )
         > _MIN_MOTION
         for pose in poses
     )
 
 
-def _add_motion_layer(
-    project: Project, shape: Shape, key: Key, performed: PerformedMotion, begin: int, *, replaces: bool
-) -> Project:
-    """Returns a project in which the moved bones of a shape have an additional layer."""
-    used_poses, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
+def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter) -> Project | None:
+    """Adds a layer to the bones of a shape that moved. Returns None if the performed character has another
+    skeleton.
+    """
+    performed, replaces = motion.performed, motion.replaces
+    if len(shape.skeleton) != len(motion.poses[0].positions):
+        return None
+    used_poses, seconds, grid = even_times(motion.character, motion.poses, motion.begin)
     linear = between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid)
     root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
     local_turns = local_rotations(shape, from_matrix(linear))
     angles = 2 * np.arccos(np.minimum(np.abs(local_turns[:, :, 0]).min(0), 1.0))
-    moved = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()
+    moved_bones = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()
     travels = bool(np.ptp(root, axis=0).max() > _MIN_MOTION)
-    chains = _moved_limbs(shape, moved)
+    chains = _moved_limbs(shape, moved_bones)
     take = Clip(
         unused(f"{performed.name} on {shape.id}", project.takes),
         shape.skeleton,
@@ -240,33 +267,28 @@ def _add_motion_layer(
 
 
 def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
-    """Returns the chains of the bones that moved; a chain continues while exactly one child bone moved
-    too.
-    """
-    chains, below = list[tuple[int, ...]](), shape.skeleton.children
+    """Returns the chains of the bones that moved. A chain continues while exactly one child bone moved."""
+    chains, child_bones = list[tuple[int, ...]](), shape.skeleton.children
     for joint in moved:
         ended = [
             n
             for n, chain in enumerate(chains)
             if chain[-1] == single_bone_chain(shape, joint)[0] and chain != (0,)
         ]
-        if joint and ended and len(set(below[chains[ended[0]][-1]]) & set(moved)) == 1:
+        if joint and ended and len(set(child_bones[chains[ended[0]][-1]]) & set(moved)) == 1:
             chains[ended[0]] = (*chains[ended[0]], joint)
         else:
             chains.append(single_bone_chain(shape, joint))
     return chains
 
 
-def _add_puppet_layer(
-    project: Project,
-    puppet: Puppet,
-    performed: PerformedMotion,
-    merged: MergedPerformers,
-    begin: int,
-    *,
-    replaces: bool,
-) -> Project:
-    """Returns a project in which a puppet plays the take of the performer that held it last."""
+def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharacter) -> Project | None:
+    """Adds a layer to a puppet, with the take of the performer that last moved it. Returns None if performers
+    attached to its surface.
+    """
+    performed, merged = motion.performed, motion.merged
+    if motion.character.kind != puppet.kind:
+        return None
     holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
     performer = merged.people.get(holders[-1]) if holders else None
     frames = merged.frames if performer is None else merged.alone(performer)
@@ -275,9 +297,9 @@ def _add_puppet_layer(
         return project
     take = replace(clips[0], id=unused(clips[0].id, project.takes))
     first = next(frame.time_ns for frame in frames if frame.bodies)
-    layer = PuppetLayer(take.id, offset=(first - begin) * 1e-9)
+    layer = PuppetLayer(take.id, offset=(first - motion.begin) * 1e-9)
     layers: tuple[PuppetLayer, ...] = (*puppet.layers, layer)
-    if replaces:
+    if motion.replaces:
         punch = PunchIn.of(project, layer.offset, layer.end(take.duration))
         remaining = [
             silenced for old_layer in puppet.layers if (silenced := punch(project, old_layer)) is not None
@@ -287,34 +309,34 @@ def _add_puppet_layer(
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 
-def _is_bare(character: RigBase | None) -> bool:
-    """Returns True if a character is a mesh without motion. On a stage, performers can possess such a
-    mesh."""
-    return (
-        isinstance(character, Puppet) and character.mesh is not None and len(character.poses) < _MIN_EXAMPLES
-    )
-
-
-def _add_character(project: Project, key: Key, performed: PerformedMotion, begin: int) -> tuple[Project, str]:
-    """Returns a project with a performed character added. A possessed character with the same id is
-    replaced.
-    """
-    character, poses = performed.characters[key], performed.poses[key]
+def _add_character(project: Project, motion: PerformedCharacter) -> tuple[Project, str]:
+    """Adds a performed character to a project. A possessed character with the same id is replaced."""
+    key, performed, begin = motion.key, motion.performed, motion.begin
+    character, poses = motion.character, motion.poses
     existing = project.characters.get(key[0])
     if character.kind == "bones":
         renamed = replace(character, id=unused(key[0], project.characters))
-        still, clip, offset = shape_and_clip_from_poses(renamed, poses, begin)
+        rest_shape, clip, offset = shape_and_clip_from_poses(renamed, poses, begin)
         take = replace(clip, id=unused(f"{performed.name} on {renamed.id}", project.takes))
-        project, shape = play_clip(project, still, take)
+        project, shape = play_clip(project, rest_shape, take)
         return project.with_characters(shape.later(offset)), shape.id
-    is_replaced = isinstance(existing, GraphShape) or _is_bare(existing)
     holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))
-    rest = project.without(key[0]) if is_replaced else project
-    rest = add_character_motion(rest, key, character, poses, begin, [], holds)
-    name = list(rest.characters)[-1]
+    other_characters = project.without(key[0]) if existing is not None and existing.possessable else project
+    other_characters = add_character_motion(other_characters, key, character, poses, begin, [], holds)
+    name = list(other_characters.characters)[-1]
     order = {
-        character_id: rest.characters[character_id]
+        character_id: other_characters.characters[character_id]
         for character_id in project.characters
-        if character_id in rest.characters
+        if character_id in other_characters.characters
     }
-    return replace(rest, characters={**order, **rest.characters}), name
+    return replace(other_characters, characters={**order, **other_characters.characters}), name
+
+
+RECORDERS: dict[str, Callable[[Project, Any, PerformedCharacter], Project | None]] = {
+    Shape.kind: _add_bone_layers,
+    GraphShape.kind: _add_node_motion,
+    Puppet.kind: _add_puppet_layer,
+}
+"""For each kind of rig, the function that adds a performance to a character of the project. It returns None
+if the performance does not fit the character, which is then added as a new character. Register further kinds
+here."""

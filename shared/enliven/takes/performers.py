@@ -1,4 +1,4 @@
-"""The performers of a recording (re-identification): tracks of the same person are merged under one id.
+"""Re-identification of the performers in a recording: merges tracks of the same person under one id.
 
     merge_performers(frames, events) -> MergedPerformers     # enliven.frames.BodyFrame, in order
 
@@ -18,22 +18,25 @@ from enliven.person import Body, Joint
 from enliven.wire import HoldMessage
 
 _MAX_GAP_S = 3.0
-"""Maximum gap, seconds, between two tracks of the same person. Longer absences are mostly exits."""
+"""Maximum gap, seconds, between two tracks of the same person. After a longer absence, the person has usually
+left."""
 _SEARCH_RADIUS_M = 1.0
-"""Maximum distance, metres, from the place where a person was lost: the tracker's error and one step."""
+"""Maximum distance, metres, between the positions where a person is lost and found. It allows for the
+tracker's error and one step."""
 _WALKING_SPEED_M_PER_S = 1.5
 """Assumed walking speed of a lost person, metres per second."""
 _BLEND_NS = 300_000_000
-"""Duration, nanoseconds, of the blend from the held pose to the new pose. The blend ends when the person is
-found again."""
+"""Duration, nanoseconds, of the blend from the last known pose to the new pose. The blend ends when the
+person is found again."""
 
 
 @dataclass
 class MergedPerformers:
-    """Frames with one id for each person.
+    """Frames of a recording in which each person has a single id.
 
     Attributes:
-        frames: in the order of time; a lost person holds still until they are found.
+        frames: the frames in the order of time. A lost person stays in the last known pose until they are
+            found.
         people: maps each id of the tracker to the person's first id.
     """
 
@@ -41,7 +44,7 @@ class MergedPerformers:
     people: dict[int, int] = field(default_factory=dict)
 
     def alone(self, person: int) -> list[BodyFrame]:
-        """Returns the frames with only one person."""
+        """Returns the frames, with only one person in them."""
         return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
 
     @property
@@ -51,27 +54,27 @@ class MergedPerformers:
 
 
 def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] = ()) -> MergedPerformers:
-    """Returns frames in which every person has one id from the first to the last frame.
+    """Merges tracks, so that every person has one id from the first to the last frame.
 
-    A track continues an earlier track if a hold was handed over to it. It also does so if it begins soon
-    after the earlier track has ended, near the place where that track ended. If there are several such
-    tracks, the nearest is chosen.
+    A track continues an earlier track if the hold of the earlier track was handed over to it. It also
+    continues a track that ended shortly before, near the same position. If there are several such tracks, the
+    nearest is chosen.
     """
     handed = {event.body: event.former for event in events if event.mode == "take over" and event.former >= 0}
     people: dict[int, int] = {}
-    last: dict[int, tuple[int, Float]] = {}
-    merged: list[BodyFrame] = []
+    last_sightings: dict[int, tuple[int, Float]] = {}
+    merged_frames: list[BodyFrame] = []
     for frame in frames:
         present = {people[body.id] for body in frame.bodies if body.id in people}
         for body in frame.bodies:
             if body.id not in people:
-                people[body.id] = _find_person(body, frame.time_ns, handed, people, last, present)
+                people[body.id] = _find_person(body, frame.time_ns, handed, people, last_sightings, present)
                 present.add(people[body.id])
         bodies = [replace(body, id=people[body.id]) for body in frame.bodies]
         unique = {body.id: body for body in reversed(bodies)}
-        merged.append(replace(frame, bodies=list(reversed(unique.values()))))
-        last |= {body.id: (frame.time_ns, _floor_position(body)) for body in unique.values()}
-    return MergedPerformers(_bridge_losses(merged), people)
+        merged_frames.append(replace(frame, bodies=list(reversed(unique.values()))))
+        last_sightings |= {body.id: (frame.time_ns, _floor_position(body)) for body in unique.values()}
+    return MergedPerformers(_bridge_losses(merged_frames), people)
 
 
 def _find_person(
@@ -83,31 +86,34 @@ def _find_person(
     present: set[int],
 ) -> int:
     """Returns the person that a new track belongs to: a lost person, or a new one."""
-    former = people.get(handed.get(body.id, -1))
-    if former is not None and former not in present:
-        return former
+    handed_person = people.get(handed.get(body.id, -1))
+    if handed_person is not None and handed_person not in present:
+        return handed_person
     lost = {person: sighting for person, sighting in last.items() if person not in present}
     gaps = {person: (time_ns - seen_ns) * 1e-9 for person, (seen_ns, _) in lost.items()}
-    away = {
-        person: float(np.linalg.norm(_floor_position(body) - place)) for person, (_, place) in lost.items()
+    distances = {
+        person: float(np.linalg.norm(_floor_position(body) - last_position))
+        for person, (_, last_position) in lost.items()
     }
     recent = [person for person, gap in gaps.items() if gap <= _MAX_GAP_S]
-    near = [
+    reachable = [
         person
         for person in recent
-        if away[person] <= _SEARCH_RADIUS_M + _WALKING_SPEED_M_PER_S * gaps[person]
+        if distances[person] <= _SEARCH_RADIUS_M + _WALKING_SPEED_M_PER_S * gaps[person]
     ]
-    return min(near, key=lambda person: away[person], default=body.id)
+    return min(reachable, key=lambda person: distances[person], default=body.id)
 
 
 def _floor_position(body: Body) -> Float:
-    """Returns (2,) metres, the floor position of a body's hips; far away if it is not known."""
-    place = body.joints[Joint.HIP_CENTER, [0, 2]]
-    return place if np.isfinite(place).all() else np.full(2, 1e6)
+    """Returns (2,) the floor position of a body's hips, metres; a far away position if it is unknown."""
+    position = body.joints[Joint.HIP_CENTER, [0, 2]]
+    return position if np.isfinite(position).all() else np.full(2, 1e6)
 
 
 def _bridge_losses(frames: list[BodyFrame]) -> list[BodyFrame]:
-    """Adds frames in which each lost person holds still until shortly before they are found again."""
+    """Adds frames in which each lost person stays in the last known pose until shortly before they are found
+    again.
+    """
     added: dict[int, list[Body]] = {}
     last_seen: dict[int, tuple[int, Body]] = {}
     for frame in frames:

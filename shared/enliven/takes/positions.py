@@ -4,7 +4,7 @@
     rest_from_positions(parents, at_rest, positions) -> (N, 3)    # the rest pose with median bone lengths
     fill_unseen(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
 
-Every bone points along its joints; its twist relative to the parent bone is minimal.
+Every bone points from its parent joint to its joint. Its twist relative to the parent bone is minimal.
 """
 
 from __future__ import annotations
@@ -16,23 +16,25 @@ import numpy as np
 from enliven.arrays import AnyArray, Bool, Float
 from enliven.document import Skeleton
 from enliven.kernels import njit
-from enliven.motion.kinematics import about, cross, dot, length, load, minus, mul, row, store, swing_to, turn
+from enliven.motion.kinematics.quaternions import load, mul, store, turn
+from enliven.motion.kinematics.vectors import about, cross, dot, length, minus, row, swing_to
 from enliven.rotation import nearest_quaternion
 
 _MIN_DIRECTION_LENGTH_M = 1e-6
-"""Length, metres, below which a bone has no direction."""
+"""Minimum length, metres, of a bone with a defined direction."""
 
 
 def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float | None = None) -> Float:
-    """Returns (F, N, 4) world rotations since rest that point every bone along its joints.
+    """Computes world rotations since rest (F, N, 4) that point every bone from its parent joint to its joint.
 
-    A bone swings by the shortest arc from the direction to which its parent carries it. The root, and a bone
-    with several child bones, also twist to fit these best: hips turn the pelvis, shoulders the chest.
+    A bone first rotates with its parent, then swings by the shortest arc. The root, and bones with several
+    child bones, also twist so that the child bones fit best. So the hips rotate the pelvis, and the shoulders
+    rotate the chest.
 
     Args:
         positions: (F, N, 3) metres.
-        known: (F, N, 4) measured rotations since rest. The result keeps them, except for a swing that points
-            the bone along its joints.
+        known: (F, N, 4) measured rotations since rest. The result equals them, apart from a swing that points
+            the bone at its joint.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
     known_turns = (
@@ -57,24 +59,24 @@ def rest_from_positions(parents: AnyArray, at_rest: Float, positions: Float) -> 
 def fill_unseen(parents: AnyArray, positions: Float, seen: Bool) -> Float:
     """Returns (F, N, 3) positions, with unseen joints interpolated from their parent and the adjacent frames.
 
-    The offset from the parent is interpolated in time; a joint that was never seen stays unchanged.
+    The offset from the parent is interpolated in time. A joint that was never seen stays unchanged.
     """
     completed = np.array(positions, np.float64)
     frames = np.arange(len(positions))
     for j, parent in enumerate(parents):
-        sure = seen[:, j] if parent < 0 else seen[:, j] & seen[:, parent]
+        is_seen = seen[:, j] if parent < 0 else seen[:, j] & seen[:, parent]
         base = np.zeros_like(completed[:, j]) if parent < 0 else completed[:, parent]
         raw = positions[:, j] if parent < 0 else positions[:, j] - positions[:, parent]
         link = raw.copy()
-        if sure.any() and not sure.all():
+        if is_seen.any() and not is_seen.all():
             for axis in range(3):
-                link[~sure, axis] = np.interp(frames[~sure], frames[sure], raw[sure, axis])
+                link[~is_seen, axis] = np.interp(frames[~is_seen], frames[is_seen], raw[is_seen, axis])
         completed[:, j] = base + link
     return completed
 
 
 def _unit_direction(v: Float) -> Float:
-    """Returns unit vectors; up for a vector of zero length."""
+    """Returns unit vectors; +Y for a vector of zero length."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.asarray(
         np.where(
@@ -109,7 +111,9 @@ def point_bones(parents, vectors, positions, known, turns):
 
 @njit(cache=True, nogil=True)
 def root_turn(parents, vectors, positions):
-    """Returns the rotation that fits the root's own bones best (Kabsch); one bone alone is a swing."""
+    """Returns the rotation that best fits the bones that begin at the root (Kabsch). A single bone is only
+    swung.
+    """
     moment = np.zeros((3, 3))
     count, only = 0, 0
     for j in range(1, len(parents)):
@@ -139,10 +143,11 @@ def swung(q, rest, now):
 
 @njit(cache=True, nogil=True)
 def twisted(parents, vectors, positions, joint, q):
-    """Returns ``q`` twisted about its bone so that its child bones fit best, if there are several.
+    """Returns ``q`` with an additional twist about its bone, so that the child bones fit best. There is no
+    twist unless there are several child bones.
 
-    Let a and b be the components perpendicular to the bone of a child, as carried and actual. The angle is
-    atan2(sum (a x b).n, sum a.b): the least squares fit of one angle.
+    Let a and b be the components of a child bone perpendicular to the bone, as predicted by ``q`` and as
+    measured. The angle is atan2(sum (a x b).n, sum a.b), the least squares fit of a single angle.
     """
     bone = row(vectors, joint)
     size = length(bone)

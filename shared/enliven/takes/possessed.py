@@ -1,10 +1,10 @@
-"""Possessed meshes from a recorded take: the recorded motion of a mesh and its nodes, ready for editing.
+"""Reads possessed meshes from a recorded take: the motion of a mesh and its nodes, ready for editing.
 
     project = read_possessed("take.mcap")          # a graph shape and a stream for each possessed mesh
 
-The file was recorded by ``enliven run``: the transmitted characters and poses. For a puppet that was
-performed live, the control points were recorded. Its surface is solved again and baked to nodes
-(:mod:`enliven.examples.baking.bake`), with a note of the error.
+``enliven run`` recorded the file. It contains the transmitted characters and poses. For a puppet that was
+performed live, it contains the control points. The surface of such a puppet is solved again and baked to
+nodes (:mod:`enliven.examples.baking.bake`), with a note about the error.
 """
 
 from __future__ import annotations
@@ -32,11 +32,14 @@ from enliven.document import (
     unused,
 )
 from enliven.errors import EnlivenError, InputError
-from enliven.examples.baking import BakeSettings, SurfaceFrames, bake_surface
+from enliven.examples.baking.bake import bake_surface
+from enliven.examples.baking.frames import SurfaceFrames
+from enliven.examples.baking.settings import BakeSettings
 from enliven.files import DAMAGE
 from enliven.meshes import Mesh
-from enliven.modeling.possessed import between, even_times, mark_as_solved, stream_of
-from enliven.modeling.puppet import graph_of
+from enliven.modeling.possessed.even_steps import between, even_times, stream_of
+from enliven.modeling.possessed.solving import mark_as_solved
+from enliven.modeling.puppet.baking import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
 from enliven.takes.body_takes import RecordedHolds, body_take_from_file, recorded_holds
@@ -54,11 +57,11 @@ _MIN_MOVING_POSES = 2
 
 
 def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
-    """Returns the possessed meshes and puppets of a take with their motion, as a project.
+    """Reads the possessed meshes and puppets of a take with their motion, as a project.
 
-    Poses arrive at the sensor's rate. A stream has them at even steps (their median interval), interpolated
-    between neighbours. A mesh that was possessed again with other nodes becomes another shape. Every stream
-    begins at its time in the take. The first pose of the take is at 0 seconds.
+    Poses were recorded at the sensor's rate. In a stream they are resampled by interpolation to even steps
+    (their median interval). A mesh that was possessed again with other nodes becomes another shape. Every
+    stream begins at its time in the take. The first pose of the take is at 0 seconds.
 
     Args:
         notes: list to which a sentence about the error of each baked puppet is appended.
@@ -77,20 +80,20 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         messages: list[str] = [] if notes is None else notes
         project = add_character_motion(project, key, character, own_poses, begin, messages, holds)
     if not project.graphs:
-        mend = "Possess a mesh and record it: enliven run."
-        raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
+        advice = "Possess a mesh and record it: enliven run."
+        raise InputError("no possessed mesh moves in it", where=str(path), remedy=advice)
     return project
 
 
 def read_possession(path: str | Path, character: str = "") -> tuple[Project, str, BodyTake, Possession]:
-    """Returns the performers in a recording that possess a mesh.
+    """Reads the performers in a recording that moved a possessed mesh.
 
     Args:
-        character: id of a possessed mesh; empty for the first.
+        character: id of a possessed mesh; empty for the first one.
 
     Returns:
-        The recording as a project, the mesh's id in it, its performers, and their holds. If a recording
-        contains no holds, the id is empty, and the first performer attaches at once.
+        The recording as a project, the mesh's id in it, its performers, and their holds. If the recording
+        contains no holds, the id is empty, and the first performer attaches at the start.
 
     Raises:
         InputError: if the file is not a recording, the character does not exist, or no performer is in it.
@@ -100,8 +103,8 @@ def read_possession(path: str | Path, character: str = "") -> tuple[Project, str
         project = read_possessed(path)
         possessions = {k: p.possession for k, g in project.graphs.items() for p in g.parts if p.possession}
         if character and character not in possessions:
-            mend = f"Known: {', '.join(possessions) or 'none'}."
-            raise InputError(f"nobody possessed {character!r}", where=str(path), mend=mend)
+            advice = f"Known: {', '.join(possessions) or 'none'}."
+            raise InputError(f"nobody possessed {character!r}", where=str(path), remedy=advice)
         for name, possession in possessions.items():
             if not character or name == character:
                 return project, name, project.bodies[possession.take], possession
@@ -114,7 +117,7 @@ _Key = tuple[str, int]
 
 
 def read_characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], dict[_Key, list[Pose]]]:
-    """Returns characters and poses by id and revision; unreadable messages are skipped."""
+    """Reads characters and poses by id and revision. Unreadable messages are skipped."""
     characters: dict[_Key, Character] = {}
     codecs: dict[_Key, PoseCodec] = {}
     poses: dict[_Key, list[Pose]] = {}
@@ -150,14 +153,14 @@ def add_character_motion(
     notes: list[str],
     holds: RecordedHolds | None,
 ) -> Project:
-    """Returns the project with the recorded motion of a character, at even steps.
+    """Adds the recorded motion of a character to a project, resampled to even steps.
 
     A possessed mesh includes its performers and can be solved again; its motion begins when they appear.
 
     Args:
         key: id and revision of the character.
-        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        holds: the recording's, or None.
+        begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
+        holds: the holds in the recording, or None.
     """
     ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
@@ -187,7 +190,7 @@ def _bake_puppet(
     ids: tuple[str, str],
     notes: list[str],
 ) -> tuple[GraphShape, PoseStream]:
-    """Returns a puppet's baked shape and stream: its surface is solved at the times ``grid`` (G,)."""
+    """Bakes a puppet to a shape and a stream. Its surface is solved at the times ``grid`` (G,), seconds."""
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])
@@ -204,7 +207,7 @@ def _bake_puppet(
 
 
 def _puppet_from_character(character: Character) -> Puppet:
-    """Returns the puppet of a character: its mesh with its control points, without layers."""
+    """Converts a character back to a puppet: its mesh with its control points, without layers."""
     assert character.held is not None
     pulls = np.zeros(len(character.held)) if character.pulls is None else character.pulls
     points = tuple(

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 from enliven.document import LayerBase, Project, Ref, Segment, unused
 
 FADE_S = 0.1
-"""Duration, seconds, of the cross-fade between a recording and the motion that it replaces. No jump is
-visible, and no beat of a performance is lost."""
+"""Duration, seconds, of the cross-fade between a recording and the motion that it replaces. It is long enough
+that no jump is visible, and shorter than a beat of a performance."""
 _HELD_CLIP_SPEED = 1e-9
-"""Speed, in seconds of a take per second of a lane, of a clip that holds one frame, because a clip's speed
+"""Speed, in seconds of the take per second of the lane, of a clip that shows a single frame. A clip's speed
 cannot be 0."""
 _MIN_CLIP_S = 1e-3
 """Minimum length of a clip, seconds. A shorter clip would not show any frame of a take."""
@@ -35,18 +35,17 @@ class PunchIn:
 
     @classmethod
     def of(cls, project: Project, begin: float, end: float) -> PunchIn:
-        """Returns a time span of a project. ``until`` is the end of all content of the project."""
-        ends = (project.end_of(character) for character in project.characters.values())
-        return cls(begin, end, max([end, *ends]))
+        """Creates a time span in a project. ``until`` is set to the end of all content of the project."""
+        end_times = (project.end_of(character) for character in project.characters.values())
+        return cls(begin, end, max([end, *end_times]))
 
     def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
-        """Returns a layer that is silenced within the span and plays elsewhere as before; None if nothing is
-        left.
+        """Mutes a layer within the span. Elsewhere, it plays as before. Returns None if no motion is left.
 
         A muted layer is returned unchanged.
 
-        If the layer held a frame beyond its ends, it gets clips that hold these frames. At the span it fades
-        over :data:`FADE_S`, or over its own ease if it does not hold.
+        If the layer holds its first and last frames, it gets clips that hold these frames. At the ends of the
+        span, it fades over :data:`FADE_S`, or over its own ``ease`` if it does not hold frames.
         """
         if layer.muted:
             return layer
@@ -87,7 +86,7 @@ class PunchIn:
         return replace(silenced, **changes)  # type: ignore[type-var]
 
     def leaves(self, project: Project, layers: Sequence[LayerBase]) -> bool:
-        """Returns True if any motion of the layers is left outside of the span."""
+        """Returns True if the layers have any motion outside of the span."""
         return any(not layer.muted and self(project, layer) is not None for layer in layers)
 
     @property
@@ -100,7 +99,9 @@ class PunchIn:
         return (self.end - self.begin) / 2.0
 
     def _layer_clips(self, layer: LayerBase, length: float, ease: float) -> list[Segment]:
-        """Returns the clips of a layer, including repetitions and held frames, in the order of time."""
+        """Returns the clips of a layer in the order of time, including repetitions of loops and held
+        frames.
+        """
         clips = list(layer.clips(length))
         if layer.loop:
             lasts = layer.lasting(length)
@@ -126,26 +127,28 @@ class PunchIn:
 
 
 def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
-    """Returns clips sorted by begin and end. Blended clips that the span cut at the same time are
-    separated."""
-    ordered = list[Segment]()
+    """Returns clips sorted by begin and end. If the span cuts two blended clips at the same time, their times
+    are separated slightly.
+    """
+    separated_clips = list[Segment]()
     for clip in clips:
-        if ordered and clip.end <= ordered[-1].end:
-            clip = replace(clip, end=ordered[-1].end + _MIN_CLIP_S)
-        if ordered and clip.begin <= ordered[-1].begin:
-            start = ordered[-1].begin + _MIN_CLIP_S
+        if separated_clips and clip.end <= separated_clips[-1].end:
+            clip = replace(clip, end=separated_clips[-1].end + _MIN_CLIP_S)
+        if separated_clips and clip.begin <= separated_clips[-1].begin:
+            start = separated_clips[-1].begin + _MIN_CLIP_S
             clip = replace(clip, begin=start, first=clip.second(start))
-        ordered.append(clip)
-    return ordered
+        separated_clips.append(clip)
+    return separated_clips
 
 
 def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: PunchIn) -> Project:
-    """Returns a project in which the layers on the bones of a chain are silenced in a span.
+    """Mutes the layers on the bones of a chain within a span. Returns the edited project.
 
-    Other bones keep them. A layer without any remaining motion is removed from the bones; its take stays.
+    On other bones, the layers do not change. A layer without any remaining motion is removed from the bones.
+    Its take stays in the project.
 
     Args:
-        chain: joints of the shape, each the child of the one before.
+        chain: joints of the shape, each the child of the previous one.
     """
     shape = project.shape(shape_id)
     bones = chain[1:] if len(chain) > 1 else chain

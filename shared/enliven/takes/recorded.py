@@ -3,8 +3,8 @@
     clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
     clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
-Bodies come from the tracking of a sensor, from ``enliven track`` on depth, or from the published messages of
-an edge. Depth alone has to be tracked first.
+Bodies come from the tracking of a sensor, from ``enliven track`` on depth images, or from the published
+messages of an edge. A recording with only depth images must be tracked first.
 """
 
 from __future__ import annotations
@@ -49,15 +49,16 @@ class TakeSettings:
 def clips_of_recording(
     path: Path | str, *, settings: TakeSettings | None = None, whole: bool = False
 ) -> list[Clip]:
-    """Returns a clip for each visit of a person; a person that leaves and comes back has several.
+    """Returns one clip for each visit of a person. A person that leaves and comes back has several clips.
 
-    The rest pose is the first observed pose; ``clip_of_bodies`` takes any other.
+    The rest pose is the first observed pose. Use ``clip_of_bodies`` for another rest pose.
 
     Args:
-        whole: True returns one clip for each person instead, which holds still while the person is lost.
+        whole: True returns one clip for each person instead. While the person is lost, the clip stays in the
+            last known pose.
 
     Raises:
-        InputError: if the file is not a recording, or no person is in it for long enough.
+        InputError: if the file is not a recording, or if every person is in it too briefly.
     """
     path = Path(path)
     recording = Recording(path)
@@ -67,16 +68,18 @@ def clips_of_recording(
         chosen, frames = replace(chosen, gap=math.inf), iter(merge_performers(observed).frames)
     clips = clips_of_frames(frames, path.stem, chosen)
     if not clips and DEPTH_TOPIC in recording.info.topics:
-        mend = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
-        raise InputError("it holds depth, and no bodies yet", where=str(path), mend=mend)
+        advice = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
+        raise InputError("it holds depth, and no bodies yet", where=str(path), remedy=advice)
     if not clips:
-        mend = "Record a performance that lasts longer."
-        raise InputError("no performer is in it for long enough to make a take", where=str(path), mend=mend)
+        advice = "Record a performance that lasts longer."
+        raise InputError(
+            "no performer is in it for long enough to make a take", where=str(path), remedy=advice
+        )
     return clips
 
 
 def read_body_frames(recording: Recording) -> Iterator[Frame]:
-    """Yields the bodies of a recording: those of its sensors, or those that an edge published.
+    """Yields frames with the bodies of a recording: from its sensors, or published by an edge.
 
     Unreadable messages are skipped.
     """
@@ -92,10 +95,10 @@ def read_body_frames(recording: Recording) -> Iterator[Frame]:
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
-    """Returns clips of frames in the order of time, named after ``name``; see :func:`clips_of_recording`.
+    """Converts frames to clips in the order of time, named after ``name``; see :func:`clips_of_recording`.
 
-    Bodies at a single time, for example from a single depth image, give clips of one pose that is held for a
-    step.
+    If there is only a single time, for example a single depth image, each clip contains one pose for the
+    duration of a step.
     """
     visits = _find_visits(frames, settings.gap)
     if len({ns for visit in visits for ns, _ in visit}) == 1:
@@ -107,11 +110,11 @@ def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) 
 
 
 _Visit = list[tuple[int, Body]]
-"""Times in nanoseconds, ascending, with the body of one person at each."""
+"""A visit of a person: ascending times in nanoseconds, and the body at each time."""
 
 
 def _find_visits(frames: Iterable[Frame], max_gap: float) -> list[_Visit]:
-    """Returns the visits of the frames' people in the order of arrival, each from appearance to
+    """Returns the visits of all people in the order of arrival. A visit lasts from appearance to
     disappearance.
     """
     visits: list[_Visit] = []

@@ -1,4 +1,4 @@
-"""Rigged models from a recording: a live performance on a skeleton, as a shape and its clip.
+"""Reconstructs rigged models from a recording: a live performance on a skeleton becomes a shape and a clip.
 
 Transmitted characters have transforms and the geometry between them, but no joints. So the joints are
 reconstructed: a bone begins at its pivot, and bones with the same pivot begin at the same joint.
@@ -21,11 +21,12 @@ from enliven.takes.possessed import between, even_times
 def shape_and_clip_from_poses(
     character: Character, poses: Sequence[Pose], begin: int = 0
 ) -> tuple[Shape, Clip, float]:
-    """Returns a rigged character as a shape, its motion at even steps, and the second at which that begins.
+    """Converts a rigged character to a shape and a clip with even steps. Returns both, and the time in
+    seconds at which the clip begins.
 
     Args:
         poses: at least two, in the order of time.
-        begin: nanoseconds of the time that is 0 seconds.
+        begin: time of 0 seconds, nanoseconds.
 
     Raises:
         InputError: if a bone has no parent, or the poses are too few or too far apart.
@@ -40,7 +41,8 @@ def shape_and_clip_from_poses(
 
 
 def skeleton_from_bones(character: Character) -> Skeleton:
-    """Returns the skeleton of a character with bones: joint j is the end of bone j, moved by transform j.
+    """Reconstructs the skeleton of a character with bones. Joint j is the end of bone j, which transform j
+    moves.
 
     Raises:
         InputError: if a bone has no parent.
@@ -57,7 +59,7 @@ def skeleton_from_bones(character: Character) -> Skeleton:
             begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
             if not len(begins):
                 problem = f"its bone {bone} has no parent"
-                raise InputError(problem, where=f"character {character.id!r}", mend="Record it again.")
+                raise InputError(problem, where=f"character {character.id!r}", remedy="Record it again.")
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):
         positions[bone] = _limb_end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])
@@ -66,7 +68,9 @@ def skeleton_from_bones(character: Character) -> Skeleton:
 
 
 def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> Float:
-    """Returns (3,) the end of a limb's last bone: twice as far as its vertices' centre, or straight on."""
+    """Returns (3,) the end of a limb's last bone: twice as far from its start as the centre of its vertices
+    or, without vertices, straight on.
+    """
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
     bone_vertices = character.vertices[strongest == bone]
     return np.asarray(

@@ -1,4 +1,4 @@
-"""The rigid motion that most of the nodes of a mesh share."""
+"""Finds the rigid motion that most nodes of a mesh share."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
 _REWEIGHTING_ITERATIONS = 12
-"""Iterations of reweighted least squares. The last ones move a chair by less than a millimetre."""
+"""Number of iterations of reweighted least squares. The last iterations change the result by less than a
+millimetre on a chair."""
 _MIN_WEIGHTED_DISTANCE_M = 2e-3
-"""Distance, metres, below which weights no longer grow: the quantization step of transmitted poses."""
+"""Residual, metres, below which the weight of a node no longer grows: the quantization step of transmitted
+poses."""
 
 
 def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
-    """Returns the rotations (F, 3, 3) and translations (F, 3) from rest (N, 3) to most of positions (F, N,
-    3).
+    """Returns the rotations (F, 3, 3) and translations (F, 3) that move ``rest`` (N, 3) to most of the
+    ``positions`` (F, N, 3).
 
     It is the rigid motion with the smallest sum of distances, computed by iteratively reweighted least
     squares (Weiszfeld's algorithm). A minority of nodes that move differently has hardly any effect.
@@ -47,7 +49,7 @@ def _fit_shared_motion(positions, rest, turns, moves):
 
 @njit(cache=True, nogil=True)
 def _weighted_moments(positions, rest, weights, middle, centre, spread):
-    """Computes both weighted centres, and sum w (p - middle) (r - centre)^T over the sum of weights."""
+    """Computes both weighted centres, and the covariance sum w (p - middle) (r - centre)^T / sum w."""
     total = weights.sum()
     middle[:], centre[:], spread[:] = 0.0, 0.0, 0.0
     for n in range(rest.shape[0]):
@@ -63,7 +65,9 @@ def _weighted_moments(positions, rest, weights, middle, centre, spread):
 
 @njit(cache=True, nogil=True)
 def _update_weights(positions, rest, turn, move, weights):
-    """Sets each weight to one over the distance of its node from its position under the motion."""
+    """Sets the weight of each node to 1 / residual. The residual is the distance between the node and its
+    position under the motion.
+    """
     for n in range(rest.shape[0]):
         square = 0.0
         for i in range(3):

@@ -18,6 +18,7 @@ from .convert_characters import (
     message_to_character as message_to_character,
 )
 from .envelope import (
+    VERSION as VERSION,
     MalformedMessageError as MalformedMessageError,
     OtherVersionError as OtherVersionError,
     RejectCounter as RejectCounter,
@@ -27,6 +28,8 @@ from .envelope import (
     pack_control as pack_control,
     pack_stream as pack_stream,
     pack_payload as pack_payload,
+    pack_recorded as pack_recorded,
+    pack_topic as pack_topic,
     reply_prefix as reply_prefix,
     reply_number as reply_number,
     unpack_control as unpack_control,
@@ -36,6 +39,7 @@ from .fields import (
     MAX_CHARACTERS as MAX_CHARACTERS,
     MAX_EXAGGERATION as MAX_EXAGGERATION,
     MAX_GROWTH as MAX_GROWTH,
+    MAX_ID_LENGTH as MAX_ID_LENGTH,
     MAX_LATCHED_MESSAGES as MAX_LATCHED_MESSAGES,
     MAX_PART_BYTES as MAX_PART_BYTES,
     MAX_PHRASES as MAX_PHRASES,
@@ -45,9 +49,8 @@ from .fields import (
 )
 from .heartbeat import receive_heartbeat as receive_heartbeat
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
-from .pairing_client import pair_with_edge as pair_with_edge, show_pairing_code as show_pairing_code
 from .ports import free_ports as free_ports
-from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
+from .posecode import PoseCodec as PoseCodec, spanning_tree as spanning_tree, warm_up as warm_up
 from .requests import (
     NEEDED_ROLES as NEEDED_ROLES,
     REQUESTS as REQUESTS,
@@ -76,11 +79,13 @@ from .requests import (
     Release as Release,
     RemoveCharacter as RemoveCharacter,
     Resize as Resize,
+    LearnRoom as LearnRoom,
     Listen as Listen,
     PlayPhysics as PlayPhysics,
     Reply as Reply,
     Request as Request,
     Scan as Scan,
+    ScanMode as ScanMode,
     ShowCode as ShowCode,
     ShownCode as ShownCode,
     Smooth as Smooth,
@@ -93,6 +98,11 @@ from .scans import (
     ScanMessage as ScanMessage,
     ScanPieceMessage as ScanPieceMessage,
     ThingWord as ThingWord,
+)
+from .single_requests import (
+    pair_with_edge as pair_with_edge,
+    send_order as send_order,
+    show_pairing_code as show_pairing_code,
 )
 from .sockets import (
     CONTROL_PORT as CONTROL_PORT,

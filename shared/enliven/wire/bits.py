@@ -1,9 +1,10 @@
-"""Rice codes: small signed integers in few bits, any integer in a bounded number of bits.
+"""Rice codes: they store small signed integers in few bits, and any integer in a bounded number of bits.
 
 An integer n is folded to u = 2n or -2n - 1, so that small magnitudes stay small (zigzag). It is written as u
 >> k ones, a zero, and the low k bits of u (Rice, "Some practical universal noiseless coding techniques", JPL
 79-22, 1979). ``ESCAPE`` ones announce ``ESCAPE_BITS`` raw bits instead, which bounds the worst case. A column
-of numbers shares one k, the cheapest for it. ``ALL_ZERO`` in place of k means that the whole column is zero.
+of numbers shares one k, the one with the fewest bits. ``ALL_ZERO`` in place of k means that the whole column
+is zero.
 """
 
 from __future__ import annotations
@@ -21,14 +22,18 @@ ESCAPE_BITS: Any = np.int64(22)
 LIMIT = int(2 ** (ESCAPE_BITS - 1) - 1)
 """The largest magnitude that can be encoded."""
 ALL_ZERO = 15
-"""The parameter of a column of zeros, which takes no further bits."""
+"""The parameter value for a column of zeros, which needs no further bits."""
 PARAMETER_BITS: Any = np.int64(4)
-"""Bits of a parameter. It is an int64, because a plain int would be a different type for the compiler."""
+"""Number of bits of a parameter. It is an int64, because a plain int would be a different type for the
+compiler.
+"""
 
 
 @njit(cache=True, nogil=True)
 def best_parameter(column: Int32) -> tuple[int, int]:
-    """Returns the cheapest Rice parameter of an (N,) column, and its bits including the parameter."""
+    """Returns the Rice parameter of an (N,) column with the fewest bits, and the number of bits including the
+    parameter.
+    """
     if not column.any():
         return ALL_ZERO, PARAMETER_BITS
     best, best_cost = 0, 2**62
@@ -106,7 +111,7 @@ def _read_bits(data: UInt8, at: int, count: int) -> int:
 def decode_columns(data: UInt8, table: Int32) -> bool:
     """Fills an (N, C) table from the bytes of :func:`encode_columns`. Returns False for invalid bytes.
 
-    Every bit is checked: too few bytes, an extra byte, or a one in the padding is refused.
+    Too few bytes, an extra byte, or a one in the padding is invalid.
     """
     rows, columns = table.shape
     at: Any = np.int64(0)

@@ -9,8 +9,9 @@ from msgspec import Meta, Struct
 from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, check_length
 
 MAX_ITERATIONS = 100
-"""Maximum iterations per frame. 3 are usual. A larger number from an untrusted sender would overload a
-viewer."""
+"""Maximum number of iterations per frame. 3 are usual. A larger number from an untrusted sender would
+overload a viewer.
+"""
 MAX_STIFFNESS = 1e6
 """Maximum weight of a hold and maximum stretch, far above useful values. It limits numbers from untrusted
 senders."""
@@ -22,11 +23,11 @@ overload a viewer."""
 MAX_MATERIALS = 1024
 """Maximum number of materials, and of textures, of a character: detailed characters have dozens."""
 MAX_DEFINITION = 16 * 1024
-"""Maximum length of a material's JSON: with all of its extensions it has a few thousand characters."""
+"""Maximum length of a material's JSON in characters. With all of its extensions it has a few thousand."""
 MAX_TEXTURE_BYTES = 16 * 1024 * 1024
 """Maximum bytes of all encoded textures of a character. Beyond it, vertex colours are sent instead."""
 MAX_JOINT_NAME = 128
-"""Maximum length of a joint's name: names built from paths and namespaces have about 60 characters."""
+"""Maximum length of a joint's name in characters. Names built from paths and namespaces have about 60."""
 JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
 
 
@@ -49,7 +50,7 @@ class SurfaceMessage(Struct, frozen=True):
 
 
 class TextureMessage(Struct, frozen=True):
-    """An encoded image, PNG or JPEG, and the JSON of its glTF sampler. Neither is decoded in transit."""
+    """An encoded image (PNG or JPEG) and the JSON of its glTF sampler. Neither is decoded in transit."""
 
     image: Annotated[bytes, Meta(min_length=8, max_length=MAX_TEXTURE_BYTES)]
     sampler: Annotated[str, Meta(max_length=MAX_DEFINITION)] = ""
@@ -79,24 +80,26 @@ class MaterialsMessage(Struct, frozen=True):
 class CharacterMessage(Struct, tag=True, frozen=True):
     """A whole character, in answer to :class:`GetState`.
 
-    For programs without support for control points, the kind is "bones" with complete skin weights. They show
-    one rigid piece.
+    If the receiver may not support control points, the kind is "bones" with complete skin weights. Such a
+    receiver shows one rigid piece.
 
     Attributes:
         kind: "points" only if skin weights are left out. A character with ``held`` is always of this kind.
         vertices: (V, 3) float32 metres.
         faces: (F, 3) int32.
-        indices: (V, 4) uint16. Empty for kind "points": all vertices follow the first transform.
-        weights: (V, 4) float32. Empty in the same case.
-        pivots: (J, 3) float32 metres.
-        edges: (E, 2) int32.
+        indices: (V, 4) uint16 transforms of the skin weights. Empty for kind "points": all vertices follow
+            the first transform.
+        weights: (V, 4) float32 skin weights. Empty for kind "points".
+        pivots: (J, 3) float32 metres, the pivots of the transforms at rest.
+        edges: (E, 2) int32 pairs of transforms to draw as lines.
         colours: (V, 3) uint8 sRGB, or None.
         held: (J - 1,) int32, for kind "points" the vertex that each transform except the first moves.
-        pulls: (J - 1,) float32, the stiffness of each constraint, 0 for hard constraints. None: all are hard.
-        surface: how the surface follows the control points. None: the default.
+        pulls: (J - 1,) float32, the stiffness of each constraint, 0 for hard constraints. None if all are
+            hard.
+        surface: how the surface follows the control points. None for the default.
         names: (J,) names of the joints at the bones' ends. None if they have none.
-        materials: materials with their textures. None: only the colours.
-        stiffness: (V,) float32 above 0, for kind "graph", as painted. None: 1 everywhere.
+        materials: materials with their textures. None if the character has only vertex colours.
+        stiffness: (V,) float32 above 0, the painted stiffness of kind "graph". None for 1 everywhere.
     """
 
     id: Name

@@ -111,7 +111,7 @@ def _fraction_bytes(values: AnyArray) -> bytes:
 
 
 def message_to_bodies(message: BodiesMessage) -> list[Body]:
-    """Returns the bodies of a message, in the precision of the wire."""
+    """Returns the bodies of a message, with the precision of the wire."""
     return [_unpack_body(body) for body in message.bodies]
 
 
@@ -135,7 +135,7 @@ def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
             int(state.severity),
             state.since_ns,
             _truncate_sentence(state.what),
-            _truncate_sentence(state.mend),
+            _truncate_sentence(state.remedy),
             state.performer,
         )
         for state in sort_by_severity(list(states))[:MAX_HEALTH]
@@ -151,7 +151,7 @@ def messages_to_health(messages: Iterable[HealthMessage]) -> list[HealthState]:
     """Returns the health states of messages, in the order in which they were sent."""
     return [
         HealthState(
-            m.kind, Severity(m.severity), m.since_ns, escape_text(m.what), escape_text(m.mend), m.performer
+            m.kind, Severity(m.severity), m.since_ns, escape_text(m.what), escape_text(m.remedy), m.performer
         )
         for m in messages
     ]
@@ -172,12 +172,12 @@ def cues_to_message(
     Args:
         nodes: (K,) node indices.
         strengths: (K,) in [0, 1].
-        owners: (K,) the id of the performer that owns each node.
-        held: number of leading nodes that are held. The others are previewed.
+        owners: (K,) the id of the performer that controls each node.
+        held: number of attached nodes at the start of ``nodes``. The others are a preview.
     """
     if state not in ("free", "preview", "possessed"):
         raise InputError(
-            f"the state is {state!r}", where=f"cues of {character!r}", mend="Use free or possessed."
+            f"the state is {state!r}", where=f"cues of {character!r}", remedy="Use free or possessed."
         )
     nodes = np.asarray(nodes).astype("<u2")
     strength = np.rint(np.clip(np.nan_to_num(np.asarray(strengths, np.float64)), 0, 1) * 255).astype(np.uint8)
@@ -197,12 +197,12 @@ def cues_to_message(
 def _number_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
     """Returns the distinct owners, at most 64, and (K,) the owner of each node.
 
-    Further owners become the last one.
+    Further owners are replaced by the last of these.
     """
     if owners is None or not len(owners):
         return [], b""
-    performers, which = np.unique(owners, return_inverse=True)
-    return performers[:64].astype(int).tolist(), np.minimum(which, 63).astype(np.uint8).tobytes()
+    performers, owner_indices = np.unique(owners, return_inverse=True)
+    return performers[:64].astype(int).tolist(), np.minimum(owner_indices, 63).astype(np.uint8).tobytes()
 
 
 def message_to_owners(message: CuesMessage) -> Int32:
@@ -247,7 +247,7 @@ def message_to_props(message: PropsMessage) -> Props:
     shapes = np.frombuffer(message.shapes, np.uint8)
     if not np.isin(shapes, (BOX, BALL)).all():
         raise InputError(
-            f"a prop has the shape {int(shapes.max())}", where="props", mend="Update the viewer."
+            f"a prop has the shape {int(shapes.max())}", where="props", remedy="Update the viewer."
         )
     return Props(
         message.time_ns,

@@ -89,13 +89,13 @@ def message_to_character(message: CharacterMessage) -> Character:
 
 
 def _joint_names(character: Character) -> list[str] | None:
-    """Returns the names of the joints. None if one is empty or too long for the wire."""
+    """Returns the names of the joints, or None if one is empty or too long for the wire."""
     names = list(character.names or ())
     return names if names and all(0 < len(name) <= MAX_JOINT_NAME for name in names) else None
 
 
 def _skin_weights(message: CharacterMessage) -> SkinWeights:
-    """Returns the skin weights. Without any, every vertex follows the first transform."""
+    """Returns the skin weights. If the message contains none, every vertex follows the first transform."""
     if message.indices:
         return SkinWeights(from_bytes(message.indices, "<u2", 4), from_bytes(message.weights, "<f4", 4))
     shape = (message.vertex_count, 4)
@@ -125,12 +125,12 @@ def _check_size(character: Character) -> None:
         raise InputError(
             f"the id has {len(character.id)} characters, 1 to 64 go on the wire",
             where=f"character {character.id[:80]!r}",
-            mend="Give it a shorter name.",
+            remedy="Give it a shorter name.",
         )
     if len(character.vertices) > MAX_VERTICES or len(character.faces) > MAX_FACES:
         raise InputError(
             f"it has {len(character.vertices)} vertices and {len(character.faces)} faces, at most "
             f"{MAX_VERTICES} and {MAX_FACES} go on the wire",
             where=f"character {character.id!r}",
-            mend="Simplify the mesh.",
+            remedy="Simplify the mesh.",
         )

@@ -20,7 +20,7 @@ _MAX_UV_SETS = 4
 
 
 def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | None:
-    """Returns the message. None without materials, or if they are too large for the wire."""
+    """Returns the message, or None without materials or if they are too large for the wire."""
     if materials is None:
         return None
     size = sum(len(texture.image) for texture in materials.textures)

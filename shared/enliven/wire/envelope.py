@@ -30,9 +30,9 @@ VERSION = 1
 """Version of the wire. It is raised if an old program could misread a new message."""
 
 _ID_KEY = b"\xa2id"
-"""The key of a reply's number in MessagePack."""
+"""MessagePack bytes of the key "id", which contains the number of a reply."""
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
-"""Bytes of an integer in MessagePack by its first byte. All others take one byte."""
+"""Number of bytes of a MessagePack integer by its first byte. All other integers take one byte."""
 
 _UNENCODABLE_REASON = "a name or a number in it cannot be sent"
 """Reason for refusing text with lone surrogates, and integers of more than 64 bits."""
@@ -59,17 +59,24 @@ class OtherVersionError(MalformedMessageError):
 
 
 def pack_stream(message: Any) -> bytes:
-    """Returns the bytes of a stream message for the socket.
+    """Returns the bytes of a stream message to send.
 
     Raises:
         KeyError: for an object without a topic in the table.
     """
-    topic = BY_TYPE[type(message)]
-    return topic.name.encode() + b"\0" + bytes([VERSION]) + _ENCODER.encode(message)
+    return pack_topic(BY_TYPE[type(message)].name, _ENCODER.encode(message))
+
+
+def pack_topic(name: str, payload: bytes) -> bytes:
+    """Returns a payload as a stream message: the name of its topic, a zero byte, the version, the payload.
+
+    Use it in programs that forward messages or add their own topics.
+    """
+    return name.encode() + b"\0" + bytes([VERSION]) + payload
 
 
 def pack_checked(message: Any) -> bytes:
-    """Returns the bytes of a stream message for the socket, after checking that a viewer can decode them.
+    """Returns the bytes of a stream message to send, after checking that a viewer can decode them.
 
     Raises:
         KeyError: for an object without a topic in the table.
@@ -95,10 +102,10 @@ def check_request(body: Any) -> None:
         unpack_control(pack_control(Request(0, body)), REQUEST)
     except MalformedMessageError as error:
         raise InputError(
-            _reason_sentence(error.why), where=where, mend="Give a value in its range."
+            _reason_sentence(error.why), where=where, remedy="Give a value in its range."
         ) from None
     except (OverflowError, ValueError):
-        raise InputError(_UNENCODABLE_REASON, where=where, mend="Give another name or number.") from None
+        raise InputError(_UNENCODABLE_REASON, where=where, remedy="Give another name or number.") from None
 
 
 def check_character(character: Character) -> None:
@@ -108,15 +115,15 @@ def check_character(character: Character) -> None:
         InputError: for a field that is out of its range. The message names the field and the range.
     """
     message = character_to_message(character, 1)
-    where, mend = f"character {character.id!r}", "Change it in the project."
+    where, remedy = f"character {character.id!r}", "Change it in the project."
     try:
         data = pack_payload(message)
     except (OverflowError, ValueError):
-        raise InputError(_UNENCODABLE_REASON, where=where, mend=mend) from None
+        raise InputError(_UNENCODABLE_REASON, where=where, remedy=remedy) from None
     try:
         message = _checking_decoder(CharacterMessage, ()).decode(data)
     except (msgspec.MsgspecError, ValueError) as error:
-        raise InputError(_reason_sentence(str(error)), where=where, mend=mend) from None
+        raise InputError(_reason_sentence(str(error)), where=where, remedy=remedy) from None
     message_to_character(message)
 
 
@@ -135,6 +142,26 @@ def pack_payload(message: Any) -> bytes:
     return _ENCODER.encode(message)
 
 
+def pack_recorded(message: Any) -> tuple[str, str, str, str, str, bytes]:
+    """Returns the arguments of :meth:`enliven.recording.Recorder.write` for a message, except its time."""
+    kind: Any = type(message)
+    payload = _ENCODER.encode(message)
+    return (
+        BY_TYPE[kind].name,
+        f"enliven.{kind.__name__}",
+        _json_schema(kind),
+        "jsonschema",
+        "msgpack",
+        payload,
+    )
+
+
+@functools.cache
+def _json_schema(kind: Any) -> str:
+    """Returns the JSON schema of a message class, which recordings contain."""
+    return msgspec.json.encode(msgspec.json.schema(kind)).decode()
+
+
 def unpack_stream(data: bytes) -> tuple[Topic, Any]:
     """Returns the topic and the checked message.
 
@@ -149,20 +176,20 @@ def unpack_stream(data: bytes) -> tuple[Topic, Any]:
 
 
 def pack_control(message: Any) -> bytes:
-    """Returns the bytes of a request or reply for the socket."""
+    """Returns the bytes of a request or reply to send."""
     return bytes([VERSION]) + _ENCODER.encode(message)
 
 
 def reply_prefix(number: int) -> bytes:
-    """Returns the bytes that precede the :func:`pack_payload` of an answer. With it, a long answer is packed
-    only once for all viewers.
+    """Returns the bytes that precede the :func:`pack_payload` of an answer. With them, a long answer is
+    encoded only once for all viewers.
     """
-    # Encode an empty message. Its last byte is a nil, which the answer replaces.
+    # Encode an empty message. Its last byte is a nil, which is replaced by the answer.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
 
 
 def reply_number(data: bytes) -> int:
-    """Returns the number of the request that a reply answers, without decoding the rest of it.
+    """Returns the number of the request that a reply answers, without decoding the rest of the reply.
 
     Raises:
         MalformedMessageError: for bytes that do not start like a reply of this version.
@@ -171,7 +198,7 @@ def reply_number(data: bytes) -> int:
         raise MalformedMessageError(REPLY.name, "it is empty")
     if data[0] != VERSION:
         raise OtherVersionError(data[0])
-    # The reply is a short map with the first key "id". An integer with its own length prefix follows.
+    # A reply is a short map. Its first key is "id", and an integer of variable length follows.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
     if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
         raise MalformedMessageError(REPLY.name, "it has no number")
@@ -207,7 +234,7 @@ def _decode_checked(topic: Topic, data: bytes) -> Any:
 
 @functools.cache
 def _checking_decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
-    """Returns the checking decoder of a class of messages.
+    """Returns a decoder of a message class that checks types and ranges.
 
     ``bodies`` are the classes that a request may contain.
     """

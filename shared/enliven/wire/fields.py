@@ -10,7 +10,9 @@ from msgspec import Meta
 
 from enliven.arrays import AnyArray
 
-Name = Annotated[str, Meta(min_length=1, max_length=64)]
+MAX_ID_LENGTH = 64
+"""Maximum number of characters in the id of a character or edge: the length of a short sentence."""
+Name = Annotated[str, Meta(min_length=1, max_length=MAX_ID_LENGTH)]
 Text = Annotated[str, Meta(max_length=400)]
 Sentence = Annotated[str, Meta(max_length=160)]
 Count = Annotated[int, Meta(ge=0, le=2**53)]
@@ -30,38 +32,43 @@ MAX_EXAGGERATION = 4.0
 looks like an error."""
 Exaggeration = Annotated[float, Meta(ge=0.0, le=MAX_EXAGGERATION)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
-"""Finite: msgspec refuses NaN and infinities by the range."""
+"""A finite number: msgspec refuses NaN and infinities because of the range."""
 Metres = Annotated[float, Meta(gt=0.0, le=100.0)]
 """A length within a stage and its surroundings."""
 
 MAX_TRANSFORM_BYTES = 256 * 1024
 """Maximum bytes of a coded pose: 4096 transforms of 12 numbers with at most 34 bits each, plus a margin."""
 MAX_VERTICES = 2_000_000
-"""Maximum vertices of a character. A larger character from an untrusted sender is refused before memory is
-allocated."""
+"""Maximum number of vertices of a character. A larger character from an untrusted sender is refused before
+memory is allocated.
+"""
 MAX_FACES = 4_000_000
-"""Maximum triangles of a character: a closed mesh has twice the number of its vertices."""
+"""Maximum number of triangles of a character. A closed mesh has twice as many triangles as vertices."""
 MAX_TRANSFORMS = 4096
-"""Maximum transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some hundred
-bones."""
+"""Maximum number of transforms of a pose: a deformation graph has some hundred nodes, a detailed rig some
+hundred bones.
+"""
 MAX_PROPS = 1024
 """Maximum props of a message: more than the physics simulates in real time."""
 MAX_SETTINGS_LENGTH = 32 * 1024
-"""Maximum length of an actor's settings: all settings with 400 stiff spots."""
+"""Maximum length of an actor's settings in characters: enough for all settings with 400 stiff spots."""
 MAX_PART_BYTES = 64 * 1024
-"""Maximum bytes of one part of an uploaded character: such a message is read within a frame."""
+"""Maximum bytes of one part of an uploaded character, so that the edge can read a part within a frame."""
 MAX_UPLOAD_BYTES = 32 * 1024 * 1024
-"""Maximum packed bytes of an uploaded character: a million vertices. 20,000 vertices take half a megabyte."""
+"""Maximum compressed bytes of an uploaded character: about a million vertices. 20,000 vertices take half a
+megabyte.
+"""
 MAX_CHARACTERS = 1024
-"""Maximum characters on a stage: far more than any edge animates."""
+"""Maximum number of characters on a stage: far more than any edge can animate."""
 MAX_MESSAGE_BYTES = 264 * 1024
 """Maximum bytes of one stream message with its topic: a coded pose of the largest character, plus a
 margin."""
 MAX_LATCHED_MESSAGES = 4096
-"""Maximum latched messages for a viewer that joins late: 2,000 pieces of a scan, and a few messages for each
-character."""
+"""Maximum number of latched messages for a viewer that joins late: 2,000 pieces of a scan, and a few messages
+for each character.
+"""
 MAX_PREVIEW_PIXELS = 128
-"""Maximum pixels, width or height, of the camera preview: it is shown in a corner of a window."""
+"""Maximum width and height of the camera preview in pixels. It is shown in a corner of a window."""
 MAX_PHRASES = 64
 """Maximum phrases of a voice control: more than a performer remembers, and more than a recogniser can
 distinguish."""

@@ -8,14 +8,14 @@ from typing import Any
 import zmq
 
 from enliven.errors import ResourceError
-from enliven.keys import HandshakeWatch, handshake_advice
+from enliven.keys.client import HandshakeWatch, handshake_advice
 from enliven.wire.envelope import MalformedMessageError, OtherVersionError, unpack_stream
 from enliven.wire.sockets import MAX_UNREAD_STREAMS, Endpoint, make_socket
 from enliven.wire.streams import StatusMessage
 from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
 
 _LOOK_INTERVAL_MS = 100
-"""Longest wait for a message before the state of the connection is looked at, in milliseconds."""
+"""Longest wait for a message, in milliseconds, before the state of the connection is checked."""
 
 
 def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
@@ -30,7 +30,7 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
     """
     context: zmq.Context[Any] = zmq.Context.instance()
     keys = endpoint.find_keys()
-    socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys), ""
+    socket, other_version = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys), ""
     watch = HandshakeWatch(socket, keys is not None)
     try:
         socket.setsockopt(zmq.SUBSCRIBE, b"")
@@ -45,7 +45,7 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
             try:
                 topic, message = unpack_stream(b"".join(socket.recv_multipart(zmq.DONTWAIT)))
             except OtherVersionError as error:
-                other = str(error)
+                other_version = str(error)
             except (MalformedMessageError, zmq.Again):
                 continue
             else:
@@ -56,9 +56,11 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
         socket.close(linger=0)
     where = str(endpoint)
     if watch.problem:
-        problem, _, mend = handshake_advice(watch.problem, endpoint.host).partition(". ")
-        raise ResourceError(f"the edge {problem}", where=where, mend=f"{mend}.")
-    if other:
-        raise ResourceError(other, where=where, mend="Install the same version of enliven on both machines.")
-    mend = "Start it there: enliven edge, with --host for other machines. Check address and firewall."
-    raise ResourceError(f"no edge was heard for {seconds:g} s", where=where, mend=mend)
+        problem, _, remedy = handshake_advice(watch.problem, endpoint.host).partition(". ")
+        raise ResourceError(f"the edge {problem}", where=where, remedy=f"{remedy}.")
+    if other_version:
+        raise ResourceError(
+            other_version, where=where, remedy="Install the same version of enliven on both machines."
+        )
+    remedy = "Start it there: enliven edge, with --host for other machines. Check address and firewall."
+    raise ResourceError(f"no edge sent a heartbeat for {seconds:g} s", where=where, remedy=remedy)

@@ -7,14 +7,14 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching import MatchList, MatchRow
+from enliven.matching.match_list import MatchList, MatchRow
 from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
 _MAX_ROWS = 16
-"""Maximum matches that are sent: the field's limit, and more than a screen shows."""
+"""Maximum number of matches in a message: the field's limit, and more than a screen shows."""
 _MAX_JOINTS = 1024
-"""Maximum joints of a match that are sent, so that a message stays below its topic's limit."""
+"""Maximum number of joints of a match in a message, so that the message stays below its topic's limit."""
 
 
 def board_to_message(board: MatchList) -> MatchesMessage:
@@ -35,7 +35,7 @@ def board_to_message(board: MatchList) -> MatchesMessage:
 
 
 def message_to_board(message: MatchesMessage) -> MatchList:
-    """Returns the match list of a message, in the precision of the wire."""
+    """Returns the match list of a message, with the precision of the wire."""
     return MatchList(
         message.character,
         message.state,

@@ -40,12 +40,14 @@ from enliven.wire.quantize import (
 )
 
 COLUMNS = 12
-"""Integers per transform: 3 of position, 3 of the rotation vector, 6 of the stretch."""
+"""Number of integers per transform: 3 of position, 3 of the rotation vector, 6 of the stretch."""
 
 
 @dataclass(frozen=True)
 class EncodedPose:
-    """The bytes of a pose, and the number of transforms that had to be changed: not finite, or too large."""
+    """The bytes of a pose, and the number of transforms that were changed because they were not finite or too
+    large.
+    """
 
     data: bytes
     clamped: int
@@ -55,7 +57,7 @@ class PoseCodec:
     """Encodes and decodes the poses of one character. Create it once, and use it for every frame.
 
     Args:
-        character: its pivots and edges define the tree. Both ends must hold the same one.
+        character: its pivots and edges define the tree. Sender and receiver must have the same character.
 
     Raises:
         InputError: for more than ``MAX_TRANSFORMS`` transforms.
@@ -67,7 +69,7 @@ class PoseCodec:
             raise InputError(
                 f"it has {count} transforms, at most {MAX_TRANSFORMS} go on the wire",
                 where=f"character {character.id!r}",
-                mend="Use a coarser deformation graph.",
+                remedy="Use a coarser deformation graph.",
             )
         self.character = character.id
         self._pivots: Float = np.ascontiguousarray(character.pivots, np.float64)
@@ -79,8 +81,8 @@ class PoseCodec:
     def encode(self, pose: Pose) -> EncodedPose:
         """Returns the bytes of a pose. Equal poses give equal bytes.
 
-        A transform that is not finite follows its parent. An entry beyond +-64, or a position more than 500 m
-        from its prediction, is clamped. Both are counted in ``clamped``.
+        A transform that is not finite is replaced by the parent's prediction. An entry beyond +-64, or a
+        position more than 500 m from its prediction, is clamped. Both are counted in ``clamped``.
 
         Raises:
             InputError: if the pose has another number of transforms than the character.
@@ -90,7 +92,7 @@ class PoseCodec:
             raise InputError(
                 f"it has {pose.linear.shape} linear parts and {pose.positions.shape} positions, not {count}",
                 where=f"pose of {pose.character!r}",
-                mend="Publish the character again after a change of its graph.",
+                remedy="Publish the character again after a change of its graph.",
             )
         linear, positions = pose.linear.astype(np.float64), pose.positions.astype(np.float64)
         table, clamped = _prediction_residuals(
@@ -114,12 +116,12 @@ class PoseCodec:
 
 
 def warm_up() -> None:
-    """Compiles the decoder, or loads it compiled.
+    """Compiles the decoder, or loads it from the cache.
 
     Call it before the first frame, because compilation takes seconds.
     """
     table = np.empty((1, COLUMNS), np.int32)
-    # Use bytes as in a message: they give a read-only array, which is a separate type for numba.
+    # Use bytes as in a message: they become a read-only array, which is a separate type for Numba.
     decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)
     _restore_pose(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
 
@@ -152,11 +154,13 @@ def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
 
 
 _UNLINKED_PENALTY_M2 = 1e9
-"""Square metres added to pairs of pivots without an edge."""
+"""Penalty in square metres for pairs of pivots without an edge."""
 
 
 def _squared_distances(points: Float, point: Float) -> Float:
-    """Returns (J,) square metres, summed in a fixed order, so that every machine gets the same bits."""
+    """Returns (J,) squared distances in square metres, summed in a fixed order, so that every machine gets
+    the same bits.
+    """
     d = points - point
     return np.asarray(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2])
 
@@ -184,7 +188,9 @@ def _predict_position(
 def _decode_linear(
     i: int, parent: int, row: Int32, quaternions: Float, stretches: Int32, room: Float, linear: Float
 ) -> None:
-    """Fills transform i's quaternion, stretch and linear part from its row and its parent's values."""
+    """Decodes transform i: fills its quaternion, stretch and linear part from its row and its parent's
+    values.
+    """
     before = quaternions[parent] if parent >= 0 else quaternions[len(linear)]
     step = ROTATION_STEP
     turned_by(before, row[3] * step, row[4] * step, row[5] * step, quaternions[i])
@@ -200,7 +206,8 @@ def _decode_linear(
 def _difference_linear(
     a: Float, i: int, parent: int, quaternions: Float, stretches: Int32, rooms: Float, row: Int32
 ) -> None:
-    """Writes to row[3:] the residual between the (3, 3) ``a`` and the parent's decoded rotation and stretch.
+    """Writes to row[3:] the residual of the (3, 3) linear part ``a`` relative to the parent's decoded
+    rotation and stretch.
 
     The rotation is computed in the parent's frame, where it is small and converges fast.
     """
@@ -223,7 +230,7 @@ def _difference_linear(
 
 @njit(cache=True, nogil=True)
 def _limit_linear_part(source: Float, a: Float) -> bool:
-    """Copies a linear part, scaled down if an entry exceeds ``LARGEST_LINEAR``.
+    """Copies a linear part. Scales it down if an entry exceeds ``LARGEST_LINEAR``.
 
     Returns True if it was scaled.
     """

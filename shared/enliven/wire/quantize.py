@@ -30,16 +30,17 @@ ROTATION_STEP = 2.0**-10
 """Quantization step of a rotation, in radians. A unit quaternion is stored as three such numbers below pi: 39
 bits before they are packed."""
 STRETCH_STEP = 2.0**-9
-"""Step of an entry of S, without unit: at 0.2 m from a pivot an error of half a step moves a vertex by 0.2
-mm."""
+"""Quantization step of an entry of S, without unit. At 0.2 m from a pivot, an error of half a step moves a
+vertex by 0.2 mm.
+"""
 POSITION_ERROR = POSITION_STEP / 2
-"""Maximum position error along each axis, metres."""
+"""Maximum position error along each axis, in metres."""
 ROTATION_ERROR = ROTATION_STEP * math.sqrt(3.0) / 2
-"""Maximum rotation error, radians."""
+"""Maximum rotation error, in radians."""
 STRETCH_ERROR = STRETCH_STEP / 2
 """Maximum error of each entry of S."""
 LARGEST_LINEAR = 64.0
-"""Maximum entry of a linear part. Larger ones are scaled down to it."""
+"""Maximum absolute value of an entry of a linear part. Larger linear parts are scaled down to it."""
 
 
 @njit(cache=True, nogil=True)
@@ -55,7 +56,9 @@ def rotation_vector(q: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def turned_by(a: Float, x: float, y: float, z: float, out: Float) -> None:
-    """Writes to ``out`` (4,) the unit quaternion a exp(v), w >= 0, for the rotation vector v = (x, y, z)."""
+    """Writes to ``out`` (4,) the unit quaternion a exp(v) with w >= 0, for the rotation vector v = (x, y,
+    z).
+    """
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5
     if angle > 1e-12:
@@ -118,8 +121,8 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
         x[0, 0], x[0, 1], x[0, 2] = 0.5 * x[0, 0] + f * c00, 0.5 * x[0, 1] + f * c01, 0.5 * x[0, 2] + f * c02
         x[1, 0], x[1, 1], x[1, 2] = 0.5 * x[1, 0] + f * c10, 0.5 * x[1, 1] + f * c11, 0.5 * x[1, 2] + f * c12
         x[2, 0], x[2, 1], x[2, 2] = 0.5 * x[2, 0] + f * c20, 0.5 * x[2, 1] + f * c21, 0.5 * x[2, 2] + f * c22
-        # After one step no singular value is below 1. So det - 1 bounds how far each singular value exceeded
-        # 1 before this step, and the step squares this excess.
+        # After one iteration no singular value is below 1. Then det - 1 bounds how far each singular value
+        # exceeded 1 before this iteration, and the iteration squares this excess.
         if step > 0 and det - 1.0 < 1e-5:
             return True
     return False
@@ -127,7 +130,9 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
 
 @njit(cache=True, nogil=True)
 def _quaternion_of_matrix(m: Float, out: Float) -> None:
-    """Writes to ``out`` (4,) the quaternion, w >= 0, of a matrix (Shepperd, 1978: divide by the largest)."""
+    """Writes to ``out`` (4,) the quaternion, w >= 0, of a rotation matrix (Shepperd 1978: divide by the
+    largest component).
+    """
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     if trace > max(m[0, 0], m[1, 1], m[2, 2]):
         s = 2.0 * math.sqrt(1.0 + trace)
@@ -158,7 +163,7 @@ def stretch_of(a: Float, rotation: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def stretched(rotation: Float, s: Float, out: Float) -> None:
-    """Writes to ``out`` (3, 3) Q S for the six entries of :func:`stretch_of`."""
+    """Writes to ``out`` (3, 3) the product Q S for the six entries of :func:`stretch_of`."""
     for m in range(3):
         r0, r1, r2 = rotation[m, 0], rotation[m, 1], rotation[m, 2]
         out[m, 0] = r0 * (1 + s[0]) + r1 * s[3] + r2 * s[4]

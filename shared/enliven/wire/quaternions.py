@@ -17,7 +17,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.rotation import canonical, normalized
 
 COMPONENT_STEP = math.sqrt(0.5) / 511
-"""Step of a component: all but the largest are within +-sqrt(1/2)."""
+"""Quantization step of a component. All components except the largest are within +-sqrt(1/2)."""
 MAX_ROTATION_ERROR = 2 * math.sqrt(3.0) * COMPONENT_STEP
 """Maximum error of a rotation, in radians (0.27 degrees). Three components are off by half a step, and the
 fourth by at most sqrt(3) times that."""
@@ -27,7 +27,9 @@ _COMPONENT_SHIFTS = np.array([20, 10, 0])
 
 
 def pack_quaternions(quaternions: AnyArray) -> bytes:
-    """Returns 4 N bytes of (N, 4) unit quaternions. One that is not finite is sent as the identity."""
+    """Returns 4 N bytes of (N, 4) unit quaternions. A quaternion that is not finite is encoded as the
+    identity.
+    """
     q = normalized(quaternions)
     missing = np.abs(q).argmax(1)
     rows = np.arange(len(q))

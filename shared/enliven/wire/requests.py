@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Generic, Literal, TypeVar
 
 from msgspec import Meta, Struct, field
+from msgspec.structs import force_setattr
 
-from enliven.keys import Role
+from enliven.keys.roles import Role
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import (
     MAX_CHARACTERS,
@@ -30,7 +32,7 @@ from enliven.wire.streams import Revision, StatusMessage
 PAIRING_MESSAGE_BYTES = 33
 """Bytes of a SPAKE2 message."""
 MAX_BOX_BYTES = 512
-"""Maximum bytes of a box with a key, a name and a role: 150 are usual."""
+"""Maximum bytes of an encrypted box with a key, a name and a role. 150 are usual."""
 
 
 class Ask(Struct, tag=True, frozen=True):
@@ -42,7 +44,7 @@ class Order(Ask, frozen=True):
 
 
 class Hello(Ask, frozen=True):
-    """Introduces a viewer and asks for the state.
+    """Introduces a viewer and requests the edge's state.
 
     ``listening`` is True once the streams have reached the viewer.
     """
@@ -52,27 +54,30 @@ class Hello(Ask, frozen=True):
 
 
 class GetState(Ask, frozen=True):
-    """Asks for a character."""
+    """Requests a character."""
 
     character: Name
 
 
 Mode = Literal["alone", "join", "extend", "preview"]
-"""Which other performers keep a character when one possesses it, see :class:`Possess`."""
+"""Which other performers keep control of a character when one performer possesses it, see :class:`Possess`.
+"""
 
 
 class Possess(Order, frozen=True):
     """Lets a performer possess a character.
 
     Attributes:
-        character: its id. None: the only one, or of several the free one nearest to the performer.
-        body: the performer's id. None: a performer in view, for "join" one that does not hold it yet. With
-            several characters, performers that hold another one are avoided.
-        parts: the parts that possess, names of :data:`enliven.person.body.PARTS`, joined with "+".
-        mode: the holds that are kept. "alone": none, as in programs that do not know this field. "join":
-            those of other performers; this performer's earlier parts are released. "extend": as "join", but
-            this performer also keeps its earlier parts, except bones that are possessed again. "preview":
-            only the cues change. They then show the nodes that this performer would hold.
+        character: the character's id. None selects the only character, or the free one nearest to the
+            performer.
+        body: the performer's id. None selects a performer in view, for "join" one that does not control the
+            character yet. Performers that control another character are selected last.
+        parts: the body parts that control the character: names of :data:`enliven.person.body.PARTS`, joined
+            with "+".
+        mode: the earlier attachments that are kept. "alone": none (the default of older programs). "join":
+            those of other performers, not of this one. "extend": also this performer's earlier parts, except
+            bones that are possessed again. "preview": nothing is attached, and the cues show the nodes that
+            would be.
     """
 
     character: Name | None = None
@@ -82,27 +87,32 @@ class Possess(Order, frozen=True):
 
 
 class Release(Order, frozen=True):
-    """Makes a performer (None: every one) release a character (None: all that the performer holds)."""
+    """Releases a character (None: all of the performer's) from a performer (None: from every performer)."""
 
     character: Name | None = None
     body: Identity | None = None
 
 
 class Smooth(Order, frozen=True):
-    """Sets the smoothing of a performer's joints. 0: none. None: as in the settings."""
+    """Sets the smoothing of a performer's joints: 0 for none, None for the value in the settings."""
 
     body: Identity
     amount: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
 
 
 class Lock(Order, frozen=True):
-    """Locks the cast, so that people that arrive later stay bystanders, or unlocks it."""
+    """Locks or unlocks the cast. While it is locked, people that arrive later stay bystanders."""
 
     on: bool
 
 
+class LearnRoom(Order, frozen=True):
+    """Learns the background and the floor again, for example after furniture was moved."""
+
+
 class Look(Order, frozen=True):
-    """Reports the viewer's view in the world frame: poses are matched as they look on the screen.
+    """Reports the viewer's view in the world frame, because poses are matched by their appearance on the
+    screen.
 
     Attributes:
         direction: (3,) from the eye into the scene, not zero.
@@ -116,10 +126,10 @@ class Look(Order, frozen=True):
 
 
 class Browse(Order, frozen=True):
-    """Shows another match of a character (None: of each rigged character), ``step`` places further in the
+    """Selects another match of a character (None: of each rigged character), ``step`` places further in the
     ranking.
 
-    A step of 0 shows the match of the current pose again.
+    A step of 0 selects the match of the current pose again.
     """
 
     character: Name | None = None
@@ -129,13 +139,14 @@ class Browse(Order, frozen=True):
 class PutCharacter(Order, frozen=True):
     """Puts a character on the stage, or replaces the one with its id, once all its data has arrived.
 
-    The answer is :class:`Done` once it is on the stage, and :class:`Awaited` until then: ask again. The data
-    is a project file of one character, of any rig, without textures. It follows in :class:`CharacterPart`.
+    The answer is :class:`Done` once the character is on the stage. Until then it is :class:`Awaited`, and the
+    request must be repeated. The data is a project file of one character with any rig, without textures.
+    :class:`CharacterPart` requests transfer it.
 
     Attributes:
-        id: its id on the stage.
-        revision: higher than that of the replaced character. Count by one: the edge refuses a revision far
-            above the newest one, or above ``MAX_REVISION``.
+        id: the character's id on the stage.
+        revision: higher than that of the replaced character. Increment it by one: the edge refuses a revision
+            far above the newest one, or above ``MAX_REVISION``.
         digest: SHA-256 of the data. Equal data is sent once.
         size: bytes of the data.
         fit: True scales a possessed mesh to a person's height, and moves it to where a standing person fits
@@ -160,7 +171,7 @@ class CharacterPart(Order, frozen=True):
 
 
 class RemoveCharacter(Order, frozen=True):
-    """Removes a character from the stage and frees its performers."""
+    """Removes a character from the stage, and releases its performers."""
 
     character: Name
 
@@ -170,12 +181,13 @@ class Resize(Order, frozen=True):
     None is the held character, or the next one to be held.
 
     Attributes:
-        do: "hands": the distance between a performer's hands scales it from now on. This ends if the request
-            is repeated, or if the hands keep still. "end": ends it with the current size. "set": sets the
-            size. "exaggerate": sets the overshoot of its soft parts.
-        body: for "hands", the performer. None: the holder, or else the first in view.
-        size: for "set", the factor of its own size.
-        exaggeration: for "exaggerate", the overshoot. None: as in the stage's settings.
+        do: "hands": the distance between a performer's hands scales the character from now on. This ends if
+            the request is repeated, or if the hands keep still. "end": ends the scaling at the current size.
+            "set": sets the size. "exaggerate": sets the overshoot of its soft parts.
+        body: for "hands", the performer's id. None for the performer that controls the character, or else the
+            first in view.
+        size: for "set", the factor relative to its original size.
+        exaggeration: for "exaggerate", the overshoot. None for the value in the stage's settings.
     """
 
     do: Literal["hands", "end", "set", "exaggerate"]
@@ -183,6 +195,25 @@ class Resize(Order, frozen=True):
     body: Identity | None = None
     size: Growth = 1.0
     exaggeration: Exaggeration | None = None
+
+
+class ScanMode(StrEnum):
+    """How an object is scanned."""
+
+    AROUND = "around"
+    """The camera is carried around the object, which stays in its place."""
+    MOVED = "moved"
+    """The camera is carried, and the object is turned and put down. All its sides end in one mesh."""
+    TURNED = "turned"
+    """The object turns on a turntable, and is tracked while it moves. The room is in view."""
+    NEAR = "near"
+    """The camera stands still and ignores depth beyond a distance. The object is turned in front of it."""
+    PERSON = "person"
+    """A person in front of a fixed camera turns around once or holds still."""
+
+
+_MODE_FLAGS = (ScanMode.PERSON, ScanMode.TURNED, ScanMode.MOVED)
+"""Modes that viewers without :attr:`Scan.mode` request by the flag of that name; the first one counts."""
 
 
 class Scan(Order, frozen=True):
@@ -193,15 +224,13 @@ class Scan(Order, frozen=True):
             seconds; "done": the scan becomes a character on the stage; "cancel" the scan.
         name: for "start", the id of the resulting character. None: "scan", or "scan 2", ...
         voxel: for "start", metres, size of a voxel.
-        within: for "start", metres. Depth beyond this distance is ignored. Use it if the object is turned,
-            not the camera.
+        within: for "start" in the mode "near", metres. Depth beyond this distance is ignored.
         whole: for "done", keeps the whole scan, and not only the object on the floor.
-        moved: for "start", the object is turned and put down during the scan. All its sides end in one mesh.
-        turned: for "start", the object turns on a turntable, and is tracked while it moves.
-        person: for "start", a person in front of a fixed camera turns around once or holds still.
+        moved, turned, person: the mode for programs that do not know ``mode``. They follow from it.
         box: for "done", keeps the content of a box: six metres on the stage, its lowest and its highest
             corner.
         stage_from_scan: with a box, the pose of the scan on the stage when the box was drawn.
+        mode: for "start", how the object is scanned.
     """
 
     do: Literal["start", "pause", "go on", "undo", "done", "cancel"]
@@ -214,16 +243,32 @@ class Scan(Order, frozen=True):
     moved: bool = False
     turned: bool = False
     person: bool = False
+    mode: ScanMode = ScanMode.AROUND
 
     def __post_init__(self) -> None:
-        if self.person and (self.moved or self.turned or self.within is not None):
-            raise ValueError("a person is scanned alone: leave out moved, turned and within")
-        if (self.moved or self.turned) and self.within is not None:
-            raise ValueError("an object that is moved needs the floor around it: leave out within, or moved")
+        self._complete_mode()
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
             raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
         if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):
             raise ValueError("the lowest corner of the box lies above the highest")
+
+    def _complete_mode(self) -> None:
+        """Sets ``mode`` from the flags of an older viewer, and the flags for an older edge from ``mode``."""
+        requested = {mode for mode in _MODE_FLAGS if getattr(self, mode)}
+        if self.within is not None:
+            requested.add(ScanMode.NEAR)
+        if requested == {ScanMode.TURNED, ScanMode.MOVED}:
+            requested = {ScanMode.TURNED}  # An object that turns on a turntable is also moved.
+        if self.mode is not ScanMode.AROUND:
+            requested.add(self.mode)
+        if len(requested) > 1:
+            raise ValueError(f"a scan has one mode, not {' and '.join(sorted(requested))}: leave one out")
+        mode = next(iter(requested), ScanMode.AROUND)
+        if mode is ScanMode.NEAR and self.within is None:
+            raise ValueError("the mode near needs a distance: add within, in metres")
+        force_setattr(self, "mode", mode)
+        if mode in _MODE_FLAGS:
+            force_setattr(self, mode, True)
 
 
 class Listen(Order, frozen=True):
@@ -242,18 +287,19 @@ class PlayPhysics(Order, frozen=True):
 
 
 class Ping(Ask, frozen=True):
-    """Asks for the edge's clock, and shows that the viewer is alive.
+    """Requests the edge's clock, and shows that the viewer is still connected.
 
-    ``sent_ns`` is the viewer's wall clock.
+    ``sent_ns`` is the viewer's wall clock. A ``probe`` only requests the clock, over its own connection.
     """
 
     viewer: Name
     sent_ns: Nanoseconds
     listening: bool = False
+    probe: bool = False
 
 
 class StartPairing(Ask, frozen=True):
-    """Begins to pair a viewer by the code that the edge shows, see :mod:`enliven.keys.pairing`.
+    """Starts to pair a viewer by the code that the edge shows, see :mod:`enliven.keys.pairing`.
 
     ``message`` is the viewer's SPAKE2 message. A viewer without keys may send it.
     """
@@ -262,13 +308,15 @@ class StartPairing(Ask, frozen=True):
 
 
 class FinishPairing(Ask, frozen=True):
-    """Sends the viewer's public key, name and requested role, in a box that only the edge can open."""
+    """Sends the viewer's public key, name and requested role, encrypted in a box that only the edge can
+    open.
+    """
 
     box: Annotated[bytes, Meta(max_length=MAX_BOX_BYTES)]
 
 
 class ShowCode(Ask, frozen=True):
-    """Asks for the pairing code, and accepts pairings for some minutes."""
+    """Requests the pairing code, and accepts pairings for some minutes."""
 
 
 class Welcome(Struct, tag=True, frozen=True):
@@ -290,8 +338,9 @@ class Done(Struct, tag=True, frozen=True):
 
 
 class Awaited(Struct, tag=True, frozen=True):
-    """The character is being uploaded: the edge has received the first ``received`` bytes. If these are all
-    bytes, it prepares the character."""
+    """The answer while a character is uploaded: the edge has received the first ``received`` bytes. Once it
+    has all bytes, it prepares the character.
+    """
 
     received: Count
 
@@ -303,10 +352,15 @@ class Refused(Struct, tag=True, frozen=True):
 
 
 class Pong(Struct, tag=True, frozen=True):
-    """The edge's wall clock when it answered."""
+    """The edge's wall clock when it answered.
+
+    ``arrived_ns`` is the edge's wall clock when the ping arrived at its computer, or 0 if the system does not
+    report it.
+    """
 
     sent_ns: Nanoseconds
     edge_ns: Nanoseconds
+    arrived_ns: Nanoseconds = 0
 
 
 class PairingStarted(Struct, tag=True, frozen=True):
@@ -322,16 +376,18 @@ class Paired(Struct, tag=True, frozen=True):
 
 
 class ShownCode(Struct, tag=True, frozen=True):
-    """The answer to :class:`ShowCode`. An empty code: too many tries, a new one follows after ``seconds``."""
+    """The answer to :class:`ShowCode`. The code is empty after too many tries. A new one follows after
+    ``seconds``.
+    """
 
     code: Annotated[str, Meta(max_length=16)]
     seconds: Count
 
 
 SUPERSEDED = "superseded by a newer one"
-"""The reason for refusing an order that a newer one of the same viewer replaced."""
+"""The reason for refusing an order that a newer order of the same viewer has replaced."""
 REQUESTS: list[type[Ask]] = [
-    *(Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping),
+    *(Hello, GetState, Possess, Release, Smooth, Lock, LearnRoom, Look, Browse, Ping),
     *(PutCharacter, CharacterPart, RemoveCharacter, Scan, Resize),
     *(Listen, PlayPhysics),
     *(StartPairing, FinishPairing, ShowCode),
@@ -355,11 +411,13 @@ NEEDED_ROLES: dict[type[Ask], Role | None] = {
     Scan: "edit",
     PlayPhysics: "edit",
     Lock: "operate",
+    LearnRoom: "operate",
     Listen: "operate",
     ShowCode: "operate",
 }
-"""The lowest role that may send a request. None: also viewers that are not paired. A request that is not
-listed needs the highest role."""
+"""The lowest role that may send each request. None: viewers that are not paired may send it, too. A request
+that is not listed needs the highest role.
+"""
 THIS_MACHINE_ONLY: frozenset[type[Ask]] = frozenset({Listen})
 """Requests that only viewers on the edge's own machine may send: others must not open a microphone."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong | PairingStarted | Paired | ShownCode

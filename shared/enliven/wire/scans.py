@@ -10,9 +10,10 @@ from msgspec import Meta, Struct, field
 from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, check_length
 
 MAX_PIECE_VERTICES = 8192
-"""Maximum vertices of a piece: three times the number in a piece with the seat and back of a chair."""
+"""Maximum number of vertices of a piece: three times the number in a piece with the seat and back of a chair.
+"""
 MAX_PIECE_FACES = 16_384
-"""Maximum triangles of a piece: twice its vertices."""
+"""Maximum number of triangles of a piece: twice its vertices."""
 Side = Annotated[int, Meta(ge=-(2**20), le=2**20)]
 Matrix = Annotated[list[Number], Meta(min_length=12, max_length=12)]
 """The upper three rows of a transform, row by row."""
@@ -32,28 +33,27 @@ class ScanMessage(Struct, array_like=True, frozen=True):
             the first.
         time_ns: the sensor's clock.
         fused: number of images in the surface.
-        way: length of the camera's path, metres.
+        way: length of the camera's path in metres.
         full: True if the memory is full, so that no new surface is added.
         undoable: seconds that "undo" would remove. 0 if undo is not possible.
         missing: fraction of the nearby surface that was not seen yet, 0..1.
         stage_from_scan: pose of the surface on the stage.
         stage_from_camera: pose of the camera, as in :mod:`enliven.camera`. Empty before the first image.
-        view: next best view: camera position and target, six metres on the stage, or empty.
+        view: next best view: camera position and target, six coordinates in metres on the stage, or empty.
         character: the id of the resulting character, or empty.
         note: one sentence for users, or empty.
-        mend: the remedy.
-        thing: the state of an object that is moved while it is scanned, or empty. "stands": it rests.
-            "carried": it is carried or lost, and nothing is added. "settling": something stands still, and is
-            compared with the object. "sought": the comparison has not succeeded yet. "found": it was found a
-            moment ago. "turning": it is tracked while it moves, and its visible part is added. "lost":
-            tracking of it failed. "person": a person is scanned, and ``missing`` counts the sides not seen
-            yet.
-        seconds: how long the search for the object takes, or took until it was found.
+        remedy: the remedy.
+        thing: the state of an object that is moved while it is scanned, or empty. "stands": it is at rest.
+            "carried": it is carried or lost, and nothing is added. "settling": an object at rest is compared
+            with it. "sought": the comparison has not succeeded yet. "found": it was found a moment ago.
+            "turning": it is tracked while it moves, and its visible part is added. "lost": tracking of it
+            failed. "person": a person is scanned, and ``missing`` counts the sides not seen yet.
+        seconds: duration of the search for the object until now, or until it was found.
         places: number of places in which it was found. From the first move on, the surface is the object
             only.
-        ends: of a person that is "done": fifteen metres on the stage, the ends of head, left and right hand,
-            left and right foot, if all were seen.
-        joints: of the same person sixty metres, its twenty joints, if its trunk was seen.
+        ends: for the finished scan of a person, fifteen coordinates in metres on the stage: the ends of head,
+            left and right hand, left and right foot, if all were seen.
+        joints: for the same person, sixty coordinates in metres: its twenty joints, if its trunk was seen.
     """
 
     number: Count = 0
@@ -70,7 +70,7 @@ class ScanMessage(Struct, array_like=True, frozen=True):
     view: Annotated[list[Number], Meta(max_length=6)] = field(default_factory=list)
     character: Annotated[str, Meta(max_length=64)] = ""
     note: Sentence = ""
-    mend: Sentence = ""
+    remedy: Sentence = ""
     thing: ThingWord = ""
     seconds: Number = 0.0
     places: Count = 1
@@ -90,9 +90,9 @@ class ScanPieceMessage(Struct, array_like=True, frozen=True):
     Attributes:
         number: number of the scan.
         place: index of the piece, in multiples of a piece's side.
-        side: number of steps of a piece's side.
-        step: metres.
-        vertices: (V, 3) uint16 in steps from the piece's corner, the scan's world.
+        side: length of a piece's side in steps.
+        step: length of a step in metres.
+        vertices: (V, 3) uint16 in steps from the piece's corner, in the scan's world.
         seen: (V,) uint8, 255 for well observed vertices.
         faces: (F, 3) uint16.
         colours: (V, 3) uint8 sRGB. Empty without colour.

@@ -8,19 +8,20 @@ from typing import Any
 import zmq
 
 from enliven.errors import InputError
-from enliven.keys import ClientKeys, find_client_keys
+from enliven.keys.client import ClientKeys, find_client_keys
 
 POSE_PORT = 5580
 """Default TCP port of the streams: above 1023, so that no privilege is needed."""
 CONTROL_PORT = 5581
 """Default TCP port of the requests: the port after that of the streams."""
 SEND_QUEUE_LENGTH = 1000
-"""Maximum messages that wait to be sent to an edge."""
+"""Maximum number of messages that wait to be sent to an edge."""
 MAX_UNREAD_STREAMS = 500
-"""Maximum messages of an edge that wait to be read: 128 MB of the longest. More wait in the system's
-buffers."""
+"""Maximum number of unread messages of an edge: 128 MB of the longest ones. Further messages wait in the
+system's buffers.
+"""
 MAX_UNREAD_REPLIES = 4
-"""Maximum replies of an edge that wait to be read: each may be a character of 128 MB."""
+"""Maximum number of unread replies of an edge. Each may be a character of 128 MB."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Endpoint:
         return f"tcp://{_bracketed_host(self.host)}:{self.control_port}"
 
     def find_keys(self) -> ClientKeys | None:
-        """Returns the keys for the edge at this address. None: it is not paired, and needs no keys.
+        """Returns the keys for the edge at this address. None if it is not paired, and needs no keys.
 
         Raises:
             InputError: if a key file is missing or damaged, or others may read it.
@@ -59,7 +60,7 @@ def parse_endpoint(text: str) -> Endpoint:
     If the control port is missing, it is ``port`` + 1.
 
     Raises:
-        InputError: if it is none of these.
+        InputError: if the text has none of these forms.
     """
     host, ports = text.strip().removeprefix("tcp://"), ""
     if host.startswith("["):
@@ -71,11 +72,11 @@ def parse_endpoint(text: str) -> Endpoint:
     if len(numbers) == 1:
         numbers.append(numbers[0] + 1)
     pose, control = numbers if len(numbers) == 2 else (POSE_PORT, CONTROL_PORT)
-    written = not ports or (len(numbers) == 2 and all(p.isdecimal() for p in ports.split(":")))
-    valid = written and 0 < pose < 65536 and 0 < control < 65536
+    has_valid_ports = not ports or (len(numbers) == 2 and all(p.isdecimal() for p in ports.split(":")))
+    valid = has_valid_ports and 0 < pose < 65536 and 0 < control < 65536
     if not host or not valid or any(c.isspace() or c in "/;" for c in host):
         raise InputError(
-            f"{text!r} is not an address of an edge", mend="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
+            f"{text!r} is not an address of an edge", remedy="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
         )
     return Endpoint(host, pose, control)
 
@@ -85,16 +86,17 @@ def make_socket(
 ) -> zmq.Socket[bytes]:
     """Returns a viewer's socket: non-blocking, without lingering.
 
-    It disconnects an edge that sends too much at once.
+    The socket disconnects an edge that sends too large messages.
 
-    TCP keep-alive detects an edge that vanished without closing, so that it is connected again. libzmq's own
-    heartbeat could do this, too. But it aborts the program if a connection breaks while its queue is full.
+    TCP keep-alive detects an edge that vanished without closing, so that the socket connects again. libzmq's
+    own heartbeat could do this, too. But it aborts the program if a connection breaks while its queue is
+    full.
 
     Args:
         kind: kind of the socket, such as ``zmq.SUB``.
         max_bytes: maximum size of a message.
-        unread: maximum messages that wait to be read.
-        keys: the keys for the edge that it will connect to. None: without keys.
+        unread: maximum number of unread messages.
+        keys: the keys for the edge that it will connect to. None for a connection without keys.
     """
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)

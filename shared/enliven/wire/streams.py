@@ -33,14 +33,14 @@ class PoseMessage(Struct, array_like=True, frozen=True):
     """The transforms of one character (topic "pose").
 
     Attributes:
-        character: its id.
+        character: the character's id.
         revision: revision of the character that the transforms belong to.
-        instance: random number of the edge's process. A restarted edge has another.
+        instance: random number of the edge's process. A restarted edge has a different one.
         sequence: counts the poses of this character from 0. A gap is a loss.
-        time_ns: the sensor's clock.
+        time_ns: time of the pose by the sensor's clock.
         captured_ns: the edge's wall clock when the frame was read.
         published_ns: the edge's wall clock when the pose was sent.
-        transforms: bytes of :class:`enliven.wire.posecode.PoseCodec`.
+        transforms: the pose, encoded by :class:`enliven.wire.posecode.PoseCodec`.
     """
 
     character: Name
@@ -91,16 +91,17 @@ class CuesMessage(Struct, array_like=True, frozen=True):
     """The nodes to highlight on a character (topic "cues").
 
     Attributes:
-        character: its id.
-        state: "free"; "preview": the nodes would be held if the body possessed it now; "possessed".
+        character: the character's id.
+        state: "free"; "preview": the nodes that would attach to the body if it possessed the character now;
+            "possessed".
         nodes: (K,) uint16 node indices.
-        strengths: (K,) uint8, 255 for the strongest hold.
+        strengths: (K,) uint8, 255 for the strongest attachment.
         body: the performer's id, the first of several. -1 for none.
-        time_ns: the sensor's clock, the time of the matching poses. held: number of leading nodes that are
-            held. The others would be held by the next performer. None: all are held, unless the state is
-            "preview".
-        performers: the ids of the performers that own the nodes.
-        owners: (K,) uint8 index of the performer that holds each node. Empty: all belong to ``body``.
+        time_ns: the sensor's clock, the time of the matching poses.
+        held: number of attached nodes, which come first. The next performer would attach to the others. None:
+            all are attached, unless the state is "preview".
+        performers: the ids of the performers that control the nodes.
+        owners: (K,) uint8 index of the performer that controls each node. Empty: ``body`` controls all.
     """
 
     character: Name
@@ -126,16 +127,16 @@ class HoldMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        time_ns: the sensor's clock, of the frame before the change. A "take over" already applies to that
+        time_ns: the sensor's clock at the frame before the change. A "take over" already applies to that
             frame.
         mode: the kind of change. "remove": the character left the stage.
         revision: revision of the character. 0 if it left.
-        body: the performer's id. -1: all of them.
-        parts: the parts of the body that possess.
+        body: the performer's id, or -1 for all performers.
+        parts: the body parts that control the character.
         former: the id of the previous holder, for "take over". Otherwise -1.
         holders: the ids of all holders after the change.
         settings: the actor's settings, as JSON.
-        place: placement of the mesh before: scale, radians about +Y, x, y, z in metres; or empty.
+        place: placement of the mesh before the change: scale, radians about +Y, x, y, z in metres; or empty.
         size: metres of the modelled mesh per metre of its rest space.
     """
 
@@ -189,12 +190,12 @@ class PackedMatch(Struct, array_like=True, frozen=True):
 
     Attributes:
         name: name of the joint at the start of the branches.
-        place: rank, from 0.
-        score: sum of cosines.
+        place: rank of the match, from 0.
+        score: sum of cosines between the branches' bones and the performer's.
         sizes: (m,) uint8, number of joints that each branch of the source would drive, including the first.
         points: (sum of sizes, 3) int16 in steps of :data:`enliven.wire.convert.JOINT_STEP` metres, world.
-        limbs: (m,) uint8, the performer's limb of each branch. Empty: not known, from an older edge.
-        body: the id of the performer of these limbs. -1: not known.
+        limbs: (m,) uint8, the performer's limb of each branch. Empty if unknown (older edges).
+        body: the id of the performer of these limbs. -1 if unknown.
     """
 
     name: Name
@@ -216,11 +217,11 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         character: its id.
-        state: "off": no performer chooses; "choosing"; "playing": the shown match drives.
+        state: "off": no performer chooses; "choosing"; "playing": the shown match drives the character.
         body: the performer's id. -1 for none.
         time_ns: the sensor's clock.
-        shown: index of the shown one among ``matches``. -1 for none.
-        matches: the best ones, and the shown one.
+        shown: index of the shown match in ``matches``. -1 for none.
+        matches: the best matches, and the shown one.
         total: total number of matches.
         held: 0..1, elapsed fraction of the time for which the performer must hold still.
     """
@@ -243,24 +244,24 @@ class HealthMessage(Struct, array_like=True, frozen=True):
     """One problem at the edge.
 
     Attributes:
-        kind: a word of :class:`enliven.health.HealthKind`, or one of a later program.
+        kind: a word of :class:`enliven.health.HealthKind`, or an unknown word of a later program.
         severity: 0 a note, 1 tracking is impaired, 2 tracking fails.
-        since_ns: when it started, the sensor's clock.
+        since_ns: when the problem started, by the sensor's clock.
         what: the problem, one sentence.
-        mend: the remedy, one sentence.
-        performer: the id of the affected performer. -1: it affects the sensor or the whole scene.
+        remedy: the remedy, one sentence.
+        performer: the id of the affected performer. -1 if it affects the sensor or the whole scene.
     """
 
     kind: Name
     severity: Annotated[int, Meta(ge=0, le=2)]
     since_ns: Nanoseconds
     what: Sentence
-    mend: Sentence = ""
+    remedy: Sentence = ""
     performer: Identity = -1
 
 
 class Revision(Struct, array_like=True, frozen=True):
-    """A character's id and the revision that the edge holds."""
+    """A character's id, and the revision that the edge has."""
 
     character: Name
     revision: RevisionNumber
@@ -278,9 +279,9 @@ class SizeMessage(Struct, array_like=True, frozen=True):
     "sizes").
 
     Attributes:
-        size: factor of its own size.
-        body: the id of the performer that changes it by both hands. -1: it is not being changed.
-        exaggeration: overshoot of soft parts. None: as in the stage's settings.
+        size: factor relative to its original size.
+        body: the id of the performer that changes it by both hands. -1 if no performer changes it.
+        exaggeration: overshoot of soft parts. None for the value in the stage's settings.
     """
 
     character: Name
@@ -293,9 +294,9 @@ class CameraMessage(Struct, array_like=True, frozen=True):
     """The camera preview: the pose of the edge's camera, and a small depth image (topic "camera").
 
     Attributes:
-        place: world_from_camera, its three upper rows, row by row. The camera looks along +Z, down is +Y.
+        place: world_from_camera, its upper three rows, row by row. The camera looks along +Z, down is +Y.
         lens: focal lengths and principal point (fx, fy, cx, cy), as fractions of its image height.
-        width, height: pixels of the image. 0 if the sensor tracks people itself and has no image.
+        width, height: pixels of the image. 0 if the sensor tracks people itself and delivers no image.
         nearness: (height * width) bytes, row by row: 255 at the camera, 1 far away, 0 unknown.
     """
 
@@ -310,7 +311,7 @@ class CameraMessage(Struct, array_like=True, frozen=True):
 
 
 class CallMessage(Struct, array_like=True, frozen=True):
-    """A pedal, button or voice at the edge asks the windows to record (topic "calls").
+    """A pedal, button or voice control at the edge requests that windows record (topic "calls").
 
     Attributes:
         word: "record" starts or ends a recording; "stop" ends it; "again" starts the last one again.
@@ -326,8 +327,8 @@ class HeardMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         control: the name of the voice control.
-        words: the phrase, or the recognised words of other speech. Empty for other speech at an edge that is
-            open to other machines: private talk is not sent there.
+        words: the phrase, or the recognised words of other speech. An edge that other machines can reach
+            leaves out other speech (empty), because it may be private.
         understood: True if it is a phrase of the list.
         action: the command of the phrase. Empty if it was not understood.
         refused: the reason why the stage did not carry out the command. Empty if it did.
@@ -346,14 +347,14 @@ class VoiceMessage(Struct, array_like=True, frozen=True):
     Attributes:
         state: "off": the microphone is closed; "starting"; "listening"; "missing": it cannot listen.
         what: for "missing", the reason, one sentence.
-        mend: the remedy, one sentence.
+        remedy: the remedy, one sentence.
         phrases: the known phrases.
         actions: the command of each phrase.
     """
 
     state: Literal["off", "starting", "listening", "missing"]
     what: Sentence = ""
-    mend: Sentence = ""
+    remedy: Sentence = ""
     phrases: Annotated[list[Sentence], Meta(max_length=MAX_PHRASES)] = field(default_factory=list)
     actions: Annotated[list[Sentence], Meta(max_length=MAX_PHRASES)] = field(default_factory=list)
 
@@ -369,13 +370,13 @@ class PhysicsMessage(Struct, array_like=True, frozen=True):
         world: the kind of rigid objects on the stage, or being prepared.
         state: "off"; "preparing"; "on"; "missing": the library is not installed; "failed".
         what: for "missing" and "failed", the reason, one sentence.
-        mend: the remedy, one sentence.
+        remedy: the remedy, one sentence.
     """
 
     world: Literal["none", "boxes", "dodgeball"]
     state: Literal["off", "preparing", "on", "missing", "failed"]
     what: Sentence = ""
-    mend: Sentence = ""
+    remedy: Sentence = ""
 
 
 class StatusMessage(Struct, array_like=True, frozen=True):
@@ -383,8 +384,9 @@ class StatusMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         edge: the edge's name.
-        instance: random for each start of the process.
-        revision: revision of the edge's state. A viewer that receives a new one asks for the state again.
+        instance: random number for each start of the process.
+        revision: revision of the edge's state. A viewer that receives a new revision requests the state
+            again.
         published_ns: the edge's wall clock.
         sensor: the sensor's identity, or empty.
         phase: the edge's activity, such as "waiting", "watching", "tracking" or "ended".
@@ -395,8 +397,8 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         performers: number of people in view.
         dropped: number of frames that came too fast and were dropped, since the start.
         health: the current problems, the most severe first.
-        pairing_s: seconds until the shown pairing code expires. 0: pairing is closed. The code itself is not
-            in the heartbeat, because viewers that may only watch receive it, too.
+        pairing_s: seconds until the shown pairing code expires, or 0 if pairing is closed. The code itself is
+            not in the heartbeat, because viewers that may only watch receive it, too.
     """
 
     edge: Name

@@ -40,13 +40,13 @@ class Topic:
     Attributes:
         name: name on the wire, ASCII.
         type: the message class.
-        way: "stream" goes from the edge to every viewer, "state" to a viewer that asks for it, "request" from
+        way: "stream" goes from the edge to every viewer, "state" to a viewer that requests it, "request" from
             a viewer to its edge, "reply" back.
         max_bytes: maximum payload. A longer message is dropped without decoding.
-        rate_hz: expected rate while the edge works. 0: irregular.
+        rate_hz: expected messages per second while the edge tracks. 0 if the rate is irregular.
         keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
         latched: True sends the newest message of each key to viewers that join late.
-        key: messages with an equal key replace each other.
+        key: returns a message's key. Messages with an equal key replace each other.
         recorded: True stores it in takes.
     """
 
@@ -89,7 +89,7 @@ def _character_id(message: Any) -> str:
 
 
 def _register_stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
-    """Registers a topic with a message in every frame. Takes store all of them."""
+    """Registers a topic with one message per frame. Takes store all of them."""
     return register(Topic(name, kind, "stream", most, 30, "every", recorded=True, **how))
 
 

@@ -12,16 +12,16 @@ import struct
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from enliven.keys import CurveChannel, CurveServer
+    from enliven.keys.curve import CurveChannel, CurveServer
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
-"""The first 64 bytes of both sides: signature, version 3.1, no encryption."""
+"""The first 64 bytes that each side sends: signature, version 3.1, no encryption."""
 CURVE_GREETING = GREETING[:12] + b"CURVE".ljust(20, b"\0") + b"\1" + bytes(31)
 """The first 64 bytes of a server with keys: signature, version 3.1, CURVE, as server."""
 _VERSION_BYTES = 12
-"""Bytes of a greeting up to its version. A peer waits for them before it sends the rest of its own."""
+"""Bytes of a greeting up to its version. A peer waits for them before it sends the rest of its greeting."""
 _MAX_HANDSHAKE_BYTES = 1024
-"""Maximum bytes of a command of the CURVE handshake: 300, and the properties of the peer's socket."""
+"""Maximum bytes of a command of the CURVE handshake: 300, plus the properties of the peer's socket."""
 _SEALED_BYTES = 33
 """Bytes that CURVE adds to a message."""
 
@@ -34,9 +34,9 @@ _COMMAND_FLAG = 4
 _CURVE_COMMAND_FLAG = 2
 """Flag inside a sealed message that is a command of the protocol."""
 _MAX_PARTS = 8
-"""Maximum parts of one message: a viewer sends one, libzmq's REQ sockets two."""
+"""Maximum number of parts of one message. A viewer sends one part, libzmq's REQ sockets send two."""
 _MAX_CONTEXT_BYTES = 16
-"""Maximum bytes of a PING that are sent back, as the protocol requires."""
+"""Maximum bytes of a PING that are sent back. The protocol requires this limit."""
 _TTL_BYTES = 2
 """Bytes of a PING's time to live, which precede its context."""
 
@@ -61,14 +61,15 @@ class ZmtpSession:
     Args:
         kind: kind of the listening socket. "ROUTER" accepts DEALER and REQ, "PUB" accepts SUB.
         most: maximum bytes of an accepted frame.
-        curve: the keys of the listener, and the peers that it admits. None: without keys. A "ROUTER" with
-            keys also accepts peers without, so that they can pair. They have no ``channel``.
+        curve: the keys of the listener, and the peers that it admits. None for a listener without keys. A
+            "ROUTER" with keys also accepts peers without keys, so that they can pair. They have no
+            ``channel``.
 
     Attributes:
         ready: True after the handshake.
-        channel: the encrypted channel of a peer with keys. None: a peer without.
+        channel: the encrypted channel of a peer with keys. None for a peer without keys.
         answers: bytes to send to the other side now. The caller empties it.
-        missing: number of bytes that are missing to the end of the current frame, or of its header.
+        missing: number of bytes missing until the end of the current frame, or of its header.
     """
 
     def __init__(self, kind: Literal["ROUTER", "PUB"], most: int, curve: CurveServer | None = None) -> None:
@@ -94,7 +95,7 @@ class ZmtpSession:
         """Returns the next message's parts. Returns an empty list for a command, and None if bytes are
         missing.
 
-        A subscription is one part, 1 or 0 (unsubscribe) and the topic's prefix.
+        A subscription is one part: the byte 1 (subscribe) or 0 (unsubscribe), and the topic's prefix.
 
         Raises:
             ZmtpError: for bytes that are not ZMTP 3, or too long.
@@ -122,7 +123,7 @@ class ZmtpSession:
         return parts
 
     def _answer_greeting(self) -> list[bytes] | None:
-        """Checks the other side's first 64 bytes, as far as they have arrived, and answers them."""
+        """Checks the received part of the other side's first 64 bytes, and answers it."""
         greeting = self._bytes[: len(GREETING)]
         if (greeting and greeting[0] != 0xFF) or (
             len(greeting) > 10 and (not greeting[9] & 1 or greeting[10] < 3)
@@ -134,11 +135,11 @@ class ZmtpSession:
         if without_keys and self._kind == "ROUTER":
             self._greeting = GREETING
         if greeting[12:32] != self._greeting[12:32]:
-            raise ZmtpError("another mechanism of keys")
+            raise ZmtpError("another security mechanism")
         self.answers += self._greeting[self._unsent_from :]
         self._at, self._greeted = len(GREETING), True
         if self._curve is not None and not without_keys:
-            from enliven.keys import CurveChannel
+            from enliven.keys.curve import CurveChannel
 
             self.channel = CurveChannel(self._curve)
         else:
@@ -147,12 +148,12 @@ class ZmtpSession:
 
     @property
     def _metadata(self) -> bytes:
-        """The properties of this side: the kind of its socket."""
+        """Returns the properties of this side: the kind of its socket."""
         return b"\x0bSocket-Type" + struct.pack(">I", len(self._kind)) + self._kind.encode()
 
     def _handle_curve(self, channel: CurveChannel, data: bytes) -> list[bytes]:
         """Handles a command of the CURVE handshake."""
-        from enliven.keys import CurveError
+        from enliven.keys.curve import CurveError
 
         try:
             answer = channel.answer(data, self._metadata)
@@ -167,8 +168,10 @@ class ZmtpSession:
         return []
 
     def _open_sealed(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
-        """Returns the flags and the content of a sealed frame, flags as of a frame without keys."""
-        from enliven.keys import CurveError
+        """Returns the flags and the content of a sealed frame. The flags are those of a frame without
+        encryption.
+        """
+        from enliven.keys.curve import CurveError
 
         try:
             flags, plain = channel.open(data)
@@ -192,7 +195,7 @@ class ZmtpSession:
         if self.channel is not None:
             most = most + _SEALED_BYTES if self.ready else _MAX_HANDSHAKE_BYTES
         if length > most:
-            raise ZmtpError(f"a frame of {length} bytes, {most} are taken")
+            raise ZmtpError(f"a frame of {length} bytes, the limit is {most}")
         self.missing = max(start + length - len(self._bytes), 0)
         if self.missing:
             return None

@@ -15,13 +15,13 @@ from enliven.arrays import Float, Int
 from enliven.person import Limb
 from enliven_synthesis.body.performer import Figure, Performer
 
-BLEND = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)
+GROUP_BLEND_WIDTHS_M = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)
 """Width of the smooth union within each group, metres: trunk, head, left and right arm, left and right
 leg."""
-BETWEEN = 0.014
+BLEND_BETWEEN_GROUPS_M = 0.014
 """Width of the smooth union between those groups, metres."""
 TAPER = 0
-"""Kind of a tapered capsule: its radius changes linearly along it, plus a bulge half-way."""
+"""Kind of a tapered capsule. Its radius changes linearly along its axis, plus a bulge half-way."""
 ELLIPSOID = 1
 """Kind of an ellipsoid."""
 ORDINARY = 0

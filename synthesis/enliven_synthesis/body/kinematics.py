@@ -13,10 +13,10 @@ from enliven.kernels import copy_row, copy_rows, njit
 from enliven.person import Joint, Limb
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 
-STRAIGHTEST = 0.997
-"""Maximum reach of a leg as a fraction of thigh + shank. A knee is never fully locked."""
-FOLDED = 0.3
-"""Minimum reach of a leg as a fraction of thigh + shank. A knee bends no further."""
+MAX_LEG_REACH = 0.997
+"""Maximum reach of a leg as a fraction of thigh + shank, because a knee is never fully straight."""
+MIN_LEG_REACH = 0.3
+"""Minimum reach of a leg as a fraction of thigh + shank, because a knee cannot bend further."""
 _PELVIS_WEIGHT = 0.35
 """Weight of the pelvis' forward direction in the direction of knee bending; the foot's direction has weight
 1."""
@@ -79,12 +79,14 @@ def forward_kinematics(build: Any, trunk: Any, arms: Any, feet: Any, joints: Flo
     for side in range(2):
         _put_foot(build, feet[side], frames[_FOOT + side])
     pelvis = frames[_PELVIS]
-    _upright(pelvis)
+    _set_identity(pelvis)
     pelvis[0, 3], pelvis[1, 3], pelvis[2, 3] = trunk.x, build.standing + trunk.rise, trunk.z
     _bend(pelvis, trunk.yaw, trunk.pitch, trunk.roll, 1.0)
     for side in range(2):
         if feet[side].lift <= 0:
-            pelvis[1, 3] = min(pelvis[1, 3], _highest(build, pelvis, frames[_FOOT + side], 1.0 - 2.0 * side))
+            pelvis[1, 3] = min(
+                pelvis[1, 3], _max_pelvis_height(build, pelvis, frames[_FOOT + side], 1.0 - 2.0 * side)
+            )
     copy_row(joints[0], pelvis[:, 3])
     _put_trunk(build, trunk, joints, frames)
     for side in range(2):
@@ -93,7 +95,7 @@ def forward_kinematics(build: Any, trunk: Any, arms: Any, feet: Any, joints: Flo
 
 
 @njit(cache=True, nogil=True)
-def _upright(frame: Float) -> None:
+def _set_identity(frame: Float) -> None:
     """Sets the rotation of a frame to the identity."""
     for i in range(3):
         for j in range(3):
@@ -129,7 +131,7 @@ def _shift(point: Float, frame: Float, x: float, y: float, z: float) -> None:
 def _put_foot(build: Any, foot: Any, frame: Float) -> None:
     """Fills the frame of a foot: the target ankle position and the rotation. The foot pitches about its
     ball."""
-    _upright(frame)
+    _set_identity(frame)
     frame[0, 3], frame[1, 3], frame[2, 3] = foot.x, build.ankle_height + foot.lift, foot.z
     _turn(frame, 1, foot.yaw)
     _shift(frame[:, 3], frame, build.ball[0], build.ball[1], build.ball[2])
@@ -138,13 +140,13 @@ def _put_foot(build: Any, foot: Any, frame: Float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _highest(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
+def _max_pelvis_height(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
     """Returns the pelvis height, metres, at which the leg to a planted foot is fully stretched."""
     x, y, z = sign * build.hip[0], build.hip[1], build.hip[2]
     up = pelvis[1, 0] * x + pelvis[1, 1] * y + pelvis[1, 2] * z
     aside = pelvis[0, 3] + (pelvis[0, 0] * x + pelvis[0, 1] * y + pelvis[0, 2] * z) - foot[0, 3]
     along = pelvis[2, 3] + (pelvis[2, 0] * x + pelvis[2, 1] * y + pelvis[2, 2] * z) - foot[2, 3]
-    reach = STRAIGHTEST * (build.thigh + build.shank)
+    reach = MAX_LEG_REACH * (build.thigh + build.shank)
     return foot[1, 3] - up + math.sqrt(max(reach * reach - (aside * aside + along * along), 0.0))
 
 
@@ -206,14 +208,14 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
     _shift(hip, pelvis, sign * build.hip[0], build.hip[1], build.hip[2])
     shank = frames[_SHANK + side]
     along, forward = shank[:, 0], shank[:, 1]
-    reach = STRAIGHTEST * (build.thigh + build.shank)
+    reach = MAX_LEG_REACH * (build.thigh + build.shank)
     apart = _direction(sole[:, 3], hip, along)
-    distance = min(max(apart, FOLDED * reach), reach)
+    distance = min(max(apart, MIN_LEG_REACH * reach), reach)
     heading = foot.yaw + sign * foot.splay
     copy_row(forward, pelvis[:, 2])
     forward[0], forward[1] = _PELVIS_WEIGHT * forward[0] + math.sin(heading), _PELVIS_WEIGHT * forward[1]
     forward[2] = _PELVIS_WEIGHT * forward[2] + math.cos(heading)
-    _clear_of(forward, along)
+    _make_perpendicular(forward, along)
     reach_along = (distance**2 + build.thigh**2 - build.shank**2) / (2.0 * distance)
     bow = math.sqrt(max(build.thigh**2 - reach_along**2, 0.0))
     for i in range(3):
@@ -239,8 +241,8 @@ def _direction(to: Float, start: Float, out: Float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _clear_of(vector: Float, unit: Float) -> None:
-    """Makes a vector (3,) perpendicular to a unit vector (3,) and normalizes it."""
+def _make_perpendicular(vector: Float, unit: Float) -> None:
+    """Removes the component along a unit vector (3,) from a vector (3,) in place, and normalizes it."""
     shared = vector[0] * unit[0] + vector[1] * unit[1] + vector[2] * unit[2]
     for i in range(3):
         vector[i] -= shared * unit[i]
@@ -258,7 +260,7 @@ def _put_bone(top: Float, end: Float, forward: Float, frame: Float) -> None:
     x, y, z = frame[:, 0], frame[:, 1], frame[:, 2]
     copy_row(z, forward)
     _direction(top, end, y)
-    _clear_of(z, y)
+    _make_perpendicular(z, y)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         x[i] = y[j] * z[k] - y[k] * z[j]

@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Joint, Limb
 from enliven.settings import setting
-from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, forward_kinematics, posture_tuples
+from enliven_synthesis.body.kinematics import MAX_LEG_REACH, Lengths, forward_kinematics, posture_tuples
 from enliven_synthesis.body.posture import PerformerPosture
 from enliven_synthesis.body.rotations import round_to_grid
 
@@ -66,7 +66,7 @@ class Performer:
         self.thigh, self.shank = 0.428 * s * p.legs, 0.418 * s * p.legs
         self.ball = np.array([0.0, -0.052, 0.128]) * s
         self.ankle_height = 0.082 * s
-        reach = STRAIGHTEST * (self.thigh + self.shank)
+        reach = MAX_LEG_REACH * (self.thigh + self.shank)
         self.standing = self.ankle_height + reach - float(self.hip[1]) - 0.014 * s
         self._lengths = Lengths(*(getattr(self, name) for name in Lengths._fields))
 

@@ -23,16 +23,16 @@ _HIT_DISTANCE_M = 5e-4
 """A ray hits the surface if it is this close to it, metres. The distance is less than a sensor's depth
 step."""
 _STEP_SAFETY = 1.4
-"""Safety factor: a distance may shrink this many times faster than the ray advances, since the distances of
-ellipsoids are first-order approximations."""
+"""Safety factor of skipping primitives: a distance may shrink faster than the ray advances by this factor,
+because distances of ellipsoids are first-order approximations."""
 _FAR = 1e9
-"""Initial distance, metres, before any primitive has been evaluated. It is larger than any room."""
+"""Initial distance in metres, before a primitive is evaluated. It is larger than any room."""
 
 X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST_HIT, _APART = range(0, 11 * LANES, LANES)
 """Offsets into the array of lanes: the rays' x/z and y/z, their lengths per unit of depth, and the depths (m)
 at which they end; then the depths (m) reached and the primitives hit (-1: none); then scratch."""
 LANES_SIZE = 11 * LANES
-"""Size of the array of lanes: eleven rows."""
+"""Number of entries of the array of lanes: eleven rows of lanes."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -127,7 +127,7 @@ def _greatest(lanes: Float, row: int, sign: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _close_group(lanes: Float, width: float) -> None:
-    """Merges a complete group with the groups before it, with a smooth union of ``width`` metres."""
+    """Merges a complete group with the groups before it, by a smooth union of ``width`` metres."""
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b = lanes[_WHOLE + k], lanes[_PART + k]

@@ -1,5 +1,4 @@
-"""Occlusion of joints in a depth image. A joint is visible if nothing but its own body's surface is in front
-of it."""
+"""Visibility of joints in a depth image: only the body's own surface may be in front of a visible joint."""
 
 from __future__ import annotations
 
@@ -35,7 +34,7 @@ def find_visible_joints(
     camera_from_world: Float,
     reach: tuple[float, float],
 ) -> Bool:
-    """Returns (20,) True for each joint that is in the image, in range, and occluded at most by its own body.
+    """Returns (20,) True for each joint that is in the image, in range, and only covered by its own body.
 
     Args:
         joints: (20, 3) metres, world.
@@ -46,7 +45,7 @@ def find_visible_joints(
     """
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     thick = MAX_COVER_M * performer.scale * max(1.0, performer.proportions.girth)
-    seen = np.zeros(len(joints), bool)
+    is_visible = np.zeros(len(joints), bool)
     for j, point in enumerate(camera):
         if not reach[0] <= point[2] <= reach[1]:
             continue
@@ -58,5 +57,5 @@ def find_visible_joints(
         columns = slice(max(int(u - radius + 0.5), 0), int(u + radius + 0.5) + 1)
         is_own = owner[rows, columns] == number
         behind_surface = is_own & (depth[rows, columns] > point[2] - thick[j])
-        seen[j] = behind_surface.mean() >= _MIN_VISIBLE
-    return seen
+        is_visible[j] = behind_surface.mean() >= _MIN_VISIBLE
+    return is_visible

@@ -14,7 +14,7 @@ from enliven.settings import load_settings
 
 if TYPE_CHECKING:
     from enliven.recording import Recorder
-    from enliven_synthesis.sensor import SyntheticStudio
+    from enliven_synthesis.sensor.studio import SyntheticStudio
 
 
 def synthesize(
@@ -37,7 +37,8 @@ def synthesize(
       enliven synthesize -o wave.mcap --choreography wave --profile oak-d --width 0
     """
     from enliven.recording import Recorder
-    from enliven_synthesis.sensor import SyntheticSettings, SyntheticStudio, load_profile
+    from enliven_synthesis.sensor.profile import load_profile
+    from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
     values = {"choreography": choreography, "seed": seed, "width": width, "noise": noise}
     studio = SyntheticStudio(

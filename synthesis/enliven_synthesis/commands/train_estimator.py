@@ -37,13 +37,13 @@ def train_estimator(
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Learn to see where the joints are in depth, from rendered people in random postures.
+    """Train the pose network, which finds joints in depth, on rendered people in random postures.
 
-    Nothing is downloaded and no recording is used. The defaults take little more than an hour of two cores,
-    and 5 GB of disk. Where PyTorch finds a graphics card with CUDA it learns there: the network that ships
-    with enliven has learnt for eight minutes in steps of 1024 pictures. A network that is there already is
-    trained on with --start, in less; with a --share of what it learns it forgets less. It needs PyTorch:
-    pip install "enliven-synthesis[training]".
+    Nothing is downloaded and no recording is used. The defaults take a little over an hour on two cores, and
+    5 GB of disk. With a CUDA graphics card the training runs there. The shipped network was trained for eight
+    minutes in steps of 1024 pictures. --start fine-tunes an existing network in less time, and a --share
+    below 1 keeps more of its knowledge. The training needs PyTorch: pip install
+    "enliven-synthesis[training]".
 
     \b
       enliven train-estimator -o estimator.onnx --pictures 224000 --steps 22000 --batch 1024     on a card
@@ -53,16 +53,16 @@ def train_estimator(
     """
     if output.suffix != ".onnx":
         raise InputError(
-            "a network is an .onnx file", where=str(output), mend="Give a name that ends in .onnx."
+            "a network is an .onnx file", where=str(output), remedy="Give a name that ends in .onnx."
         )
     if output.exists() and not overwrite:
         raise InputError(
-            "this file is there already", where=str(output), mend="Add --overwrite to replace it."
+            "the file exists already", where=str(output), remedy="Add --overwrite to replace it."
         )
     if not output.absolute().parent.is_dir():
-        raise InputError("this folder does not exist", where=str(output.parent), mend="Make it first.")
+        raise InputError("this folder does not exist", where=str(output.parent), remedy="Make it first.")
     if start is not None and not start.is_file():
-        raise InputError("this network does not exist", where=str(start), mend="Name an .onnx file.")
+        raise InputError("this network does not exist", where=str(start), remedy="Name an .onnx file.")
     try:
         for package in ("torch", "onnx", "onnxscript"):
             import_module(package)
@@ -70,20 +70,19 @@ def train_estimator(
         raise InputError(
             f"training needs {missing.name}, which is not installed",
             where="train-estimator",
-            mend='Install it: pip install "enliven-synthesis[training]".',
+            remedy='Install it: pip install "enliven-synthesis[training]".',
         ) from None
-    from enliven_synthesis.training import Dataset, render_dataset
-    from enliven_synthesis.training.pose_network import (
+    from enliven_synthesis.training.dataset import Dataset, render_dataset
+    from enliven_synthesis.training.pose_network.quantisation import quantise
+    from enliven_synthesis.training.pose_network.training import (
         FINE_TUNING_RATE,
         VALIDATION_SAMPLES,
         TrainingSettings,
         export,
-        interpolate_networks,
         measure,
-        quantise,
-        restore_network,
         train,
     )
+    from enliven_synthesis.training.pose_network.weight_import import interpolate_networks, restore_network
 
     values: dict[str, object] = {"pictures": pictures, "steps": steps, "batch": batch, "seed": seed}
     if start is not None:

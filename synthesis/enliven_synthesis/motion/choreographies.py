@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from enliven.errors import InputError
-from enliven_synthesis.body import ArmPose, PerformerPosture
+from enliven_synthesis.body.posture import ArmPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.footwork import Footwork, Stance
 from enliven_synthesis.motion.tracks import Step, Track, sway
@@ -23,7 +23,7 @@ def get_choreography(name: str) -> Choreography:
         raise InputError(
             f"unknown choreography {name!r}",
             where="synthetic performer",
-            mend=f"Known: {', '.join(_MAKERS)}.",
+            remedy=f"Known: {', '.join(_MAKERS)}.",
         )
     return _MAKERS[name]()
 
@@ -120,7 +120,7 @@ def _chair() -> Choreography:
     def posture(time: float) -> PerformerPosture:
         value = {name: track(time) for name, track in _CHAIR_TRACKS.items()}
         x, z = feet.pelvis(time)
-        favour, behind = feet.favour(time), feet.favour(time - 0.07)
+        balance, behind = feet.weight_balance(time), feet.weight_balance(time - 0.07)
         flap, bow, tuck = value["arms"], value["bow"], value["tuck"]
         base_posture = PerformerPosture(
             left_foot=feet.foot(0, time),
@@ -132,9 +132,9 @@ def _chair() -> Choreography:
             x=x - 0.10 * value["lean"],
             z=z - 0.16 * bow - 0.20 * tuck * (value["crouch"] < 0) * -value["crouch"],
             rise=value["crouch"] + feet.hop(time) - 0.008,
-            yaw=0.22 * value["turn"] + 0.05 * favour,
+            yaw=0.22 * value["turn"] + 0.05 * balance,
             pitch=0.03 + 0.55 * tuck * 0.7 + 0.5 * bow,
-            roll=-0.045 * favour + 0.2 * value["lean"],
+            roll=-0.045 * balance + 0.2 * value["lean"],
             spine_yaw=0.78 * value["turn"] - 0.10 * behind,
             spine_pitch=0.05 + 0.25 * tuck + 0.6 * bow - 0.06 * max(flap, 0.0),
             spine_roll=0.85 * value["lean"] + 0.085 * behind,
@@ -220,7 +220,7 @@ def _walk() -> Choreography:
         x, z = feet.pelvis(time)
         left, right = feet.foot(0, time), feet.foot(1, time)
         stride = left.z - right.z
-        swing, favour = feet.favour(time - 0.05), feet.favour(time)
+        swing, balance = feet.weight_balance(time - 0.05), feet.weight_balance(time)
 
         def arm(forward: float) -> ArmPose:
             return ArmPose(
@@ -229,7 +229,7 @@ def _walk() -> Choreography:
 
         base_posture = PerformerPosture(
             left, right, arm(-0.9 * stride), arm(0.9 * stride), x, z,
-            yaw=-0.25 * stride, roll=-0.04 * favour, pitch=0.03, spine_yaw=0.55 * stride,
+            yaw=-0.25 * stride, roll=-0.04 * balance, pitch=0.03, spine_yaw=0.55 * stride,
             spine_pitch=0.05, spine_roll=0.05 * swing,
         )  # fmt: skip
         return _add_breathing(base_posture, time, 5.6)

@@ -18,14 +18,10 @@ from numpy.random import Generator
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.person import Limb
-from enliven_synthesis.body import (
-    Figure,
-    FootPose,
-    Performer,
-    PerformerPosture,
-    rotation_about_x,
-    solve_arm,
-)
+from enliven_synthesis.body.arm_ik import solve_arm
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.posture import FootPose, PerformerPosture
+from enliven_synthesis.body.rotations import rotation_about_x
 from enliven_synthesis.motion.dance import HOME_Z
 from enliven_synthesis.motion.exercises import interpolate_fields
 from enliven_synthesis.motion.motion import place_figure
@@ -168,7 +164,9 @@ class CloseLimbs:
     def __init__(self, performer: Performer, name: str, seed: int = 0) -> None:
         if name not in _KEYS:
             names = ", ".join(_KEYS)
-            raise InputError(f"unknown motion {name!r}", where="synthetic performer", mend=f"Known: {names}.")
+            raise InputError(
+                f"unknown motion {name!r}", where="synthetic performer", remedy=f"Known: {names}."
+            )
         rng = np.random.default_rng(seed) if seed else None
         tempo = 1.0 if rng is None else 1.0 + _TEMPO_VARIATION * float(rng.uniform(-1.0, 1.0))
         self._performer, self._jogs = performer, name == "jog"
@@ -189,9 +187,9 @@ class CloseLimbs:
         ]
         if self._jogs:
             posture, wrists = _jog(self._pace * time, posture, before.left, before.right)
-        return place_figure(self._reached(posture, wrists), (0.0, -HOME_Z), 0.0)
+        return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -HOME_Z), 0.0)
 
-    def _reached(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
+    def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
         """Returns the figure of a posture with its wrists at the given (6,) positions and elbow
         directions."""
         figure, performer = self._performer.pose(posture), self._performer

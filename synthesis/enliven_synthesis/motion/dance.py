@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from enliven_synthesis.body import PerformerPosture
+from enliven_synthesis.body.posture import PerformerPosture
 
 HOME_Z = -2.7
 """Z of the performer's start position, metres. The camera is above the world's origin and looks along -Z."""

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from enliven.errors import InputError
-from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.footwork import Footwork
 from enliven_synthesis.motion.tracks import Step, ease
@@ -47,17 +47,17 @@ class _Variation:
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
 
-    def near(self, value: float, spread: float) -> float:
+    def vary(self, value: float, spread: float) -> float:
         return value if self._random is None else value + spread * float(self._random.uniform(-1.0, 1.0))
 
     def arm(self, arm: ArmPose) -> ArmPose:
         return replace(
             arm,
-            flex=self.near(arm.flex, 0.15),
-            abduct=max(self.near(arm.abduct, 0.15), 0.0),
-            twist=self.near(arm.twist, 0.25),
-            elbow=min(max(self.near(arm.elbow, 0.2), 0.02), 2.4),
-            pronate=self.near(arm.pronate, 0.5),
+            flex=self.vary(arm.flex, 0.15),
+            abduct=max(self.vary(arm.abduct, 0.15), 0.0),
+            twist=self.vary(arm.twist, 0.25),
+            elbow=min(max(self.vary(arm.elbow, 0.2), 0.02), 2.4),
+            pronate=self.vary(arm.pronate, 0.5),
         )
 
     def posture(self, posture: PerformerPosture) -> PerformerPosture:
@@ -65,11 +65,11 @@ class _Variation:
             posture,
             left_arm=self.arm(posture.left_arm),
             right_arm=self.arm(posture.right_arm),
-            spine_yaw=self.near(posture.spine_yaw, 0.12),
-            spine_pitch=self.near(posture.spine_pitch, 0.08),
-            spine_roll=self.near(posture.spine_roll, 0.08),
-            head_yaw=self.near(posture.head_yaw, 0.3),
-            head_pitch=self.near(posture.head_pitch, 0.12),
+            spine_yaw=self.vary(posture.spine_yaw, 0.12),
+            spine_pitch=self.vary(posture.spine_pitch, 0.08),
+            spine_roll=self.vary(posture.spine_roll, 0.08),
+            head_yaw=self.vary(posture.head_yaw, 0.3),
+            head_pitch=self.vary(posture.head_pitch, 0.12),
         )
 
 
@@ -77,7 +77,7 @@ def _choreography_from_keys(
     name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]
 ) -> Choreography:
     """Returns a choreography of keyed postures, times in seconds, with eased interpolation."""
-    tempo = vary.near(1.0, 0.2)
+    tempo = vary.vary(1.0, 0.2)
     times = [tempo * time for time, _ in keys]
     postures = [keys[0][1], *(vary.posture(p) for _, p in keys[1:-1]), keys[-1][1]]
 
@@ -127,11 +127,12 @@ def _overhead(vary: _Variation) -> Choreography:
 
 
 def _crouch(vary: _Variation) -> Choreography:
-    low = vary.near(-0.42, 0.06)
+    low = vary.vary(-0.42, 0.06)
     deep = _arms(_FORWARD, rise=low, pitch=0.45, spine_pitch=0.35, head_pitch=-0.3)
-    held = _arms(replace(_DOWN, flex=0.9), rise=low - 0.05, pitch=0.55, spine_pitch=0.45, head_pitch=-0.2)
+    raised = _arms(replace(_DOWN, flex=0.9), rise=low - 0.05, pitch=0.55, spine_pitch=0.45, head_pitch=-0.2)
     return _choreography_from_keys(
-        "crouch", vary, (0.0, _stand()), (0.8, _stand()), (1.8, deep), (2.4, deep), (3.2, held), (3.8, held),
+        "crouch", vary, (0.0, _stand()), (0.8, _stand()), (1.8, deep), (2.4, deep),
+        (3.2, raised), (3.8, raised),
         (4.8, _arms(_ON_HIP)), (5.5, _arms(_ON_HIP, rise=-0.25, pitch=0.2)), (6.4, _stand()),
     )  # fmt: skip
 
@@ -141,7 +142,7 @@ def _kneel(vary: _Variation) -> Choreography:
     moving_foot = FootPose(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
     front = FootPose(0.13, HOME_Z + 0.10, yaw=0.1)
     start = replace(_stand(), left_foot=front)
-    down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
+    down = replace(start, right_foot=back, rise=vary.vary(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
     busy = replace(down, left_arm=_FORWARD, right_arm=_AT_FACE, spine_pitch=0.15, spine_yaw=0.2)
     half = replace(start, right_foot=moving_foot, rise=-0.10, z=HOME_Z - 0.05)
     return _choreography_from_keys(
@@ -152,7 +153,7 @@ def _kneel(vary: _Variation) -> Choreography:
 
 def _floor(vary: _Variation) -> Choreography:
     bent = _arms(
-        _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=vary.near(0.85, 0.1), head_pitch=0.1
+        _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=vary.vary(0.85, 0.1), head_pitch=0.1
     )
     low = _arms(_DOWN, rise=-0.34, z=HOME_Z - 0.06, pitch=0.95, spine_pitch=0.70, head_pitch=-0.3)
     twisted = replace(low, left_arm=_OUT, spine_yaw=0.5)
@@ -165,7 +166,7 @@ def _floor(vary: _Variation) -> Choreography:
 def _one_leg(vary: _Variation) -> Choreography:
     shifted: dict[str, Any] = {"x": -0.11, "roll": -0.04}
     knee = _arms(
-        _OUT, left_foot=FootPose(0.10, HOME_Z + 0.10, lift=vary.near(0.42, 0.08), pitch=-0.5), **shifted
+        _OUT, left_foot=FootPose(0.10, HOME_Z + 0.10, lift=vary.vary(0.42, 0.08), pitch=-0.5), **shifted
     )
     kick = _arms(
         _ON_HIP, left_foot=FootPose(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **shifted
@@ -200,7 +201,7 @@ def _crossed(vary: _Variation) -> Choreography:
 
 def _turn(vary: _Variation) -> Choreography:
     """Turns all the way round on the spot; each step of both feet turns by 60 degrees."""
-    beat = vary.near(0.55, 0.08)
+    beat = vary.vary(0.55, 0.08)
     steps = 12
     duration = 1.0 + beat * (steps + 1) + 0.6
 
@@ -233,7 +234,7 @@ def _turn(vary: _Variation) -> Choreography:
 
 def _stroll(vary: _Variation) -> Choreography:
     """Walks nine steps straight ahead, about 3.5 m."""
-    stride, beat = vary.near(0.42, 0.05), vary.near(0.52, 0.05)
+    stride, beat = vary.vary(0.42, 0.05), vary.vary(0.52, 0.05)
     steps = [Step(1, 0.4, 0.4 + 0.8 * beat, dz=stride, lift=0.07)]
     for n in range(1, 8):
         start = 0.4 + n * beat
@@ -253,7 +254,8 @@ def _stroll(vary: _Variation) -> Choreography:
         return PerformerPosture(
             left, right, arm(-0.7 * foot_distance), arm(0.7 * foot_distance), x,
             (left.z + right.z) / 2, yaw=-0.2 * foot_distance,
-            roll=-0.04 * feet.favour(time), pitch=0.04, spine_yaw=0.4 * foot_distance, spine_pitch=0.04,
+            roll=-0.04 * feet.weight_balance(time), pitch=0.04,
+            spine_yaw=0.4 * foot_distance, spine_pitch=0.04,
         )  # fmt: skip
 
     return Choreography("stroll", start + beat + 0.3, posture, feet.planted)
@@ -261,7 +263,7 @@ def _stroll(vary: _Variation) -> Choreography:
 
 def _touch(vary: _Variation) -> Choreography:
     """Holds out a hand to a person on the performer's left."""
-    give = replace(_OUT, abduct=vary.near(1.2, 0.1), elbow=0.15)
+    give = replace(_OUT, abduct=vary.vary(1.2, 0.1), elbow=0.15)
     return _choreography_from_keys(
         "touch", vary, (0.0, _stand()), (1.2, _stand()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
         (3.4, _arms(give, _HANGING, head_yaw=0.5)), (4.2, _arms(give, _ON_HIP)), (5.4, _stand()),
@@ -291,7 +293,7 @@ def get_exercise(name: str, seed: int = 0) -> Choreography:
     """
     if name not in _MAKERS:
         names = ", ".join(_MAKERS)
-        raise InputError(f"unknown exercise {name!r}", where="synthetic performer", mend=f"Known: {names}.")
+        raise InputError(f"unknown exercise {name!r}", where="synthetic performer", remedy=f"Known: {names}.")
     return _MAKERS[name](_Variation(seed))
 
 

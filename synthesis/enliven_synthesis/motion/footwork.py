@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven_synthesis.body import FootPose
+from enliven_synthesis.body.posture import FootPose
 from enliven_synthesis.motion.tracks import Step, pulse
 
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -19,7 +19,7 @@ class Footwork:
     Args:
         stance: (x, z, yaw) of the left foot and of the right foot at the start.
         steps: the steps, ordered by start time.
-        carry: how far the pelvis moves over the standing foot: 0 not at all, 1 fully.
+        carry: fraction of the way that the pelvis moves over the standing foot: 0 not at all, 1 fully.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Footwork:
         own_steps = [(s.progress(time), s) for s in self._steps if s.foot == side]
         return x + sum(p * s.dx for p, s in own_steps), z + sum(p * s.dz for p, s in own_steps)
 
-    def favour(self, time: float) -> float:
+    def weight_balance(self, time: float) -> float:
         """Returns the weight distribution: -1 all on the right foot, +1 all on the left foot, 0 on both."""
         signed = [pulse(time, s.start, s.stop, SHIFT_S) * (2 * s.foot - 1) for s in self._steps if not s.both]
         return max(-1.0, min(1.0, sum(signed)))

@@ -1,5 +1,4 @@
-"""Retargets a motion capture to a performer of other proportions. Every limb points in the captured
-direction.
+"""Retargets a motion capture to a performer of other proportions, preserving the direction of every limb.
 
 Bone directions determine the swing of the limbs. The twist comes from the plane in which an elbow or a knee
 bends. For a straight limb it comes from the trunk. The soles are put on the floor when the captured soles
@@ -11,11 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.formats.motion import Capture
+from enliven.formats.motion.capture import Capture
 from enliven.person import Limb
 from enliven.rotation import from_matrix, slerp, swing, to_matrix, unit
-from enliven.takes import Roles, find_limb_rotations, find_roles, smoothstep, turn_upright
-from enliven_synthesis.body import Figure, Performer
+from enliven.takes.capture_limbs import find_limb_rotations, smoothstep
+from enliven.takes.capture_roles import Roles, find_roles
+from enliven.takes.capture_upright import turn_upright
+from enliven_synthesis.body.performer import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
 """Unit direction that a motion faces when it begins."""
@@ -58,9 +59,9 @@ class CapturedMotion:
 
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
-        at = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
-        before = min(int(at), max(len(self._pelvis) - 2, 0))
-        after, part = min(before + 1, len(self._pelvis) - 1), at - before
+        position = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
+        before = min(int(position), max(len(self._pelvis) - 2, 0))
+        after, part = min(before + 1, len(self._pelvis) - 1), position - before
         pelvis = (1.0 - part) * self._pelvis[before] + part * self._pelvis[after]
         turned = slerp(self._rotations[before], self._rotations[after], np.full(16, part))
         return self._performer.figure(to_matrix(turned), pelvis)

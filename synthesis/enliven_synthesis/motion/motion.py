@@ -1,4 +1,4 @@
-"""Motions, which return a performer's figure at every moment. They can be placed, chained and held."""
+"""Motions return a performer's figure at every moment. They can be placed, chained and frozen."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from enliven.rotation import from_matrix, slerp, to_matrix
-from enliven_synthesis.body import Figure, Performer, rotation_about_y, round_to_grid
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.rotations import rotation_about_y, round_to_grid
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 
@@ -112,8 +113,8 @@ def interpolate_figures(a: Figure, b: Figure, performer: Performer, part: float)
     return performer.figure(to_matrix(turned), pelvis)
 
 
-class HeldMotion:
-    """A motion that holds a moment of another motion, with a small sway.
+class FrozenMotion:
+    """A motion that freezes a moment of another motion, with a small sway.
 
     Args:
         at: the moment, seconds.

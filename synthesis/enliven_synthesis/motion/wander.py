@@ -1,4 +1,4 @@
-"""Walking about, as a person does to calibrate several sensors to each other.
+"""A walk about the room, like the walk to calibrate several sensors to each other.
 
 The path is a closed curve that crosses itself. It covers the floor in both directions and shows the walker
 from every side. The arms swing, and are raised now and then.
@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 

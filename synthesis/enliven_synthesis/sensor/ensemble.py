@@ -11,23 +11,18 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.camera import world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person import Body
-from enliven_synthesis.body import (
-    BodyAnatomy,
-    Figure,
-    Performer,
-    find_visible_joints,
-    rotation_about_y,
-    round_to_grid,
-)
-from enliven_synthesis.motion import Motion, place_figure
+from enliven_synthesis.body.body_sdf import BodyAnatomy
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.rotations import rotation_about_y, round_to_grid
+from enliven_synthesis.body.visibility import find_visible_joints
+from enliven_synthesis.motion.motion import Motion, place_figure
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 _STANDING_HEIGHT_M = 0.02
-"""A foot counts as standing if its sole is at most this high above the floor, metres. This is less than a
-sensor's noise."""
+"""Maximum height of a standing foot's sole above the floor, metres. It is less than a sensor's noise."""
 _STANDING_SPEED = 0.35
 """Maximum speed of the slowest part of a standing foot, metres per second. All parts of a swinging foot are
 faster."""
@@ -43,7 +38,7 @@ class Appearance:
         place: (x, z) position where the motion begins, metres, world.
         yaw: radians about +Y; 0 faces a camera that looks along -Z.
         start: scene time at which the motion begins, seconds.
-        present: (from, to) scene time during which the performer is in the room, seconds.
+        present: (from, to) interval of scene time in which the performer is in the room, seconds.
     """
 
     performer: Performer
@@ -98,7 +93,7 @@ class Ensemble:
         room: the furniture.
         rate: frames per second; None for the profile's rate.
         roll: rotation of the sensor about its optical axis, degrees; 180 is upside down.
-        told: True if frames contain ``world_from_camera``.
+        told: whether frames contain the sensor's pose ``world_from_camera``.
         place, yaw: position (x, z) of the sensor, metres, and its rotation about +Y, degrees.
     """
 
@@ -148,9 +143,9 @@ class Ensemble:
         for number, (figure, anatomy) in enumerate(zip(figures, self._anatomies, strict=True)):
             if figure is None:
                 continue
-            before = depth.copy()
+            room_depth = depth.copy()
             self._renderer.draw(anatomy.place(figure, self.camera_from_world), depth, material)
-            owner[depth < before] = number
+            owner[depth < room_depth] = number
         image = (
             np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
             if self._noise is None
@@ -175,11 +170,12 @@ class Ensemble:
             visible[p] = find_visible_joints(
                 figure.joints, performer, p, depth, owner, self.intrinsics, self.camera_from_world, reach
             )
-            contacts[p] = self._standing(p, figure, time)
+            contacts[p] = self._find_standing_feet(p, figure, time)
         return GroundTruth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
 
-    def _standing(self, p: int, figure: Figure, time: float) -> Bool:
-        """Returns (2,) True for each standing foot of performer ``p``: partly on the floor, and at rest."""
+    def _find_standing_feet(self, p: int, figure: Figure, time: float) -> Bool:
+        """Returns (2,) True for each foot of performer ``p`` that stands: touches the floor and is at
+        rest."""
         performer, step = self.cast[p].performer, 1.0 / 120.0
         soles = performer.soles(figure)
         later = self.cast[p].figure(time + step)

@@ -11,16 +11,17 @@ _MIN_DEPTH_STEP = 0.035
 """Minimum depth difference, as a fraction of the depth, for two neighbouring pixels to be on different
 surfaces."""
 _RANGE_MARGIN = 1.25
-"""Surfaces beyond this multiple of the sensor's range are never measured: noise cannot bring them into
-range."""
+"""Surfaces beyond this multiple of the sensor's range are not measured. Otherwise noise might move them into
+the range."""
 
 
 @njit(cache=True, nogil=True)
 def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
     """Marks in ``shadow`` the pixels with a surface occluded from the second imager or the projector.
 
-    The second imager sees pixel u at column u - parallax / z. The loop moves away from that imager, so these
-    columns must increase. A pixel with a column that was already passed is occluded by a nearer surface.
+    The second imager sees the surface at pixel u at its column u - parallax / z. The loop visits the pixels
+    in the direction in which these columns increase. A nearer surface occludes a pixel if its column is not
+    larger than those before.
     """
     height, width = depth.shape
     for v in range(height):
@@ -63,20 +64,21 @@ def _is_edge(before: float, here: float, there: float, beyond: float) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def look(
+def sample_surfaces(
     depth: Float, stuff: UInt8, shadow: AnyArray, zone: AnyArray, across: Float, down: Float, lateral: float,
     reach: int, blobs: Float, patches: Float, random_bytes: UInt8, losses: Float, flying: float, far: float,
     seen: Float, slant: Float,
 ) -> None:  # fmt: skip
     """Fills ``seen``, (H, W) depth in metres of the surface that each pixel measures; 0 if no light returns.
 
-    Pixels near an edge sample a displaced pixel. If that is another pixel, their ``slant`` is set to 0.
+    Pixels near an edge measure the depth at a displaced position. If that is another pixel, their ``slant``
+    is set to 0.
     """
     height, width = depth.shape
     for v in range(height):
         for u in range(width):
             if zone[v, u]:
-                _look_at_edge(
+                _sample_edge_pixel(
                     depth, shadow, across, down, lateral, reach, blobs, random_bytes, losses, flying, far,
                     seen, slant, v, u,
                 )  # fmt: skip
@@ -87,7 +89,7 @@ def look(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _look_at_edge(
+def _sample_edge_pixel(
     depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
     random_bytes: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
 ) -> None:  # fmt: skip
@@ -113,7 +115,7 @@ def _look_at_edge(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
+def compute_slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
     """Fills ``out``, (H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
 
     The horizontal and vertical slopes are one-sided differences to the neighbour that is closer in depth, so
@@ -141,8 +143,8 @@ def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float
     """Fills ``out``, (H, W) noisy depth in whole millimetres, quantised to the sensor's steps; 0 out of
     range.
 
-    The published standard deviations include quantisation. A uniform step q contributes q^2 / 12 to the
-    variance, so the noise added before it has the remaining variance.
+    The published standard deviations include quantisation. Quantisation with the step q contributes q^2 / 12
+    to the variance, so the noise that is added before has the remaining variance.
     """
     near, far, step, unit, steepest = limits[0], limits[1], limits[2], limits[3], limits[4]
     by_disparity = unit > 0.0

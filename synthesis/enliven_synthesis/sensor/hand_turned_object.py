@@ -1,5 +1,4 @@
-"""An object that is picked up with two hands and turned round in the air. The hands change their grip as it
-turns."""
+"""A simulated object that two hands pick up and turn round in the air, changing their grip."""
 
 from __future__ import annotations
 
@@ -27,16 +26,16 @@ _TRUNK_THICKNESS_RATIO = 4.0
 
 @dataclass(frozen=True)
 class HandTurnedPath:
-    """The path of an object that stands, is picked up by two hands, and is turned once round in front of the
-    camera.
+    """The path of an object that rests, is picked up by two hands, and is turned once in front of the camera.
 
     Attributes:
-        begins: time for which it stands at first, seconds.
+        begins: time for which the object rests at first, seconds.
         period: duration of a full turn, seconds.
         lift: height of the held object above its resting position, metres.
-        tilt: amplitude of its tilt back and forth as it turns, radians.
+        tilt: amplitude of the object's tilt back and forth while it turns, radians.
         grips: number of times that each hand changes its grip in a turn.
-        reach: position of the grip: metres from the object's axis, and above its lowest point.
+        reach: position of the grip: distance from the object's axis, and height above its lowest point,
+            metres.
         behind: distance of the person behind the object, metres; 0: only the arms are in view.
     """
 
@@ -48,7 +47,7 @@ class HandTurnedPath:
     reach: tuple[float, float] = (0.12, 0.22)
     behind: float = 0.0
 
-    def world_from_thing(self, time: float) -> Float:
+    def world_from_object(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         share = min(max((time - self.begins) / _LIFT_TIME_S, 0.0), 1.0)
         share = share * share * (3.0 - 2.0 * share)
@@ -70,21 +69,25 @@ class HandTurnedPath:
         return 2.0 * math.pi * min(passed, self.period) / self.period
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the meshes of trunk and arms, world. Each hand stays at its grip until it changes the
-        grip."""
+        """Returns the meshes of trunk and arms in world coordinates. A hand keeps its grip until it changes
+        it."""
         arms = list[Mesh]()
         if self.behind:
             feet = np.array([_SWAY_M * math.sin(1.9 * time), 0.0, -self.behind])
             arms.append(make_arm(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS_RATIO))
         if time < self.begins - 0.4:
             return arms
-        pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
+        pose, angle, step = self.world_from_object(time), self._angle(time), 2.0 * math.pi / self.grips
         for side in (0, 1):
             # The hands change their grip alternately, each on its own side of the object.
             turned = step * math.floor(angle / step + 0.5 * side)
-            at = math.pi * side - turned
-            grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]
+            angle_of_grip = math.pi * side - turned
+            grip = [
+                self.reach[0] * math.cos(angle_of_grip),
+                self.reach[1],
+                -self.reach[0] * math.sin(angle_of_grip),
+            ]
             hand = pose[:3, :3] @ np.array(grip) + pose[:3, 3]
-            away = rotation.unit(np.array([0.8 if side == 0 else -0.8, 0.1, -1.0]))
-            arms.append(make_arm(hand, hand + _ARM_LENGTH_M * away))
+            outward = rotation.unit(np.array([0.8 if side == 0 else -0.8, 0.1, -1.0]))
+            arms.append(make_arm(hand, hand + _ARM_LENGTH_M * outward))
         return arms

@@ -1,5 +1,7 @@
-"""A simulated hand-held depth camera that is carried round an object. The surface and the path are known, and
-the images have the sensor's faults."""
+"""A simulated hand-held depth camera that is carried round an object.
+
+The true surface and path are known, and the images have the sensor's faults.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +29,9 @@ STUDIO: tuple[Box, ...] = (
     Box((-1.6, 0.0, 1.1), (-1.35, 0.5, 1.3)),
     Box((0.9, 0.0, 1.9), (2.1, 0.8, 2.3)),
 )
-"""A floor, two walls and a few objects. The middle is free."""
+"""A room with a floor, two walls and a few objects. Its middle is free for the scanned object."""
 _SHADES = np.array([[168, 150, 128], [196, 190, 178]], np.uint8)
-"""(2, 3) sRGB of the squares on floor and walls."""
+"""(2, 3) sRGB of the two kinds of squares on floor and walls."""
 _SQUARE_SIDE_M = 0.25
 """Side of a square of the floor pattern, metres. Several squares are in view at a time."""
 _SWAY_WAVES = 4
@@ -40,7 +42,7 @@ _MAX_SWAY_HZ = 6.0
 """Frequency of the fastest wave, Hz. It is below a hand's tremor of 8 to 12 Hz, which a depth camera hardly
 measures."""
 _NO_DEPTH_M = 65.0
-"""Depth, in metres, that a depth image in 16-bit millimetres cannot store."""
+"""Maximum depth in metres. A depth image in 16-bit millimetres cannot store larger ones."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class HandheldPath:
     Attributes:
         target: (x, y, z) point that the camera looks at, metres.
         radius: horizontal distance from the target, metres.
-        height: lowest and highest height above the floor, metres.
+        height: minimum and maximum height above the floor, metres.
         turns: number of turns round the target.
         seconds: duration of the whole path.
         sway: hand motion, standard deviation of each coordinate, metres.
@@ -73,7 +75,7 @@ class HandheldPath:
         angle = 2.0 * math.pi * self.turns * share
         low, high = self.height
         up = low + (high - low) * (0.5 - 0.5 * math.cos(2.0 * math.pi * share))
-        shake = self._unrest(time)
+        shake = self._hand_motion(time)
         target = np.array(self.target)
         eye = np.array(
             [target[0] + self.radius * math.sin(angle), up, target[2] + self.radius * math.cos(angle)]
@@ -84,7 +86,7 @@ class HandheldPath:
         )
         return pose
 
-    def _unrest(self, time: float) -> Float:
+    def _hand_motion(self, time: float) -> Float:
         """Returns (6,) hand motion as sums of slow and fast waves, with unit variance."""
         random = np.random.default_rng(self.seed)
         rates = _MIN_SWAY_HZ * (_MAX_SWAY_HZ / _MIN_SWAY_HZ) ** random.random((_SWAY_WAVES, 6))
@@ -108,7 +110,7 @@ class HandheldScan:
     """Renders the frames of a scan by number. The same arguments and number always give the same frame.
 
     Args:
-        thing: the mesh of the scanned object, metres, world.
+        scanned_mesh: the mesh of the scanned object, metres, world.
         profile: the camera.
         path: the path of the camera.
         room: the boxes around the object.
@@ -120,7 +122,7 @@ class HandheldScan:
 
     def __init__(
         self,
-        thing: Mesh,
+        scanned_mesh: Mesh,
         profile: SensorProfile,
         path: HandheldPath | None = None,
         room: tuple[Box, ...] = STUDIO,
@@ -129,7 +131,12 @@ class HandheldScan:
         colour: bool = False,
         seed: int = 0,
     ) -> None:
-        self.thing, self.profile, self.path, self._room = thing, profile, path or HandheldPath(), room
+        self.scanned_mesh, self.profile, self.path, self._room = (
+            scanned_mesh,
+            profile,
+            path or HandheldPath(),
+            room,
+        )
         self.intrinsics: Intrinsics = profile.intrinsics(width)
         self._noise = DepthNoise(profile, self.intrinsics, seed) if noise else None
         self._colour = colour
@@ -144,16 +151,19 @@ class HandheldScan:
         """Returns the true (4, 4) world_from_camera of a frame. The frame itself does not contain it."""
         return self.path.world_from_camera(index / self.profile.camera.fps)
 
-    def frame(self, index: int, thing: Mesh | None = None) -> DepthFrame:
-        """Returns the frame with that number. If ``thing`` is given, it replaces the scanned object."""
-        thing, pose = thing or self.thing, self.pose(index)
+    def frame(self, index: int, scanned_mesh: Mesh | None = None) -> DepthFrame:
+        """Returns the frame with that number. If ``scanned_mesh`` is given, it replaces the scanned
+        object."""
+        scanned_mesh, pose = scanned_mesh or self.scanned_mesh, self.pose(index)
         depth, material = cast_room(self.intrinsics, pose, self._room)
-        drawing = draw_mesh(thing, self.intrinsics, pose)
-        before = drawing.depth < depth
-        depth[before], material[before] = drawing.depth[before], 0
+        drawing = draw_mesh(scanned_mesh, self.intrinsics, pose)
+        is_mesh = drawing.depth < depth
+        depth[is_mesh], material[is_mesh] = drawing.depth[is_mesh], 0
         image = self._noise.corrupt(depth, material, index) if self._noise else _to_millimetres(depth)
         colour = (
-            self._picture(thing, drawing.face, drawing.shares, before, depth, pose) if self._colour else None
+            self._picture(scanned_mesh, drawing.face, drawing.shares, is_mesh, depth, pose)
+            if self._colour
+            else None
         )
         time_ns = round(index * 1_000_000_000 / self.profile.camera.fps)
         return DepthFrame(image, self.intrinsics, time_ns, self.sensor, colour, sequence=index)
@@ -163,9 +173,9 @@ class HandheldScan:
         return (self.frame(index) for index in range(self.frames))
 
     def _picture(
-        self, thing: Mesh, face: Int32, shares: Float, before: Bool, depth: Float, pose: Float
+        self, scanned_mesh: Mesh, face: Int32, shares: Float, before: Bool, depth: Float, pose: Float
     ) -> UInt8:
-        """Returns (H, W, 3) sRGB without lighting: the mesh's colours, and a pattern of squares on all other
+        """Returns the (H, W, 3) sRGB image, without lighting: the mesh's colours, and squares on other
         surfaces."""
         height, width = depth.shape
         rows, columns = np.mgrid[0:height, 0:width]
@@ -173,8 +183,8 @@ class HandheldScan:
         local = np.stack([(columns - i.cx) / i.fx * z, (rows - i.cy) / i.fy * z, z], -1)
         cells = np.floor((local @ pose[:3, :3].T + pose[:3, 3]) / _SQUARE_SIDE_M + 1e-4).astype(int).sum(-1)
         picture = _SHADES[cells % 2].copy()
-        if thing.colours is not None:
-            corners = thing.colours[thing.faces[face[before]]].astype(float)
+        if scanned_mesh.colours is not None:
+            corners = scanned_mesh.colours[scanned_mesh.faces[face[before]]].astype(float)
             picture[before] = np.rint((corners * shares[before][..., None]).sum(1)).astype(np.uint8)
         return picture
 

@@ -1,5 +1,7 @@
-"""A scan during which hands pick up the object, turn it and put it down. Camera and object poses are known in
-each frame."""
+"""A simulated scan during which hands pick up the object, turn it and put it down.
+
+The true poses of camera and object are known in each frame.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,9 @@ class MovedObjectPath:
     """The path of an object that rests, is moved by hands, and rests again.
 
     Attributes:
-        rests: (4, 4) world_from_thing of each rest.
+        rests: (4, 4) world_from_object, the object's pose at each rest.
         times: (begin, end) of each move between two rests, seconds.
-        grips: points of the object that the hands hold, in its own frame, metres.
+        grips: points of the object at which the hands hold it, in its own frame, metres.
         towards: direction from the object to the person that moves it, world.
     """
 
@@ -48,7 +50,7 @@ class MovedObjectPath:
     grips: Sequence[tuple[float, float, float]] = ()
     towards: tuple[float, float, float] = (0.0, 0.6, -1.0)
 
-    def world_from_thing(self, time: float) -> Float:
+    def world_from_object(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         pose = np.array(self.rests[0], float)
         for (begin, end), start, stop in zip(self.times, self.rests[:-1], self.rests[1:], strict=True):
@@ -66,27 +68,28 @@ class MovedObjectPath:
             pose[1, 3] += _LIFT_HEIGHT_M * math.sin(math.pi * share)
         return pose
 
-    def held(self, time: float) -> bool:
+    def is_held(self, time: float) -> bool:
         """Returns True if hands hold the object."""
         return any(begin - _GRIP_TIME_S < time < end + _GRIP_TIME_S for begin, end in self.times)
 
     def arms(self, time: float) -> list[Mesh]:
         """Returns the meshes of the arms that hold the object, world."""
-        if not self.held(time):
+        if not self.is_held(time):
             return []
-        pose, away = self.world_from_thing(time), rotation.unit(np.array(self.towards))
+        pose, away = self.world_from_object(time), rotation.unit(np.array(self.towards))
         hands = [pose[:3, :3] @ np.array(grip) + pose[:3, 3] for grip in self.grips]
         return [make_arm(hand, hand + _ARM_LENGTH_M * away) for hand in hands]
 
 
 @dataclass(frozen=True)
 class FollowingPath(HandheldPath):
-    """The path of a camera that looks at another point after the object was moved.
+    """The path of a camera that turns to another point after the object was moved.
 
     Attributes:
         later: (x, y, z) point that the camera looks at after the move, metres.
         turning: (begin, end) of the turn to that point, seconds.
-        nod: vertical oscillation of the point looked at, metres, for objects that do not fit into the image.
+        nod: amplitude of the vertical oscillation of the camera's target, metres, for objects larger than the
+            image.
         nods: frequency of that oscillation, Hz.
     """
 
@@ -111,7 +114,7 @@ class FollowingPath(HandheldPath):
 class MovingObject(Protocol):
     """The pose of an object at each time in seconds, and the arms that hold it."""
 
-    def world_from_thing(self, time: float) -> Float:
+    def world_from_object(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object."""
 
     def arms(self, time: float) -> list[Mesh]:
@@ -122,31 +125,30 @@ class MovedObjectScan(HandheldScan):
     """A scan by a hand-held camera, during which the object is moved.
 
     Args:
-        way: the path of the object. All other arguments are those of :class:`HandheldScan`.
+        way: the path of the object. The other arguments are those of :class:`HandheldScan`.
     """
 
-    def __init__(self, thing: Mesh, way: MovingObject, *arguments: object, **named: object) -> None:
-        super().__init__(thing, *arguments, **named)  # type: ignore[arg-type]
+    def __init__(self, scanned_mesh: Mesh, way: MovingObject, *arguments: object, **named: object) -> None:
+        super().__init__(scanned_mesh, *arguments, **named)  # type: ignore[arg-type]
         self.way = way
 
-    def thing_pose(self, index: int) -> Float:
-        """Returns the true (4, 4) world_from_thing of a frame."""
-        return self.way.world_from_thing(index / self.profile.camera.fps)
+    def object_pose(self, index: int) -> Float:
+        """Returns the true (4, 4) world_from_object of a frame."""
+        return self.way.world_from_object(index / self.profile.camera.fps)
 
-    def frame(self, index: int, thing: Mesh | None = None) -> DepthFrame:
-        """Returns the frame with that number, with the object at its pose in that frame, and the arms that
-        hold it."""
-        thing, pose = thing or self.thing, self.thing_pose(index)
-        placed = replace(thing, vertices=thing.vertices @ pose[:3, :3].T + pose[:3, 3])
+    def frame(self, index: int, scanned_mesh: Mesh | None = None) -> DepthFrame:
+        """Returns the frame with that number. It shows the object at its pose, and the arms that hold it."""
+        scanned_mesh, pose = scanned_mesh or self.scanned_mesh, self.object_pose(index)
+        placed = replace(scanned_mesh, vertices=scanned_mesh.vertices @ pose[:3, :3].T + pose[:3, 3])
         arms = self.way.arms(index / self.profile.camera.fps)
         return super().frame(index, merge_meshes([placed, *arms]))
 
 
-def lie_on_back_pose(thing: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
+def lie_on_back_pose(scanned_mesh: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
     """Returns the (4, 4) pose of an object that faced +Z and now lies on its back on y = 0 at (x, z)."""
     pose = np.eye(4)
     pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(np.array([-math.pi / 2, 0.0, 0.0])))
-    turned = thing.vertices @ pose[:3, :3].T
+    turned = scanned_mesh.vertices @ pose[:3, :3].T
     low, high = turned.min(0), turned.max(0)
     pose[:3, 3] = [place[0] - (low + high)[0] / 2, -low[1], place[1] - (low + high)[2] / 2]
     return pose

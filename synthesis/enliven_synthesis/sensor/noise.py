@@ -19,8 +19,8 @@ import numpy as np
 from enliven.arrays import Float, Int32, UInt8, UInt16
 from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
-from enliven_synthesis.body import round_to_grid
-from enliven_synthesis.sensor.faults import cast_shadow, look, mark_edges, measure, slants
+from enliven_synthesis.body.rotations import round_to_grid
+from enliven_synthesis.sensor.faults import cast_shadow, compute_slants, mark_edges, measure, sample_surfaces
 from enliven_synthesis.sensor.profile import SensorProfile
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
@@ -28,8 +28,8 @@ _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 _FROZEN_FRAME = -1
 """Frame number for the noise that is constant over time. It is lower than the number of any frame."""
 _FROZEN_PATCHES = 0.9
-"""Fraction of the variance that is constant over time in the lost patches of dark and mirroring surfaces:
-nearly all of it."""
+"""Fraction of the variance of the lost patches on dark and mirroring surfaces that is constant over time.
+Nearly all of it is."""
 _NO_HIT_DEPTH_M = 1e3
 """Depth of a ray that hits nothing, metres. It is beyond the range of any sensor."""
 
@@ -74,26 +74,31 @@ class DepthNoise:
             material: (H, W) 0 ordinary, 1 dark, 2 mirroring.
             index: the frame's number. Together with the seed it determines all random numbers.
         """
-        axial, blobs, patches = self._aged(index, 0), self._aged(index, 1), self._aged(index, 2)
+        axial, blobs, patches = (
+            self._partly_frozen_noise(index, 0),
+            self._partly_frozen_noise(index, 1),
+            self._partly_frozen_noise(index, 2),
+        )
         across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
         shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
         depth = np.minimum(depth, _NO_HIT_DEPTH_M)
         slant = np.empty(self._shape)
-        slants(depth, self._ray, self._pitch, slant)
+        compute_slants(depth, self._ray, self._pitch, slant)
         if self._parallax != 0.0:
             cast_shadow(depth, self._parallax, shadow)
         if self._reach > 0:
             mark_edges(depth, self._reach, zone)
-        seen = np.empty(self._shape)
-        look(
+        sampled_depth = np.empty(self._shape)
+        sample_surfaces(
             depth, material, shadow, zone, across, down, self._lateral, self._reach, blobs, patches,
-            self._bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1], seen, slant,
+            self._bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1], sampled_depth,
+            slant,
         )  # fmt: skip
         out = np.empty(self._shape, np.uint16)
-        measure(seen, slant, axial, self._limits, self._sigma, out)
+        measure(sampled_depth, slant, axial, self._limits, self._sigma, out)
         return out
 
-    def _aged(self, index: int, stream: int) -> Float:
+    def _partly_frozen_noise(self, index: int, stream: int) -> Float:
         """Returns (H, W) noise of unit variance, of which a fixed fraction is constant over all frames."""
         frozen = self._frozen[stream]
         return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(

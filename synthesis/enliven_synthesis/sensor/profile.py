@@ -168,7 +168,7 @@ def load_profile(name_or_path: str | Path) -> SensorProfile:
             raise InputError(
                 f"unknown sensor profile {str(name_or_path)!r}",
                 where="sensor profile",
-                mend=f"{hint}Known: {', '.join(names)}; or give the path of a .toml file.",
+                remedy=f"{hint}Known: {', '.join(names)}; or give the path of a .toml file.",
             )
         path = profiles_folder() / f"{name_or_path}.toml"
     return _check_profile(load_settings(SensorProfile, path), str(path))
@@ -187,6 +187,6 @@ def _check_profile(profile: SensorProfile, where: str) -> SensorProfile:
             f"range.baseline is {r.baseline} m and range.disparity_step {r.disparity_step} px "
             f"for a sensor of kind {profile.kind!r}",
             where=where,
-            mend="Structured light and stereo have both, a time-of-flight camera neither.",
+            remedy="Structured light and stereo have both, a time-of-flight camera neither.",
         )
     return profile

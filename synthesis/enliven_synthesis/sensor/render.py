@@ -1,7 +1,7 @@
 """Renders the depth of a performer's body over the depth of an empty room.
 
-Each 4 x 4 tile of the image has a list of the few primitives that it can show. Its rays are traced to these
-only.
+Each 4 x 4 tile of the image has a list of the few primitives that can be visible in it. Its rays are tested
+only against these.
 """
 
 from __future__ import annotations
@@ -11,33 +11,30 @@ import numpy as np
 from enliven.arrays import Float, Int, UInt8
 from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
-from enliven_synthesis.body import (
-    BETWEEN,
-    BLEND,
+from enliven_synthesis.body.body_sdf import BLEND_BETWEEN_GROUPS_M, GROUP_BLEND_WIDTHS_M, PIECES, BodySdf
+from enliven_synthesis.body.sphere_tracing import (
     DEPTH,
     END,
     LANES,
     LANES_SIZE,
     LENGTH,
     MET,
-    PIECES,
     SIDE,
-    BodySdf,
     X,
     Y,
     sphere_trace,
 )
 
-_BLEND = np.array(BLEND)
+_BLEND = np.array(GROUP_BLEND_WIDTHS_M)
 """(6,) Widths of the smooth unions within the groups, metres, in the form that compiled kernels accept."""
-_REACH = np.array([BLEND[piece.group] + 0.5 * BETWEEN for piece in PIECES])
-"""(P,) Distance from each primitive within which it can still change the surface, metres."""
+_REACH = np.array([GROUP_BLEND_WIDTHS_M[piece.group] + 0.5 * BLEND_BETWEEN_GROUPS_M for piece in PIECES])
+"""(P,) Maximum distance in metres from each primitive at which it still influences the smooth union."""
 _MIN_DISTANCE_M = 0.15
 """Minimum distance from the camera at which bodies are drawn, metres. Sensors measure no closer."""
 
 
 class DepthRenderer:
-    """Draws bodies into the depth image of one camera. Caches the arrays that depend only on the camera."""
+    """Renders bodies into the depth image of one camera. Caches arrays that depend only on the camera."""
 
     def __init__(self, intrinsics: Intrinsics) -> None:
         self.intrinsics = intrinsics
@@ -67,7 +64,7 @@ class DepthRenderer:
         _sort_into_tiles(sdf.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
         _draw(
             sdf.shape, sdf.kind, sdf.group, sdf.material, self._lists, self._spans, self._counts,
-            self.ray, _BLEND, BETWEEN, depth, material,
+            self.ray, _BLEND, BLEND_BETWEEN_GROUPS_M, depth, material,
         )  # fmt: skip
 
 
@@ -75,8 +72,7 @@ class DepthRenderer:
 def _sort_into_tiles(
     hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int
 ) -> None:
-    """Lists the primitives that may be visible in each tile, and the depth range (m) that contains them
-    all."""
+    """Writes for each tile the primitives that may be visible in it, and the depth range (m) of them all."""
     counts[:] = 0
     spans[:, :, 0], spans[:, :, 1] = np.inf, 0.0
     for i in range(len(hull)):
@@ -128,7 +124,8 @@ def _draw(
     shape: Float, kind: Int, group: Int, stuff: Int, lists: Int, spans: Float, counts: Int, ray: Float,
     blend: Float, between: float, depth: Float, material: UInt8,
 ) -> None:  # fmt: skip
-    """Traces the rays of every tile with primitives. Keeps a hit if it is nearer than the current depth."""
+    """Traces the rays of every tile that has primitives. Writes hits that are nearer than the current
+    depth."""
     clear, lanes = np.empty(len(shape)), np.empty(LANES_SIZE)
     for r in range(lists.shape[0]):
         for c in range(lists.shape[1]):

@@ -1,4 +1,4 @@
-"""The empty room behind the performer: boxes, which are ray-cast analytically once per camera."""
+"""The empty room behind the performer. It consists of boxes, which are ray-cast once per camera."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ def cast_room(
 def _cast(
     ray: Float, world_from_camera: Float, corners: Float, stuff: UInt8, depth: Float, material: UInt8
 ) -> None:
-    """Finds the nearest of the boxes, ``corners`` (B, 2, 3), along every ray (H, W, 2)."""
+    """Writes the depth and material of the nearest box along every ray (H, W, 2); ``corners`` is (B, 2,
+    3)."""
     along = np.empty(3)
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -96,8 +97,8 @@ def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, neare
     """Returns the ray parameter at which a direction (3,) from the camera enters a box; inf if it misses
     (slab method).
 
-    It is also inf beyond the nearest hit. A ray that lies in a side of the box gives NaN for that slab, which
-    is ignored.
+    It is also inf beyond ``nearest``, the nearest earlier hit. A ray that lies in a side of the box gives NaN
+    for that slab, which is ignored.
     """
     enter, leave = -np.inf, nearest
     for axis in range(3):

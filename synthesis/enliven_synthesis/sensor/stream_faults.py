@@ -1,5 +1,4 @@
-"""Faults of a stream between a sensor and its reader: frames that are late, repeated, missing, or partly
-empty.
+"""Simulates faults of a stream: frames that are late, repeated, missing or partly empty.
 
 Each function takes the frames of a scene in order and returns them as a reader would receive them. Each frame
 keeps its ground truth.
@@ -35,11 +34,11 @@ def drop_frames(
 
 def slow_frames(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAndTruth[T]]:
     """Keeps about ``fps`` frames per second."""
-    out, due = [], -np.inf
+    out, next_due_ns = [], -np.inf
     for frame, truth in frames:
-        if frame.time_ns >= due:
+        if frame.time_ns >= next_due_ns:
             out.append((frame, truth))
-            due = frame.time_ns + 1e9 / fps - 1e6
+            next_due_ns = frame.time_ns + 1e9 / fps - 1e6
     return out
 
 
@@ -49,20 +48,20 @@ def reorder_frames(
     """Moves a random fraction of the frames one to three places back in the order. Their timestamps stay the
     same."""
     random = np.random.default_rng(seed)
-    late = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
-    order = np.argsort(np.arange(len(frames)) + late + 0.5 * (late > 0), kind="stable")
+    delay = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
+    order = np.argsort(np.arange(len(frames)) + delay + 0.5 * (delay > 0), kind="stable")
     return [frames[n] for n in order]
 
 
 def freeze_frames(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
     """Repeats the last image with new timestamps from ``start`` to ``stop`` seconds."""
-    out, held = [], frames[0][0]
+    out, frozen_frame = [], frames[0][0]
     first = frames[0][0].time_ns
     for frame, truth in frames:
         if start <= (frame.time_ns - first) * 1e-9 < stop:
-            frame = replace(frame, depth=held.depth)
+            frame = replace(frame, depth=frozen_frame.depth)
         else:
-            held = frame
+            frozen_frame = frame
         out.append((frame, truth))
     return out
 

@@ -13,15 +13,10 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import setting
-from enliven_synthesis.body import (
-    BodyAnatomy,
-    Figure,
-    Performer,
-    Proportions,
-    rotation_about_y,
-    round_to_grid,
-)
-from enliven_synthesis.motion import get_choreography
+from enliven_synthesis.body.body_sdf import BodyAnatomy
+from enliven_synthesis.body.performer import Figure, Performer, Proportions
+from enliven_synthesis.body.rotations import rotation_about_y, round_to_grid
+from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
@@ -135,6 +130,6 @@ def _check_width(profile: SensorProfile, width: int) -> int | None:
         raise InputError(
             f"{width} pixels across is not an even scale of {profile.camera.width}x{profile.camera.height}",
             where=profile.name,
-            mend=f"Give {profile.camera.width}, or its half or quarter.",
+            remedy=f"Give {profile.camera.width}, or its half or quarter.",
         )
     return width

@@ -1,4 +1,4 @@
-"""A turntable under the scanned object: it stands, then turns about a vertical axis at constant speed."""
+"""A simulated turntable under the scanned object. It stands at first, then turns at constant speed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class TurntablePath:
 
     Attributes:
         place: (x, z) position of the axis, metres, world.
-        begins: time for which it stands at first, seconds.
+        begins: time for which the turntable stands at first, seconds.
         period: duration of a full turn, seconds.
     """
 
@@ -29,7 +29,7 @@ class TurntablePath:
     begins: float = 1.5
     period: float = 12.0
 
-    def world_from_thing(self, time: float) -> Float:
+    def world_from_object(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         passed = max(time - self.begins, 0.0)
         # Let the speed of the turntable grow linearly at first.

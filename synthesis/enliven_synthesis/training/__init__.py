@@ -1,5 +1,1 @@
 """Training of the pose estimator: the data set of rendered people, and the network."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

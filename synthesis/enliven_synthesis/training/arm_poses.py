@@ -7,7 +7,9 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Performer, rotation_about_x, rotation_about_y, rotation_about_z, solve_arm
+from enliven_synthesis.body.arm_ik import solve_arm
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.body.rotations import rotation_about_x, rotation_about_y, rotation_about_z
 from enliven_synthesis.training.close_arms import CLOSE_HOLDS, draw_close_wrists, reach_close
 
 _ANGLES: dict[str, tuple[tuple[float, float], ...]] = {
@@ -36,15 +38,15 @@ _TARGETS: dict[str, tuple[float, float, float]] = {
 }
 """Positions of the left wrist for a person of 1.75 m, metres, chest's frame."""
 _HOLDS = (*_ANGLES, *_TARGETS)
-"""Names of the holds that one arm can take independently of the other."""
+"""Names of the holds (arm poses) that each arm can have independently of the other."""
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
 """Names of all holds of the arms."""
 _CLOSE_ARMS_FRACTION = 0.4
 """Fraction of people that hold both arms close in front of the trunk. Performers often do this, and such arms
 are hard to detect."""
 _MAX_TRIES = 12
-"""Number of attempts to find an arm pose outside trunk and head, before the arm is held outward. Nearly every
-hold is found within these attempts."""
+"""Maximum number of random attempts to find an arm pose that does not intersect trunk or head. If all fail,
+the arm is held outward. Nearly every hold succeeds within these attempts."""
 
 _OUTWARD_STEP_M = 0.01
 """Distance that arms held close move away from the trunk with each attempt, metres."""
@@ -110,8 +112,8 @@ def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str,
 
 
 def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, side: int) -> None:
-    """Writes the rotations of the upper arm, the forearm with its bend in radians, and a randomly rotated
-    hand."""
+    """Writes the rotations of upper arm, forearm and hand. The elbow's bend is in radians; the hand is
+    random."""
     sign = 1.0 - 2.0 * side
     fore = upper @ rotation_about_x(-elbow)
     palm = rotation_about_y(-sign * rng.uniform(-0.8, 1.6)) @ rotation_about_z(-sign * rng.normal(0, 0.3))

@@ -14,7 +14,8 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Figure, Performer, rotation_about_x, rotation_about_y, rotation_about_z
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.rotations import rotation_about_x, rotation_about_y, rotation_about_z
 from enliven_synthesis.training.arm_poses import random_arms
 
 
@@ -236,8 +237,8 @@ _POSTURE_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] 
     "lie": (0.02, _lie),
     "leap": (0.05, _leap),
 }
-"""Every family of postures with its probability. Usual postures are frequent, and rare postures are frequent
-enough to be learnt."""
+"""Every family of postures with its probability. Rare postures are more frequent than in life, so that the
+network learns them."""
 FAMILIES = tuple(_POSTURE_FAMILIES)
 """Names of all families."""
 
@@ -267,7 +268,7 @@ def random_figure(
 
 
 def _arms_hang(family: str, rng: Generator) -> bool:
-    """Returns True if the arms hang, as they often do when a person reaches for the floor."""
+    """Decides at random whether the arms hang, as they often do in postures that reach for the floor."""
     return family == "bow" and rng.random() < 0.4
 
 

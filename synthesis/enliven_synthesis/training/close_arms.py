@@ -14,7 +14,8 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Performer, solve_arm
+from enliven_synthesis.body.arm_ik import solve_arm
+from enliven_synthesis.body.performer import Performer
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,11 @@ _HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
 }  # fmt: skip
 """Every hold with the positions of both wrists. Which arm gets the first one is drawn at random."""
 CLOSE_HOLDS = tuple(_HOLDS)
-"""Names of all ways to hold both arms close."""
+"""Names of all holds with both arms close to the trunk."""
 _PURE_HOLD_FRACTION = 0.6
 """Fraction of the poses that are exactly one of the holds. The others are interpolated between two."""
 _WRIST_SPREAD_M = 0.04
-"""Standard deviation of a wrist's position along each axis, metres. About half a hand."""
+"""Standard deviation of a wrist's position along each axis, metres: about half a hand's length."""
 _HEIGHT_SPREAD_M = 0.06
 """Standard deviation of the common height of both wrists, metres. People fold their arms at different
 heights."""

@@ -13,7 +13,7 @@ from numpy.random import Generator
 from scipy import ndimage
 
 from enliven.arrays import Bool, Float
-from enliven_synthesis.body import rotation_about_x, rotation_about_y, rotation_about_z
+from enliven_synthesis.body.rotations import rotation_about_x, rotation_about_y, rotation_about_z
 
 _LEG_RADIUS_M = 0.025
 """Half the thickness of a table leg of ordinary furniture, metres."""

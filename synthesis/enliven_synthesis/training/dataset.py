@@ -1,4 +1,4 @@
-"""The data set of training samples on disk. It is rendered once on all cores, then sampled at random."""
+"""The data set of training samples on disk. All cores render it once; training samples it at random."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Float32, UInt8
 from enliven.errors import InputError
-from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, MIRRORED, NOBODY, PARTS, ROWS
+from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
+from enliven_edge.tracking.estimator.labels import MIRRORED, NOBODY, PARTS
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, training_sample
 
 SHARD_SAMPLES = 2000
-"""Number of samples rendered from one random generator. It makes the samples independent of the number of
+"""Number of samples that one random generator produces. So the samples do not depend on the number of
 processes."""
 _RANDOM_STREAM = 77
-"""Number that separates the random generators of samples from others with the same seed."""
+"""Number in the seeds of the samples' random generators, so that they differ from other generators."""
 _COMPLETION_FILE = "complete.txt"
 """Name of the file that is written last. Without it the data set is incomplete and is not used."""
 _ARRAYS = {
@@ -76,13 +77,13 @@ class Dataset:
             raise InputError(
                 "the data set was not rendered completely",
                 where=str(folder),
-                mend="Remove the folder to render it again, or name another one.",
+                remedy="Remove the folder to render it again, or name another one.",
             )
         try:
             self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in _ARRAYS}
         except (OSError, ValueError, EOFError, OverflowError) as error:
-            problem, mend = f"an array of it is damaged ({error})", "Remove the folder to render it again."
-            raise InputError(problem, where=str(folder), mend=mend) from None
+            problem, remedy = f"an array of it is damaged ({error})", "Remove the folder to render it again."
+            raise InputError(problem, where=str(folder), remedy=remedy) from None
 
     def __len__(self) -> int:
         return len(self.arrays["cell"])

@@ -6,8 +6,9 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Int, UInt8
 from enliven.person import Limb
-from enliven_edge.tracking.estimator import PARTS, BodyPart
-from enliven_synthesis.body import PIECES, Figure
+from enliven_edge.tracking.estimator.labels import PARTS, BodyPart
+from enliven_synthesis.body.body_sdf import PIECES
+from enliven_synthesis.body.performer import Figure
 
 _TRUNK_MIDDLE = 0.04
 """Height above the spine joint of the border between belly and chest, metres, for a person of 1.75 m."""

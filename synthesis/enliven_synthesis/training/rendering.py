@@ -1,8 +1,8 @@
 """Renders synthetic people in front of the supported sensors, with the body part at every pixel.
 
-Images have about the resolution at which the tracker works, and each sensor's own faults. Pixels that the
-tracker would not assign to a person are removed: feet in the floor band, occluded parts, parts outside the
-image.
+Images have about the tracker's working resolution, and the faults of the simulated sensor. Pixels that the
+tracker would not assign to the person are removed: feet in the floor band, occluded parts, and parts outside
+the image.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ from numpy.random import Generator
 
 from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.camera import Intrinsics, rays
-from enliven_edge.tracking.estimator import NOBODY
-from enliven_synthesis.body import PIECES, BodyAnatomy, Figure, Performer, Proportions
-from enliven_synthesis.sensor import DepthNoise, DepthRenderer, load_profile
+from enliven_edge.tracking.estimator.labels import NOBODY
+from enliven_synthesis.body.body_sdf import PIECES, BodyAnatomy
+from enliven_synthesis.body.performer import Figure, Performer, Proportions
+from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.clutter import random_clutter, random_wall_piece
 from enliven_synthesis.training.labelling import label_pixels
@@ -27,12 +30,13 @@ SENSORS = ("kinect1", "kinect2", "oak-d", "oak-d-lite", "realsense-d415", "tof")
 WIDTH = 200
 """Width of the images, pixels. About the width at which the tracker works."""
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
-"""(P,) Numbers of the pieces. The renderer writes them instead of materials."""
+"""(P,) The numbers of the body pieces, which the renderer writes instead of materials."""
 _WALL_FRACTION = 0.35
 """Fraction of the clutter images that show a piece of a wall. The others show furniture and similar
 objects."""
 _SUNK_FEET_FRACTION = 0.08
-"""Fraction of images in which feet or shanks are lost because the background model's floor is too high."""
+"""Fraction of images in which feet or shanks are missing, as if the background model's floor were too
+high."""
 _STRAY_DISTANCE_M = 0.12
 """Distance from the true surface beyond which the tracker usually discards a measurement, metres."""
 
@@ -43,7 +47,7 @@ class RenderedPerson:
 
     Attributes:
         z: (h, w) float32 metres along the optical axis at the person's pixels, 0 elsewhere.
-        around: (h, w) float32 metres at all pixels, including occluders.
+        around: (h, w) float32 depth in metres at all pixels, including occluders and background.
         label: (h, w) the body part, or the background label.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4) pose of the sensor.
@@ -86,22 +90,24 @@ class PersonRenderer:
             frontal: fraction of people that face the sensor. The others face a random direction.
         """
         while True:
-            rendered = self._try(rng, family, arms, frontal)
+            rendered = self._render_random_person(rng, family, arms, frontal)
             if np.count_nonzero(rendered.z) >= 60:
                 return rendered
 
     def render_clutter(self, rng: Generator) -> RenderedPerson:
         """Renders clutter in place of a person, with at least 60 visible pixels."""
         while True:
-            _, figure, sensor, pose = self._placed(rng, None, None, 0.0)
+            _, figure, sensor, pose = self._random_view(rng, None, None, 0.0)
             rendered = _hide_part(self.render_clutter_at(figure, sensor, pose, rng), rng)
             if np.count_nonzero(rendered.z) >= 60:
                 return rendered
 
-    def _try(self, rng: Generator, family: str | None, arms: str | None, frontal: float) -> RenderedPerson:
-        return _hide_part(self.render_figure(*self._placed(rng, family, arms, frontal), rng), rng)
+    def _render_random_person(
+        self, rng: Generator, family: str | None, arms: str | None, frontal: float
+    ) -> RenderedPerson:
+        return _hide_part(self.render_figure(*self._random_view(rng, family, arms, frontal), rng), rng)
 
-    def _placed(
+    def _random_view(
         self, rng: Generator, family: str | None, arms: str | None, frontal: float
     ) -> tuple[Performer, Figure, int, Float]:
         """Returns a person, the number of a sensor, and the sensor's (4, 4) pose."""
@@ -128,7 +134,7 @@ class PersonRenderer:
         label[person] = label_pixels(piece[person], world, figure, performer.scale)
         stuff = np.zeros(piece.shape, np.uint8)
         stuff[person] = sdf.material[piece[person]]
-        rendered = self._measured(depth, stuff, person, sensor, pose, rng)
+        rendered = self._add_sensor_faults(depth, stuff, person, sensor, pose, rng)
         return dataclasses.replace(
             rendered, label=np.where(rendered.z > 0, label, NOBODY).astype(np.uint8), figure=figure
         )
@@ -153,14 +159,14 @@ class PersonRenderer:
             nearest = np.minimum.reduce(entries)
             mask = nearest < depth
             depth = np.minimum(depth, nearest)
-        return self._measured(depth, np.zeros(depth.shape, np.uint8), mask, sensor, pose, rng)
+        return self._add_sensor_faults(depth, np.zeros(depth.shape, np.uint8), mask, sensor, pose, rng)
 
     def _lens(self, sensor: int) -> Float:
         """Returns (4,) fx, fy, cx, cy of a sensor."""
         intrinsics = self._cameras[sensor][0]
         return np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
 
-    def _measured(
+    def _add_sensor_faults(
         self, depth: Float, stuff: UInt8, mask: Bool, sensor: int, pose: Float, rng: Generator
     ) -> RenderedPerson:
         """Adds the faults of sensor and tracker to (h, w) depth in metres, materials, and the person's
@@ -169,8 +175,8 @@ class PersonRenderer:
         z = noise.corrupt(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
         stray = (np.abs(z - depth) > _STRAY_DISTANCE_M) & (rng.random(z.shape) < 0.8)
-        seen = mask & (z > 0) & ~stray & (height > _draw_floor_band(rng))
-        person, nothing = np.where(seen, z, 0.0), np.full(z.shape, NOBODY, np.uint8)
+        is_visible = mask & (z > 0) & ~stray & (height > _draw_floor_band(rng))
+        person, nothing = np.where(is_visible, z, 0.0), np.full(z.shape, NOBODY, np.uint8)
         lens = self._lens(sensor)
         return RenderedPerson(person.astype(np.float32), z.astype(np.float32), nothing, lens, pose, None)
 

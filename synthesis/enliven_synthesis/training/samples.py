@@ -1,8 +1,7 @@
 """Training samples: crops of synthetic people with the ground truth.
 
-They contain people of all builds in all postures in front of all sensors, with the typical faults of a
-tracker's masks. The centre is slightly off, a limb is assigned to another person, or a piece of another
-object or of the wall is included.
+They show people of all builds in all postures in front of all sensors, with the typical faults of a tracker's
+masks: a displaced centre, a missing limb, or pixels of another object or of a wall.
 """
 
 from __future__ import annotations
@@ -15,7 +14,8 @@ from scipy.ndimage import distance_transform_edt
 
 from enliven.arrays import Bool, Float, Float32, UInt8
 from enliven.person import Limb
-from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, BodyPart, Crop, crop_person, facing_in_plan
+from enliven_edge.tracking.estimator.crop import COLUMNS, ROWS, Crop, crop_person
+from enliven_edge.tracking.estimator.labels import NOBODY, BodyPart, facing_in_plan
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
@@ -29,7 +29,7 @@ _JUMP_FRACTION = 0.1
 """Fraction of samples in which people jump, or stand on an object."""
 _MAX_JUMP_HEIGHT_M = 0.6
 """Maximum height at which people jump, or stand above the floor, metres: a high jump, or a chair."""
-_LOST = (
+_LOSABLE_PARTS = (
     BodyPart.HAND_LEFT,
     BodyPart.FOREARM_LEFT,
     BodyPart.UPPER_ARM_LEFT,
@@ -37,7 +37,7 @@ _LOST = (
     BodyPart.SHANK_LEFT,
     BodyPart.HEAD,
 )
-"""Body parts, of the left side or the head, that a tracker may lose."""
+"""Body parts that a tracker may lose: the head, and those of the left side, which stand for both sides."""
 _CLUTTER_FRACTION = 0.12
 """Fraction of samples without a person: one in eight."""
 _LOST_LIMB_FRACTION = 0.1
@@ -52,8 +52,8 @@ _WALL_DISTANCES_M = (0.0, 0.6)
 _WALL_SLOPE = 0.006
 """Standard deviation of the slope of such a wall, metres per pixel. This is about 30 degrees."""
 _WALL_REST_FRACTION = 0.3
-"""Fraction of the samples without a person that show a piece of a wall next to a person. It is bounded by the
-person's outline, so it has the outline and the height of a person."""
+"""Fraction of the samples without a person that show a piece of a wall next to a person. The person's outline
+bounds this piece, so that it has a person's outline and height."""
 _STRAIGHT_EDGE_FRACTION = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _MIN_WALL_PIXELS = 60
@@ -127,7 +127,7 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
 
 def _draw_lost_limb(rendered: RenderedPerson, rng: Generator) -> Bool:
     """Returns (h, w) the pixels of a random part of the body."""
-    part = int(_LOST[int(rng.integers(len(_LOST)))])
+    part = int(_LOSABLE_PARTS[int(rng.integers(len(_LOSABLE_PARTS)))])
     return np.asarray(rendered.label == (part if part == BodyPart.HEAD else part + int(rng.integers(2))))
 
 

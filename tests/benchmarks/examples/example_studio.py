@@ -11,7 +11,7 @@ from example_play import Play, Shot
 from PIL import Image
 
 from enliven.arrays import Float, UInt8
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.render.camera import CameraView, OrbitCamera

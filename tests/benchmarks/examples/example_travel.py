@@ -26,11 +26,11 @@ from enliven.example_sessions.tables import MeshTable
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import motion_of
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.mapping.facing import facing_of, rotate_about_y
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet import suggested_puppet
+from enliven.modeling.puppet.suggest import suggested_puppet
+from enliven.skeletons.facing import facing_of, rotate_about_y
 from enliven.takes.files import read_take
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))

@@ -35,7 +35,7 @@ from enliven.meshes.files import save_mesh
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.recording import Recorder
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]

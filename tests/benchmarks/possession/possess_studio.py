@@ -10,7 +10,7 @@ import numpy as np
 from possess_take import Shot, Take
 
 from enliven.arrays import UInt8
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven.person.body import Body
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.live.hud import format_time

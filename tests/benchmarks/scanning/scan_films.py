@@ -28,12 +28,12 @@ from possess_take import Act, perform
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes import Mesh
 from enliven.person import Body
 from enliven.possession import EmbeddedActor
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import (
     Scanner,
     ScanSettings,
@@ -45,25 +45,28 @@ from enliven.scanning import (
     find_ground,
     upright_frame,
 )
-from enliven.scanning.objects import MovedScanner
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.scanning import Keep, PersonScanner, ScannedMesh, SurfacePreview, finish_scan
+from enliven_edge.scanning.person import PersonScanner
+from enliven_edge.scanning.scan_mesh import Keep, ScannedMesh, finish_scan
+from enliven_edge.scanning.surface_preview import SurfacePreview
 from enliven_edge.stage.character_setup import create_mesh_actor
-from enliven_synthesis.sensor import (
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.moved_object import (
     FollowingPath,
-    HandheldPath,
-    HandheldScan,
     MovedObjectPath,
     MovedObjectScan,
     lie_on_back_pose,
-    load_profile,
 )
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.render import FilmCamera
-from enliven_viewer.studio.picture import ScanPreview, Viewport
-from enliven_viewer.studio.scan import ScanPreviewMesh
-from enliven_viewer.studio.viewport import Lens, Overlay, Selection
+from enliven_viewer.render.camera import FilmCamera
+from enliven_viewer.studio.features.scan.preview import ScanPreview, ScanPreviewMesh, ScanPreviewPass
+from enliven_viewer.studio.picture.viewport import Viewport
+from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.selection import Selection
 
 OUT = Path(__file__).parents[3] / "out" / "scanning"
 RATE, BIT_RATE = 30.0, 5.0
@@ -202,7 +205,7 @@ class Growth:
             self.stage_from_scan[1, 3] = -extract_surface(scanner.volumes[1]).bounds[0, 1]
             return self._mesh.picture
         try:
-            ground = find_ground(extract_surface(scanner.volumes[1]), settings=scanner.settings.cut_out)
+            ground = find_ground(extract_surface(scanner.volumes[1]))
         except InputError:
             return self._mesh.picture
         self.stage_from_scan = upright_frame(ground, find_focus([pose for _, pose in scanner.poses]))
@@ -224,7 +227,10 @@ class Filming:
 
     def __init__(self) -> None:
         self.studio = Studio()
-        self.viewport = Viewport(self.studio.renderer.ctx, SIZE, self.studio.renderer.settings)
+        self._shown: tuple[ScanPreview, Float] | None = None
+        context = self.studio.renderer.ctx
+        preview = ScanPreviewPass(context, lambda: self._shown)
+        self.viewport = Viewport(context, SIZE, self.studio.renderer.settings, [preview])
         self.camera = FilmCamera()
 
     def pictures(self, film: Film) -> Iterator[UInt8]:
@@ -281,7 +287,8 @@ class Filming:
         aspect = SIZE[0] / SIZE[1]
         self.camera.follow(box, 1 / RATE, aspect)
         lens = Lens(self.camera.view(aspect), (float(SIZE[0]), float(SIZE[1])))
-        self.viewport.draw([], lens, Selection(), Overlay(), growing=(shown, stage))
+        self._shown = shown, stage
+        self.viewport.draw([], lens, Selection(), Overlay())
 
 
 def _with_inset(picture: UInt8, frame: DepthFrame) -> UInt8:

@@ -18,8 +18,7 @@ from tracking_set import CLOSE, FLOOR, HELD_OUT, TUNING, TURNS, sequences
 
 from enliven.camera import world_from_level_camera
 from enliven.person import Joint
-from enliven_synthesis.body import Performer
-from enliven_synthesis.body.performer import Proportions
+from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.sensor.profile import load_profile
 
 

@@ -23,7 +23,7 @@ from tracking_cache import delivered
 from tracking_scene import DATA
 from tracking_set import sequences
 
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven.frames import DepthFrame
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader

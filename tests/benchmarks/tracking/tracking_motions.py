@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.exercises import interpolate_fields
 from enliven_synthesis.motion.tracks import ease

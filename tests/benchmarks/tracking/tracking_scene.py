@@ -20,7 +20,7 @@ from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.close_limbs import CloseLimbs
 from enliven_synthesis.motion.exercises import get_exercise
 from enliven_synthesis.motion.mocap import CapturedMotion
-from enliven_synthesis.motion.motion import DanceMotion, HeldMotion, Motion, MotionSegment, MotionSequence
+from enliven_synthesis.motion.motion import DanceMotion, FrozenMotion, Motion, MotionSegment, MotionSequence
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import ROOM, Box
@@ -61,7 +61,7 @@ class Move:
             return SittingDown(performer, self.seed)
         if self.source == "exercise":
             danced = DanceMotion(performer, get_exercise(self.name, self.seed))
-            return danced if self.held is None else HeldMotion(danced, self.held)
+            return danced if self.held is None else FrozenMotion(danced, self.held)
         return CapturedMotion(performer, _capture(self.source), self.start, self.stop)
 
 

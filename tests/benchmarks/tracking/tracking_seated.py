@@ -15,16 +15,9 @@ from tracking_motions import Seed
 from enliven.arrays import Float
 from enliven.person import Joint, Limb
 from enliven.rotation import from_matrix, slerp, to_matrix
-from enliven_synthesis.body import (
-    ArmPose,
-    Figure,
-    FootPose,
-    Performer,
-    PerformerPosture,
-    rotation_about_x,
-    rotation_about_y,
-    rotation_about_z,
-)
+from enliven_synthesis.body.performer import Figure, Performer
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
+from enliven_synthesis.body.rotations import rotation_about_x, rotation_about_y, rotation_about_z
 from enliven_synthesis.motion.motion import place_figure
 from enliven_synthesis.motion.tracks import ease
 

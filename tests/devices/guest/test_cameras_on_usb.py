@@ -98,9 +98,9 @@ def test_doctors_advice_gives_access_to_cameras_only():
     listed = answer(SEATED, ATTACHED)
     assert sorted(name for name, *_ in listed) == ["Kinect v1", "OAK", "Orbbec", "RealSense", "RealSense"]
     mends = {
-        mend
+        remedy
         for *_, troubles in listed
-        for trouble, mend in troubles
+        for trouble, remedy in troubles
         if trouble == "your user may not open it"
     }
     assert len(mends) == 1, "each of them is closed to an ordinary user, for one reason"

@@ -102,7 +102,8 @@ def pair(tmp_path_factory):
     from stereo_rig import calibration_of, rectified_left, rig
     from stereo_scene import Photographer, person, room
 
-    from enliven_edge.sensors.stereo import Rectification, save_calibration
+    from enliven_edge.sensors.stereo.calibration import save_calibration
+    from enliven_edge.sensors.stereo.rectification import Rectification
 
     folder = tmp_path_factory.mktemp("pair")
     left, right = rig(320, 200, BASELINE)

@@ -26,7 +26,7 @@ from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
-from enliven_viewer.link import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "matching"))
@@ -35,10 +35,12 @@ from patience import PATIENCE
 from pedals_for_tests import Pedal
 from rigs_for_stage import person, star
 
+from enliven_edge.sensors.base import Sensor
+
 STEP = 33_333_333
 
 
-class People:
+class People(Sensor):
     """A sensor that returns the people in ``bodies``."""
 
     name = "people"
@@ -193,7 +195,7 @@ def test_parts_are_named_by_a_word(outlet):
 
 
 @pytest.mark.parametrize(
-    ("said", "mend"),
+    ("said", "remedy"),
     [
         ("possess left foo", "Did you mean left foot"),
         ("release legs", "Did you mean 'release'"),
@@ -201,10 +203,10 @@ def test_parts_are_named_by_a_word(outlet):
         ("posess", "Did you mean 'possess'"),
     ],
 )
-def test_a_command_that_cannot_be_meant_is_refused(said, mend):
+def test_a_command_that_cannot_be_meant_is_refused(said, remedy):
     with pytest.raises(InputError) as refused:
         check_map({"A": said}, "controls.pedal.map")
-    assert mend in refused.value.mend
+    assert remedy in refused.value.remedy
 
 
 def test_unsupported_command_is_reported_and_edge_continues(outlet, caplog):

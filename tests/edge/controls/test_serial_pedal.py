@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from enliven.doctor import need
 from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.base import Debouncer
 from enliven_edge.controls.control_set import create_device, open_controls
 from enliven_edge.controls.serial_pedal import ByteKeys, LineKeys
 from enliven_edge.controls.settings import ControlSettings
-from enliven_edge.extras import need
 
 sys.path.insert(0, str(Path(__file__).parent))
 

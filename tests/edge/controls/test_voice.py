@@ -24,7 +24,7 @@ from enliven_edge.controls.other_speech import OtherSpeech
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.controls.voice import RATE, Recogniser, SoundRecording
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Stage
+from enliven_edge.stage.stage import Stage
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -160,7 +160,7 @@ def test_microphone_is_opened_and_closed_by_command_or_gives_a_reason():
         controls.listen(True)
         until(lambda: poll("missing") or poll("listening"))
         if sent[-1].state == "missing":
-            assert sent[-1].what and sent[-1].mend
+            assert sent[-1].what and sent[-1].remedy
         controls.listen(False)
         until(lambda: poll("off"))
 

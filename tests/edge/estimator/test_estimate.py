@@ -14,7 +14,7 @@ from scipy.special import log_softmax, softmax
 
 from enliven.kernels import njit
 from enliven_edge.tracking.estimator.crop import COLUMNS, ROWS, crop_person
-from enliven_edge.tracking.estimator.estimator import TRUST, Estimate, _decoded
+from enliven_edge.tracking.estimator.estimator import JOINT_TRUST, Estimate, _decode
 from enliven_edge.tracking.estimator.labels import PARTS
 from enliven_edge.tracking.estimator.part_map import exponential
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS
@@ -86,7 +86,7 @@ def test_the_surer_a_joint_the_more_it_weighs(seed):
     order = np.argsort(estimate.spread)
     assert landmarks.shape == (20, 5)
     assert np.array_equal(landmarks[:, :3], estimate.joints)
-    weight = landmarks[:, 3] / TRUST
+    weight = landmarks[:, 3] / JOINT_TRUST
     assert (np.diff(weight[order]) <= 0).all() and (weight > 0).all()
     assert (np.diff(landmarks[order, 4]) >= 0).all(), "and the nearer it must be to be believed"
     assert landmarks[:, 4].min() >= 0.12 and landmarks[:, 4].max() <= 0.4
@@ -94,8 +94,8 @@ def test_the_surer_a_joint_the_more_it_weighs(seed):
 
 def test_joints_of_usual_confidence_have_total_weight_one():
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, 0.05))
-    assert estimate.landmarks[:, 3].sum() == pytest.approx(TRUST.mean())
-    assert TRUST[12:].max() < TRUST[:12].min(), "legs weigh less than trunk and arms"
+    assert estimate.landmarks[:, 3].sum() == pytest.approx(JOINT_TRUST.mean())
+    assert JOINT_TRUST[12:].max() < JOINT_TRUST[:12].min(), "legs weigh less than trunk and arms"
 
 
 @pytest.mark.parametrize("spread", [0.01, 0.03, 0.05, 0.2])
@@ -115,7 +115,7 @@ def test_network_output_is_decoded_as_in_training(seed):
     here, spread = dice.normal(size=(20, 3)), dice.normal(-3, 2, 20).astype(np.float32)
     facing, pose = dice.normal(0, 4, 9).astype(np.float32), np.eye(4)
     pose[:3, :3], pose[:3, 3] = np.linalg.qr(dice.normal(size=(3, 3)))[0], dice.normal(size=3)
-    world, off, ways, somebody = _decoded(here, spread, facing, pose)
+    world, off, ways, somebody = _decode(here, spread, facing, pose)
     np.testing.assert_allclose(world, here @ pose[:3, :3].T + pose[:3, 3], atol=1e-12)
     np.testing.assert_allclose(off, np.minimum(1.0, 3.0 * np.exp(spread.astype(float))), rtol=1e-12)
     np.testing.assert_allclose(ways, log_softmax(facing[:8].astype(float)), atol=1e-12)
@@ -127,7 +127,7 @@ def test_network_output_is_decoded_as_in_training(seed):
 def test_a_landmark_is_weighed_by_its_spread(seed):
     estimate = made_up(seed)
     sure = np.maximum(estimate.spread, 0.03)
-    columns = [TRUST * (0.05 / sure) ** 2 / 20, np.clip(3.0 * sure, 0.12, 0.4)]
+    columns = [JOINT_TRUST * (0.05 / sure) ** 2 / 20, np.clip(3.0 * sure, 0.12, 0.4)]
     np.testing.assert_allclose(estimate.landmarks, np.c_[estimate.joints, np.transpose(columns)], atol=1e-12)
 
 
@@ -135,10 +135,10 @@ def test_a_landmark_is_weighed_by_its_spread(seed):
 @settings(max_examples=25, deadline=None)
 def test_joint_counts_as_apart_beyond_its_expected_error(seed, joint):
     estimate = made_up(seed)
-    assert estimate.count_apart(estimate.joints) == 0
+    assert estimate.count_disagreeing(estimate.joints) == 0
     way = np.random.default_rng(seed).normal(size=3)
     way /= np.linalg.norm(way)
     for metres, elsewhere in ((0.07, False), (1.4 * estimate.spread[joint], False), (1.0, True)):
         moved = estimate.joints.copy()
         moved[joint] += metres * way
-        assert estimate.count_apart(moved) == int(elsewhere)
+        assert estimate.count_disagreeing(moved) == int(elsewhere)

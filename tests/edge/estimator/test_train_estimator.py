@@ -34,7 +34,7 @@ def test_an_existing_file_is_not_replaced_unasked(tmp_path):
     existing = tmp_path / "mine.onnx"
     existing.write_bytes(b"precious")
     message = refused("-o", existing)
-    assert str(existing) in message and "there already" in message and "--overwrite" in message
+    assert str(existing) in message and "exists already" in message and "--overwrite" in message
     assert existing.read_bytes() == b"precious"
 
 

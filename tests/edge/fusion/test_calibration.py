@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from walkers import Walker, stand, told
 
 from enliven.errors import InputError
-from enliven_edge.fusion.calibration.calibration import calibrate
-from enliven_edge.fusion.calibration.quality import Verdict
-from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_from_frames
-from enliven_edge.fusion.placement.rigid_transform import (
+from enliven.space.rigid_transform import (
     angle_between,
     compose_transform,
     invert,
     rotation_from_vector,
     transform_points,
 )
+from enliven_edge.fusion.calibration.calibration import calibrate
+from enliven_edge.fusion.calibration.quality import Verdict
+from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_from_frames
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_synthesis.motion.wander import WalkPath
 

@@ -13,14 +13,16 @@ from walkers import Walker, stand, told
 from enliven.errors import ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
+from enliven.space.space_file import Place, Space, nested_tuples
 from enliven_edge.fusion.calibration.tracks import Collector
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import ArrivalClocks, sensor_positions, settings_before_fusion
 from enliven_edge.fusion.live.sensor_view import SensorState
-from enliven_edge.fusion.placement.space import Place, Space, nested_tuples
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
+from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
 TIMES = np.arange(0.0, 3.0, 1 / 30)
@@ -28,7 +30,7 @@ SPACE = Space({"a": Place(nested_tuples(A)), "b": Place(nested_tuples(B), None, 
 """Sensor b's clock is 7 s ahead."""
 
 
-class Reel:
+class Reel(Sensor):
     """Body frames from memory: like a recording that waits, or live, each at its time.
 
     Args:
@@ -202,3 +204,21 @@ def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
     """A height estimated from people would differ from the one used in calibration."""
     settings = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
     assert settings.scene.height == kept
+
+
+def test_all_depth_sensors_learn_the_room_again():
+    """Each has a background model of its own. Its age begins again."""
+    with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
+        frames = [sensor.read() for _ in range(40)]
+    pose = nested_tuples(frames[0].world_from_camera)
+    space = Space({name: Place(nested_tuples(np.eye(4)), pose) for name in "ab"})
+    trackers = {name: Tracker() for name in "ab"}
+    reels = {name: Reel(name, frames) for name in "ab"}
+    with contextlib.closing(FusedSensors(reels, trackers, space)) as fused_sensors:
+        for _ in range(10):
+            fused_sensors.read()
+        fused_sensors.learn_room()
+        while fused_sensors.read() is not None:
+            pass
+    for tracker in trackers.values():
+        assert 0.5 < tracker.state.room_age < 1.05, "of 1.3 s"

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven_edge.fusion.placement.rigid_transform import (
+from enliven.space.rigid_transform import (
     angle_between,
     compose_transform,
     fit_rigid,

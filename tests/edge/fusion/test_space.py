@@ -7,7 +7,7 @@ import pytest
 from walkers import stand
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.fusion.placement.space import Place, Space, load_space, nested_tuples, save_space
+from enliven.space.space_file import Place, Space, load_space, nested_tuples, save_space
 
 SPACE = Space(
     {

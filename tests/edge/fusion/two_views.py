@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from enliven.frames import DepthFrame
-from enliven_edge.fusion.placement.rigid_transform import invert
+from enliven.space.rigid_transform import invert
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.dance import HOME_Z
 from enliven_synthesis.motion.motion import DanceMotion

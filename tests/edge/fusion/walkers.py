@@ -4,13 +4,13 @@ import numpy as np
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
-from enliven_edge.fusion.live.side_assignment import swap_sides
-from enliven_edge.fusion.placement.rigid_transform import (
+from enliven.space.rigid_transform import (
     compose_transform,
     invert,
     rotation_from_vector,
     transform_points,
 )
+from enliven_edge.fusion.live.side_assignment import swap_sides
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.wander import WalkPath
 

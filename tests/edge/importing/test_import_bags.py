@@ -180,7 +180,7 @@ def test_images_that_only_the_library_understands_are_refused(
         assert with_properties(tmp_path, orbbec, monkeypatch, about)
     else:
         with pytest.raises(
-            InputError, match=r"only Orbbec's library understands .*\. Have the library play it"
+            InputError, match=r"only Orbbec's library understands .*\. Let Orbbec's library play it"
         ):
             with_properties(tmp_path, orbbec, monkeypatch, about)
 
@@ -243,7 +243,7 @@ def test_truncated_recording_leaves_no_output(orbbec, tmp_path, share, which):
     content = (orbbec if which == "orbbec" else OLD_BAG).read_bytes()
     cut = tmp_path / "cut.bag"
     cut.write_bytes(content[: round(share * len(content))])
-    with pytest.raises(InputError, match=r"ends in the middle|not say what its depth camera"):
+    with pytest.raises(InputError, match=r"ends in the middle|not describe its depth camera"):
         run("import", cut, "-o", tmp_path / "cut.mcap")
     assert not list(tmp_path.glob("*.mcap*"))
 

@@ -90,7 +90,7 @@ def test_failed_import_leaves_no_file_and_keeps_the_old_one(folder, tmp_path):
         (["{folder}"], "is not named"),
         (["nowhere", "-o", "{out}"], "nowhere: there is no such file"),
         (["{folder}", "-o", "{out}", "--reader", "plane-depth"], "Did you mean plain-depth"),
-        (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "there is no folder"),
+        (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "no/such' does not exist"),
     ],
 )
 def test_import_errors_are_reported(folder, tmp_path, words, expected):

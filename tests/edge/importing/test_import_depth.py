@@ -120,7 +120,7 @@ def test_posed_depth_turns_the_world_upright(tmp_path):
     with pytest.raises(InputError, match="not a rotation"):
         read(tmp_path)
     (tmp_path / "frame-000.pose.txt").write_text("1 2 three")
-    with pytest.raises(InputError, match="something else than numbers"):
+    with pytest.raises(InputError, match="text that is not a number"):
         read(tmp_path)
 
 
@@ -132,7 +132,7 @@ def test_plain_depth_of_the_usual_shape(tmp_path):
     assert np.array_equal(frames[0].depth, depth_image(9, 240, 320))
     assert frames[0].intrinsics.fx == 262.5
     save(tmp_path / "a11.png", depth_image(1, 50, 50))
-    with pytest.raises(InputError, match="50x50, and no file states its camera"):
+    with pytest.raises(InputError, match="50x50, and no file describes its camera"):
         read(tmp_path)
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from enliven.camera import Intrinsics, project, world_from_level_camera
 from enliven.errors import InputError, ResourceError
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.person.joints import Joint

@@ -27,7 +27,7 @@ def test_missing_mediapipe_model_is_reported_with_its_path(tmp_path, monkeypatch
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "mediapipe").mkdir()
     (tmp_path / "mediapipe" / "__init__.py").touch()
-    with pytest.raises(ResourceError, match=r"no model of a pose.*pose_landmarker\.task"):
+    with pytest.raises(ResourceError, match=r"contains no pose model.*pose_landmarker\.task"):
         MediaPipeSettings().check()
     own = tmp_path / "state" / "enliven" / "pose_landmarker.task"
     own.parent.mkdir(parents=True)

@@ -12,10 +12,12 @@ import enliven.commands.run as run_command
 from enliven import cli
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
+from enliven.outputs.opening import open_outputs
+from enliven.outputs.settings import outputs_of
 from enliven_edge.doctor import shipped_recording
+from enliven_edge.live_outputs import LiveOutputs
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.outputs.live_outputs import open_outputs
-from enliven_edge.outputs.settings import outputs_of
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
@@ -24,7 +26,7 @@ from enliven_edge.tracking.tracker import Tracker
 SHORT = ["--possess-at", "0.3", "--port", "0"]
 
 
-class Bodies:
+class Bodies(Sensor):
     """A sensor of bodies from memory."""
 
     name = "bodies"
@@ -73,7 +75,7 @@ def test_a_replay_has_outputs(monkeypatch):
     ("words", "message"),
     [
         (["--out", "vcm:127.0.0.1"], "Did you mean vmc?"),
-        (["--out", "vmc:127.0.0.1:0"], "is not a UDP port"),
+        (["--out", "vmc:127.0.0.1:0"], "is not a port"),
         (["--out", "vmc:no-such-host.invalid"], "was not found"),
         (["--out", "vmc:127.0.0.1", "--out", "vmc:127.0.0.1"], "same output"),
         (["--out", "vmc:127.0.0.1/chair"], "no humanoid bones"),
@@ -90,7 +92,7 @@ def test_lost_packets_are_reported_in_the_heartbeat():
         port = free.getsockname()[1]
     frames = [BodyFrame([performer()], 10**9 + k * 33_000_000, "bodies", np.eye(4)) for k in range(600)]
     with (
-        open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {})) as outputs,
+        LiveOutputs(open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {}))) as outputs,
         Outlet(WireSettings(name="outputs", port=0, control_port=0), "bodies") as outlet,
     ):
         edge, remaining = Edge(Bodies(frames), Tracker(), Stage(), outlet, outputs=outputs), iter(frames)
@@ -102,7 +104,7 @@ def test_lost_packets_are_reported_in_the_heartbeat():
             ]
 
         (state,) = until(reported, "the health state")
-    assert f"vmc:127.0.0.1:{port}" in state.what and "Start the receiving program" in state.mend
+    assert f"vmc:127.0.0.1:{port}" in state.what and "Start the receiving program" in state.remedy
 
 
 def test_a_run_separates_the_folder_of_the_film_from_outputs(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from enliven.document.props import BALL, BOX
 from enliven.person.body import Body
 from enliven_edge.physics.settings import EngineSettings
 from enliven_edge.physics.world import PropSpecs, World
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 
@@ -56,5 +56,7 @@ def pushed(speed: float, way: tuple[float, float, float] = (1, 0, 0), frames: in
 
 def person(at: tuple[float, float] = (0.0, 0.0), number: int = 1, lean: float = 0.0) -> Body:
     """Returns a person of 1.75 m that stands upright."""
-    posture = Posture(np.array([at[0] + lean, 0.95, at[1]]), standing(elbow=1.5), lengths_for_height(1.75))
+    posture = Posture(
+        np.array([at[0] + lean, 0.95, at[1]]), standing_pose(elbow=1.5), lengths_for_height(1.75)
+    )
     return Body(number, posture.joints(), np.ones(20))

@@ -13,7 +13,7 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import BONES, Joint
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.settings import load_settings
 
 from .conftest import FRAME, UNBOUND, person

@@ -12,7 +12,7 @@ from enliven.frames import BodyFrame
 from enliven.wire import PhysicsMessage
 from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.switch import PhysicsSwitch
-from enliven_edge.stage import Tick
+from enliven_edge.stage.tick import Tick
 
 
 def tick(time_ns: int) -> Tick:
@@ -47,4 +47,4 @@ def test_missing_physics_library_is_reported_with_the_install_command(monkeypatc
         switch.ask("dodgeball")
     state = switch.change()
     assert state is not None and state.state == "missing"
-    assert "mujoco" in state.what and "enliven-edge[physics]" in state.mend
+    assert "mujoco" in state.what and "enliven-edge[physics]" in state.remedy

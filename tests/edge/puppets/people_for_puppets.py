@@ -7,7 +7,7 @@ import numpy as np
 from enliven.person.body import Body
 from enliven.person.parts import PARTS
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
@@ -20,7 +20,7 @@ def person(id=1, x=0.0, z=-2.5, yaw=0.0, left=0.0, right=0.0, knees=(0.0, 0.0), 
     Args:
         up: height above the floor, metres.
     """
-    turns = standing(yaw)
+    turns = standing_pose(yaw)
     turns[model.UPPER_ARM_L] = rotation(z=left) @ turns[model.UPPER_ARM_L]
     turns[model.UPPER_ARM_R] = rotation(z=-right) @ turns[model.UPPER_ARM_R]
     for thigh, shin, knee in zip(

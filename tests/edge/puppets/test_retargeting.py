@@ -17,7 +17,7 @@ from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 few = settings(max_examples=25, deadline=None)
@@ -27,7 +27,7 @@ HANDS = ("LeftHand", "RightHand", "Head", "LeftFoot", "RightFoot")
 
 def person(x=0.0, z=-2.5, yaw=0.0, arm=0.4, knee=0.0, height=1.75) -> Body:
     """Returns a person with the left arm forward and the left knee up, by the given angles, radians."""
-    turns = standing(yaw, arm_forward=0.1, elbow=0.4)
+    turns = standing_pose(yaw, arm_forward=0.1, elbow=0.4)
     turns[model.UPPER_ARM_L] = rotation(x=-arm) @ turns[model.UPPER_ARM_L]
     turns[model.THIGH_L] = rotation(x=-knee) @ turns[model.THIGH_L]
     posture = Posture(np.array([x, 0.57 * height, z]), turns, model.lengths_for_height(height))

@@ -13,7 +13,7 @@ import pytest
 from patience import until
 
 import enliven_edge.assets
-from enliven.errors import InputError
+from enliven.errors import InputError, ResourceError
 from enliven.recording import Recording
 from enliven.wire import free_ports
 from enliven_edge.recording import parts
@@ -67,7 +67,7 @@ def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
     filler.write_bytes(bytes(600 << 10))
     try:
         with PartedRecorder(disk / "take.mcap") as recorder:
-            recorder.on_part_started = lambda: begun.append(recorder.path.name)
+            recorder.on_part_started = lambda is_after_gap: begun.append(recorder.path.name)
             recorder.add_metadata("place", {"room": "1"})
 
             def write_until(done) -> None:
@@ -94,6 +94,37 @@ def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
         subprocess.run(["umount", str(disk)], check=True)
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs tmpfs")
+def test_a_start_with_a_full_disk_fails_or_waits_for_space(tmp_path, monkeypatch) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(disk)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("a small disk can be mounted by root only")
+    now = [0.0]
+    monkeypatch.setattr(parts, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    filler = disk / "filler"
+    try:
+        with pytest.raises(OSError, match="No space left"), filler.open("wb", buffering=0) as file:
+            while True:
+                file.write(bytes(4096))
+        path = disk / "take.mcap"
+        with pytest.raises(ResourceError, match="No space left"):
+            PartedRecorder(path)
+        with PartedRecorder(path, waits_for_space=True) as recorder:
+            assert "No space left" in str(recorder.failure)
+            recorder.write(*MESSAGE, b"lost", 1)
+            filler.unlink()
+            recorder.write(*MESSAGE, b"lost, too", 2)
+            assert recorder.lost == 2, "it does not ask the disk for each message"
+            now[0] += parts.FIRST_RETRY_S
+            recorder.write(*MESSAGE, b"kept", 3)
+            assert recorder.failure is None and recorder.lost == 2
+        assert topics(recorder.path)["topic"] == 1
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
 @pytest.mark.slow
 def test_an_edge_records_again_when_there_is_room_and_after_a_restart(tmp_path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
@@ -112,7 +143,7 @@ def test_an_edge_records_again_when_there_is_room_and_after_a_restart(tmp_path) 
         try:
             until(lambda: poses(first) > 5, "the take", 300.0)
             full.touch()
-            until(lambda: "goes on in a new file" in (tmp_path / "log").read_text(), "the pause")
+            until(lambda: "continues in a new file" in (tmp_path / "log").read_text(), "the pause")
             full.unlink()
             until(lambda: poses(second) > 5, "the second part")
         finally:

@@ -15,6 +15,7 @@ from enliven.recording import Recording, RecordingWarning
 from enliven.wire.characters import CharacterMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.recording.disk_sync import DiskSync
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.character_setup import create_actor
@@ -55,7 +56,7 @@ def test_a_character_is_written_again_every_minute_and_at_the_end(tmp_path, char
 def test_negative_clock_leaves_gaps_in_the_take_and_is_reported(tmp_path):
     """A sensor's clock starts at -1 s: frames before 0 are not written, later ones are."""
 
-    class Clock:
+    class Clock(Sensor):
         name = "x"
 
         def __init__(self):
@@ -70,7 +71,7 @@ def test_negative_clock_leaves_gaps_in_the_take_and_is_reported(tmp_path):
         (state,) = [s for s in outlet.publisher.status.health if s.kind == HealthKind.TAKE_GAPS]
     assert edge.frames == 60
     # 31 frames of bodies, and the stage messages that are written with the first frame.
-    assert state.what.startswith("32 messages are not in the take") and "clock" in state.mend
+    assert state.what.startswith("32 messages are not in the take") and "clock" in state.remedy
     times = [time_ns for time_ns, _ in Recording(tmp_path / "take.mcap").messages("bodies")]
     assert times == [i * STEP - 10**9 for i in range(31, 60)]
 
@@ -83,6 +84,7 @@ FULL = """
     from enliven.frames import BodyFrame
     from enliven_edge.network.outlet import Outlet
     from enliven_edge.recording import parts
+    from enliven_edge.sensors.base import Sensor
     from enliven_edge.service import Edge
     from enliven_edge.settings import WireSettings
     from enliven_edge.stage.stage import Stage
@@ -93,7 +95,7 @@ FULL = """
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 
-    class Crowd:
+    class Crowd(Sensor):
         name, random, number = "x", np.random.default_rng(0), 0
 
         def read(self, timeout=None):

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from enliven.errors import EnlivenError
 from enliven.recording import Recorder
 from enliven_edge.commands.scan import scan
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "synthesis"))

@@ -2,9 +2,9 @@
 
 import time
 
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.scan import ScanSession
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.scan.session import ScanSession
+from enliven_viewer.studio.perform.session import PerformSession
 
 ASKED_EVERY = 20.0
 """Seconds between two requests for a scan: enough for a busy link to recover."""

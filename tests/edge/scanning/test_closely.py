@@ -4,7 +4,8 @@ from scanned_things import THINGS
 
 from enliven.scanning import Scanner
 from enliven.scanning.rigid import pose_difference
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
 BEFORE, IMAGES = range(282, 297, 3), (297, 300, 303)

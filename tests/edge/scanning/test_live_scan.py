@@ -13,13 +13,14 @@ from box_scans import take_of
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.errors import InputError
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import Scanner, ScanSettings, VolumeSettings
 from enliven.wire import Scan, ScanMessage
-from enliven_edge.scanning import LiveScan, scan_placement
+from enliven_edge.scanning import scan_placement
+from enliven_edge.scanning.live_scan import LiveScan
 from enliven_edge.scanning.scan_placement import ScanPlacement
 from enliven_edge.scanning.scan_view import create_scan_view
-from enliven_synthesis.sensor import HandheldPath
+from enliven_synthesis.sensor.handheld import HandheldPath
 
 PATIENCE = 60.0
 """Timeout in seconds that is enough on any machine."""

@@ -7,11 +7,13 @@ import pytest
 from scipy.spatial import cKDTree
 
 from enliven import rotation
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
-from enliven.scanning.loop_closure import FrameHistory, optimize_poses
+from enliven.scanning.loop_closure.history import FrameHistory
+from enliven.scanning.loop_closure.pose_graph import optimize_poses
 from enliven.scanning.rigid import invert_pose, move_pose, pose_difference
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, look_at_pose
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan, look_at_pose
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
 
 pytestmark = pytest.mark.slow
@@ -28,7 +30,7 @@ class Round(HandheldPath):
     """A level circular path; the camera looks outward and slightly ahead."""
 
     def world_from_camera(self, time):
-        angle, unrest = 2 * np.pi * self.turns * time / self.seconds, self._unrest(time)
+        angle, unrest = 2 * np.pi * self.turns * time / self.seconds, self._hand_motion(time)
         eye = np.array([self.radius * np.sin(angle), 1.2, self.radius * np.cos(angle)])
         eye += self.sway * unrest[:3]
         pose = look_at_pose(eye, eye + np.array([np.sin(angle + 0.6), -0.25, np.cos(angle + 0.6)]))

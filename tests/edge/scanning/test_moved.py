@@ -15,22 +15,21 @@ from typer.testing import CliRunner
 from enliven import rotation
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import MovedScanner, ObjectState, sample_surface
+from enliven.scanning.objects.moved_scanner import MovedScanner
+from enliven.scanning.objects.moved_step import ObjectState
+from enliven.scanning.objects.surface_points import sample_surface
 from enliven.scanning.rigid import invert_pose, pose_difference
+from enliven.wire import ScanMode
 from enliven_edge.commands.scan import scan
-from enliven_edge.scanning import describe_objects
-from enliven_synthesis.sensor import (
-    HandheldPath,
-    MovedObjectPath,
-    MovedObjectScan,
-    lie_on_back_pose,
-    load_profile,
-)
-from enliven_viewer.studio.scan import choose_advice
-from enliven_viewer.studio.scan.scan_session import VOXEL_SIZES
+from enliven_edge.scanning.object_messages import describe_objects
+from enliven_synthesis.sensor.handheld import HandheldPath
+from enliven_synthesis.sensor.moved_object import MovedObjectPath, MovedObjectScan, lie_on_back_pose
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_viewer.studio.features.scan.advice import choose_advice
+from enliven_viewer.studio.features.scan.session import VOXEL_SIZES
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
@@ -85,7 +84,7 @@ def scanned(tmp_path_factory):
         edge.followers.append(window)
         scan = window.scan
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
-        scan.mode, scan.name = "laid", "chair"
+        scan.mode, scan.name = ScanMode.MOVED, "chair"
         patch.setitem(VOXEL_SIZES, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
         edge.show(frames, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
@@ -94,7 +93,7 @@ def scanned(tmp_path_factory):
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
         scan.done()
         edge.until(lambda: "chair" in window.editor.project.characters, "the character")
-    truth = [invert_pose(take.thing_pose(index)) @ take.pose(index) for index in indices]
+    truth = [invert_pose(take.object_pose(index)) @ take.pose(index) for index in indices]
     mesh = window.editor.project.characters["chair"].mesh
     return Scanned(steps, truth, [index / 30.0 for index in indices], messages, scanner, stood, mesh)
 

@@ -12,13 +12,13 @@ from box_scans import run, write
 from turning import TurningPerson
 
 from enliven.errors import InputError
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 from enliven.meshes import load_mesh, submesh
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
-from enliven_edge.scanning import PersonScanner
-from enliven_edge.stage import create_mesh_actor
+from enliven_edge.scanning.person import PersonScanner
+from enliven_edge.stage.character_setup import create_mesh_actor
 
 STILL, IMAGES = 5, 24
 """Images before the turn, and in all: 5.8 degrees from one to the next, 104 in all."""

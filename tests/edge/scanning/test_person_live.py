@@ -11,8 +11,8 @@ from scanning_edge import ScanningEdge
 
 from enliven.person import Joint
 from enliven.scanning import ScanState
-from enliven.wire import Scan
-from enliven_viewer.studio.scan import choose_advice
+from enliven.wire import Scan, ScanMode
+from enliven_viewer.studio.features.scan.advice import choose_advice
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
@@ -33,7 +33,7 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         edge.followers.append(window)
         scan = window.scan
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
-        scan.mode, scan.name = "person", "me"
+        scan.mode, scan.name = ScanMode.PERSON, "me"
         edge.until(Begun(scan), "the beginning")
         words = [choose_advice(scan.message).text]
         edge.show(images, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
@@ -65,7 +65,7 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
 
 def test_a_copy_is_scanned_on_by_itself_with_the_same_tracker():
     from enliven.scanning import ScanSettings, VolumeSettings
-    from enliven_edge.scanning import PersonScanner
+    from enliven_edge.scanning.person import PersonScanner
 
     scene = TurningPerson(320)
     volume = VolumeSettings(voxel=0.016, reach=3.5, far=3.5)
@@ -81,5 +81,5 @@ def test_a_copy_is_scanned_on_by_itself_with_the_same_tracker():
 
 def test_a_person_and_something_that_is_moved_are_refused():
     for other in ({"moved": True}, {"turned": True}, {"within": 1.5}):
-        with pytest.raises(ValueError, match="a person is scanned alone"):
-            Scan("start", person=True, **other)
+        with pytest.raises(ValueError, match="a scan has one mode, not"):
+            Scan("start", mode=ScanMode.PERSON, **other)

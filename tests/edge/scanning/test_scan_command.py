@@ -9,12 +9,13 @@ import pytest
 from PIL import Image
 
 from enliven.errors import InputError
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh, load_mesh
 from enliven.recording import Recorder
 from enliven.scanning import Alignment, ScanState, ScanStep
-from enliven_edge.scanning import ScanLog, draw_contact_sheet
+from enliven_edge.scanning.contact_sheet import draw_contact_sheet
+from enliven_edge.scanning.scan_log import ScanLog
 
 sys.path.insert(0, str(Path(__file__).parent))
 from box_scans import THING, recorded, run

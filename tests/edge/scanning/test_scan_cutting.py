@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from box_scans import NOTHING, THING, recorded, run
 
 from enliven.errors import InputError
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 from enliven.meshes import load_mesh
 from enliven.recording import Recording
 from enliven_synthesis.sensor.handheld import STUDIO

@@ -6,7 +6,8 @@ from pathlib import Path
 import typer
 from typer.testing import CliRunner
 
-from enliven.scanning import ObjectSettings, RegistrationSettings, VolumeSettings
+from enliven.scanning import VolumeSettings, tsdf_volume
+from enliven.scanning.objects import moved_scanner, registration, rest
 from enliven_edge.commands.scan import scan
 
 ROOT = Path(__file__).parents[3]
@@ -58,16 +59,16 @@ def test_its_numbers_are_the_defaults():
     settings = VolumeSettings()
     assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
     assert "4 voxels before a surface and\n   3 behind it" in PAGE
-    assert (settings.truncation, settings.behind, settings.reach) == (4.0, 3.0, 2.2)
+    assert settings.reach == 2.2
+    assert (tsdf_volume._TRUNCATION_VOXELS, tsdf_volume._TRUNCATION_BEHIND_VOXELS) == (4.0, 3.0)
 
 
 def test_its_numbers_of_the_search_are_the_defaults():
-    moved, search = ObjectSettings(), RegistrationSettings()
-    assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE and (moved.lifted, moved.tilted) == (0.015, 0.015)
-    assert (
-        "from 900 turns" in PAGE
-        and "24 best answers" in PAGE
-        and (search.turns, search.looked_at) == (900, 24)
-    )
+    assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE
+    assert (rest._MIN_MOVED_DISTANCE_M, rest._MIN_MOVED_ANGLE_RAD) == (0.015, 0.015)
+    assert "from 900 turns" in PAGE and "24 best answers" in PAGE
+    assert (registration._START_ROTATIONS, registration._REFINED_CANDIDATES) == (900, 24)
     assert "half of its points agree, at most one in 25" in PAGE
-    assert (search.agreeing, search.through, moved.looks) == (0.5, 0.04, 10) and "from ten images on" in PAGE
+    shares = (registration._MIN_AGREEING_FRACTION, registration._MAX_SEEN_THROUGH_FRACTION)
+    assert shares == (0.5, 0.04)
+    assert moved_scanner._MIN_REST_IMAGES == 10 and "from ten images on" in PAGE

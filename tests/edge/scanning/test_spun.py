@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
 
-from enliven.scanning.objects import MovedScanner, ObjectState, object_tracking_settings
+from enliven.scanning.objects.moved_scanner import MovedScanner, object_tracking_settings
+from enliven.scanning.objects.moved_step import ObjectState
 from enliven.scanning.rigid import invert_pose, pose_difference
 from enliven.scanning.settings import ScanSettings, VolumeSettings
-from enliven_edge.scanning import describe_objects
-from enliven_synthesis.sensor import HandTurnedPath, MovedObjectScan, TurntablePath, load_profile
+from enliven_edge.scanning.object_messages import describe_objects
+from enliven_synthesis.sensor.hand_turned_object import HandTurnedPath
+from enliven_synthesis.sensor.moved_object import MovedObjectScan
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_synthesis.sensor.turntable_object import TurntablePath
 
 IMAGES, TURNING = 85, 70
 """Number of images at 30 per second; first image in which the chair turns at full speed and counts as
@@ -27,7 +31,7 @@ def test_spun_object_is_tracked_and_room_stays_still():
     assert all(step.state is ObjectState.RESTING for step in steps[:40]), "it stands at first"
     assert all(step.state is ObjectState.FOLLOWED for step in steps[TURNING:])
     turned = range(TURNING, IMAGES)
-    pose = [invert_pose(take.thing_pose(index)) @ take.pose(index) for index in turned]
+    pose = [invert_pose(take.object_pose(index)) @ take.pose(index) for index in turned]
     off = np.array(
         [pose_difference(steps[n].object_from_camera, true) for n, true in zip(turned, pose, strict=True)]
     )
@@ -53,7 +57,7 @@ def test_object_picked_up_by_two_hands_is_tracked():
         step = scanner.add(frame if index else replace(frame, world_from_camera=take.pose(0)))
         if index >= 80:
             assert step.state is ObjectState.FOLLOWED
-            true = invert_pose(take.thing_pose(index)) @ take.pose(index)
+            true = invert_pose(take.object_pose(index)) @ take.pose(index)
             off.append(pose_difference(step.object_from_camera, true)[0])
     assert np.median(off) < 0.03 and max(off) < 0.06
     assert scanner.followed >= len(off)

@@ -12,11 +12,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "scanning"))
 from scenes import SETTINGS, fused_sphere, looking, prepared, sphere_depth
 
 from enliven.meshes import Mesh
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import GroundPlane, TsdfVolume, extract_piece, extract_surface, sum_pieces
 from enliven.wire import pack_stream, unpack_stream
-from enliven_edge.scanning import Checkpoints, SurfacePreview, find_next_view
-from enliven_edge.scanning.surface_preview import message_from_piece
+from enliven_edge.scanning.checkpoints import Checkpoints
+from enliven_edge.scanning.next_best_view import find_next_view
+from enliven_edge.scanning.surface_preview import SurfacePreview, message_from_piece
 
 RADIUS = 0.25
 ALL = 10**9

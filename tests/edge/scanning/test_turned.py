@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from enliven import rotation
 from enliven.meshes import load_mesh
 from enliven.recording import Recorder
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.scanning import (
     Scanner,
     ScanSettings,
@@ -22,12 +22,14 @@ from enliven.scanning import (
     settings_within,
 )
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import sample_surface
 from enliven.scanning.objects.registration import align_from_starts
-from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven.scanning.rigid import invert_pose
 from enliven_edge.commands.scan import scan
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, HandTurnedPath, MovedObjectScan, load_profile
+from enliven_synthesis.sensor.hand_turned_object import HandTurnedPath
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.moved_object import MovedObjectScan
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
 
 WALL = (Box((-3.0, -1.0, -2.4), (3.0, 3.0, -2.0)),)
@@ -96,7 +98,7 @@ def test_object_turned_in_two_hands_is_scanned_without_hands():
     scanner, steps = Scanner(settings_within(VolumeSettings(voxel=0.006), WITHIN)), []
     for index in range(0, 240, 3):
         frame = take.frame(index)
-        true = invert_pose(take.thing_pose(index)) @ take.pose(index)
+        true = invert_pose(take.object_pose(index)) @ take.pose(index)
         steps.append(scanner.add(frame if index else replace(frame, world_from_camera=true)))
     states = [step.state for step in steps]
     assert states.count(ScanState.SCANNING) > 0.95 * len(states)

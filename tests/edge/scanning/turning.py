@@ -5,8 +5,12 @@ import numpy as np
 from enliven import rotation
 from enliven.camera import world_from_level_camera
 from enliven.frames import DepthFrame
-from enliven_synthesis.body import ArmPose, BodyAnatomy, FootPose, Performer, PerformerPosture
-from enliven_synthesis.sensor import DepthNoise, DepthRenderer, load_profile
+from enliven_synthesis.body.body_sdf import BodyAnatomy
+from enliven_synthesis.body.performer import Performer
+from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
+from enliven_synthesis.sensor.noise import DepthNoise
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import cast_room
 
 AWAY = -2.1

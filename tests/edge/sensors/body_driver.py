@@ -6,6 +6,7 @@ import numpy as np
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
+from enliven_edge.sensors.base import Sensor
 
 FRAMES = 5
 STEP = 40_000_000
@@ -18,7 +19,7 @@ def bodies(number: int) -> list[Body]:
     return [Body(i, random.normal(size=(20, 3)), random.uniform(size=20), stature=1.7) for i in range(number)]
 
 
-class BodyDriver:
+class BodyDriver(Sensor):
     """Frames with an increasing number of bodies."""
 
     isolated = True

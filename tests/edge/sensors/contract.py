@@ -23,7 +23,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors.base import Sensor, SensorFault
-from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 from enliven_edge.sensors.reopening import open_reopening
 
 FULL = os.environ.get("ENLIVEN_CONTRACT") == "full"

@@ -9,6 +9,7 @@ import numpy as np
 
 from enliven.camera import Intrinsics
 from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
 from enliven_edge.sensors.replay import ReplaySensor
@@ -21,7 +22,7 @@ def is_garbage(number: int) -> bool:
     return number % EVERY == EVERY - 1
 
 
-class Plain:
+class Plain(Sensor):
     """A user's own driver, in a helper process: it opens, reads and closes a recording."""
 
     isolated = True

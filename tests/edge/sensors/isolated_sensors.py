@@ -7,7 +7,7 @@ import pytest
 from contract import PATIENCE, helpers
 from wild import Wild
 
-from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 
 
 def opener(folder: Path, every_frame: bool = False, **options) -> IsolatedOpener:

@@ -76,7 +76,7 @@ def test_the_doctor_shows_each(usb, monkeypatch):
     usb("045e", "02c4", "Xbox NUI Sensor")
     monkeypatch.setattr(doctor, "list_attached", usb.found)
     check = next(check for check in doctor.checks() if check.name == "Kinect v2")
-    assert not check.ok and "NUI" in check.detail and "add-a-sensor" in check.mend
+    assert not check.ok and "NUI" in check.detail and "add-a-sensor" in check.remedy
 
 
 def test_a_library_that_no_extra_can_have_has_its_own_line(usb, monkeypatch):

@@ -5,12 +5,28 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from enliven.errors import InputError
+from enliven_edge.sensors.registry import open_sensor
+
 EXAMPLE = Path(__file__).parents[3] / "docs" / "example-sensor"
 
 
 def test_the_example_is_short():
     lines = sum(len(path.read_text().splitlines()) for path in EXAMPLE.iterdir() if path.is_file())
     assert lines < 60
+
+
+def test_class_that_is_not_a_sensor_is_refused_with_advice(tmp_path, monkeypatch):
+    about = tmp_path / "loose_wall-1.0.dist-info"
+    about.mkdir()
+    (tmp_path / "loose_wall.py").write_text("class LooseWall:\n    name = 'loose wall'\n")
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: loose-wall\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[enliven.sensors]\nloose-wall = loose_wall:LooseWall\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"loose_wall:LooseWall is not a subclass.*class NAME\(Sensor\)"):
+        open_sensor("loose-wall")
 
 
 def test_example_sensor_is_installed_and_runs(tmp_path):

@@ -10,8 +10,8 @@ from enliven.errors import ResourceError
 from enliven.frames import DepthFrame
 from enliven.health import HealthKind
 from enliven.recording import Recording
+from enliven.space.space_file import Place, Space
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
-from enliven_edge.fusion.placement.space import Place, Space
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.reopening import open_reopening
 from enliven_edge.service import Edge

@@ -51,14 +51,14 @@ def test_webcams_and_time_of_flight_cameras_are_recognised(video, monkeypatch):
         ("webcam", "video5"),
     ]
     assert not listed[0].trouble and not listed[0].depth and listed[1].depth
-    assert "may not open" in listed[2].trouble and "usermod" in listed[2].mend
+    assert "may not open" in listed[2].trouble and "usermod" in listed[2].remedy
 
 
 def test_camera_without_its_library_gives_the_install_command(video, monkeypatch):
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
     video("A webcam")
     (listed,) = video.found()
-    assert listed.trouble == "mediapipe is not installed" and "pip install" in listed.mend
+    assert listed.trouble == "mediapipe is not installed" and "pip install" in listed.remedy
 
 
 def test_several_of_one_make_are_chosen_by_serial_and_a_slow_link_is_no_obstacle(monkeypatch, tmp_path):
@@ -77,7 +77,7 @@ def test_several_of_one_make_are_chosen_by_serial_and_a_slow_link_is_no_obstacle
     first, second, oak, kinect = find_cameras()
     assert first.options == {"serial": "S1"} and second.options == {"serial": "S2"} and not oak.options
     assert not first.trouble and "USB 3" in first.hint and not second.hint
-    assert kinect.trouble == "no driver ships for it" and kinect.mend and not kinect.sensor
+    assert kinect.trouble == "no driver ships for it" and kinect.remedy and not kinect.sensor
 
 
 def test_the_command_prints_the_cameras_as_json(capsys, monkeypatch):

@@ -20,7 +20,7 @@ from enliven.frames import DepthFrame
 from enliven.health import HealthKind
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.record import record_stream
-from enliven_edge.sensors.base import Condition, SensorFault, condition_of
+from enliven_edge.sensors.base import Condition, Sensor, SensorFault
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
 from enliven_edge.sensors.event_log import CONDITION_TOPIC, EVENTS_TOPIC, EventLog
@@ -70,7 +70,7 @@ def shades(number: int) -> np.ndarray:
     return np.stack([SLOPE * across, SLOPE * down, np.full_like(down, number % 250)], -1).astype(np.uint8)
 
 
-class Scripted:
+class Scripted(Sensor):
     """Does one step per read; its condition holds until the next step with one."""
 
     name, fps = "scripted", 30.0
@@ -86,7 +86,7 @@ class Scripted:
             return None
         self._read += 1
         if step.error == "lost":
-            raise SensorFault(f"the cable is out ({self._read})", where=self.name, mend="Plug it in.")
+            raise SensorFault(f"the cable is out ({self._read})", where=self.name, remedy="Plug it in.")
         if step.error:
             raise InputError("half an image", where=self.name)
         self._condition = step.condition or self._condition
@@ -109,12 +109,12 @@ def lived(sensor) -> list[tuple]:
             frame = sensor.read(1.0)
         except (SensorFault, InputError) as error:
             health.failed(error)
-            events.append((type(error), error.what, error.where, error.mend, health.states))
+            events.append((type(error), error.what, error.where, error.remedy, health.states))
             continue
         if frame is None:
             return events
         health.admit(frame)
-        condition = condition_of(sensor)
+        condition = sensor.condition()
         health.judge_device(condition, np.eye(4), floor_known=True)
         image = (
             frame.depth.tobytes(),
@@ -187,7 +187,7 @@ def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
     assert facts["missing"] == "9 images in 2 gaps; the longest 7 at 0.37 s", (
         "not what passed while it was lost"
     )
-    assert facts["temperature"] == "41 to 93 degrees; it stops at 105"
+    assert facts["temperature"] == "41 to 93 degrees; it switches off at 105"
     assert facts["lost"] == "1 times, for 1.0 s in all" and facts["unusable"] == "1 frames, left out"
     assert ["at", "0.37 s: the cable is out (4)"] in lines
     film = tmp_path / "a.mp4"
@@ -211,7 +211,7 @@ def test_an_older_recording_says_nothing_of_its_device(tmp_path):
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.write_frame(DepthFrame(picture(0), camera(), 0, "old"))
     with ReplaySensor(tmp_path / "a.mcap", speed=0.0) as replayed:
-        assert replayed.read().sequence is None and condition_of(replayed) is None
+        assert replayed.read().sequence is None and replayed.condition() is None
 
 
 def test_every_frame_waits_for_a_slow_reader(tmp_path):

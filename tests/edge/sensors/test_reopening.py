@@ -59,7 +59,7 @@ def test_failed_device_is_closed_and_replaced():
     assert len(frames) == 30
     assert [type(error) for error in errors] == [SensorFault] * 2
     assert "No such device" in str(errors[0]) and "Communication exception" in str(errors[1])
-    assert all(error.where == "troubled" and error.mend and error.exit_code == 4 for error in errors)
+    assert all(error.where == "troubled" and error.remedy and error.exit_code == 4 for error in errors)
     assert len(Troubled.devices) == 3
     until(lambda: all(device.closed for device in Troubled.devices))
 
@@ -217,7 +217,7 @@ def test_no_frame_is_read_ahead():
 
 def test_the_first_opening_fails_as_the_device_says():
     def missing():
-        raise ResourceError("there is none", where="oak", mend="Plug it in.")
+        raise ResourceError("there is none", where="oak", remedy="Plug it in.")
 
     with pytest.raises(ResourceError, match=r"oak: there is none\. Plug it in"):
         open_reopening(missing)

@@ -23,7 +23,7 @@ def test_all_are_listed(capsys):
     code, out, _ = said(capsys)
     assert (
         code == 0
-        and "oak, orbbec, osc-trackers, realsense, replay, synthetic, tof, vmc, webcam"
+        and "oak, orbbec, osc-trackers, realsense, replay, rokoko, synthetic, tof, vmc, webcam"
         in " ".join(out.split())
     )
 

@@ -19,13 +19,13 @@ from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.errors import InputError, ResourceError
+from enliven.outputs.live_frame import LiveFrame
+from enliven.outputs.opening import open_outputs
+from enliven.outputs.settings import outputs_of
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.rotation import rotate
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.outputs.live_frame import LiveFrame
-from enliven_edge.outputs.live_outputs import open_outputs
-from enliven_edge.outputs.settings import outputs_of
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
@@ -186,7 +186,7 @@ def test_trackers_in_another_order_and_too_few():
     assert body.confidence[Joint.ANKLE_RIGHT] == 0.0
 
 
-@pytest.mark.parametrize("name", ["vmc", "osc-trackers"])
+@pytest.mark.parametrize("name", ["vmc", "osc-trackers", "rokoko"])
 def test_a_port_in_use_is_refused(name):
     with (
         open_sensor(name, port=0) as sensor,
@@ -199,6 +199,7 @@ def test_a_port_in_use_is_refused(name):
     ("name", "options", "message"),
     [
         ("vmc", {"port": 70_000}, "70000 is not a UDP port"),
+        ("rokoko", {"port": -1}, "-1 is not a UDP port"),
         ("vmc", {"height": 17.0}, "outside 0.5..2.5 m"),
         ("osc-trackers", {"order": "hip, nose"}, "'nose' is not a place.*left foot"),
         ("osc-trackers", {"order": "hip, " * 8 + "hip"}, "9 places, at most 8"),
@@ -209,7 +210,7 @@ def test_wrong_options_are_refused(name, options, message):
         open_sensor(name, **options)
 
 
-@pytest.mark.parametrize("name", ["vmc", "osc-trackers"])
+@pytest.mark.parametrize("name", ["vmc", "osc-trackers", "rokoko"])
 def test_waiting_ends_in_time_and_a_closed_sensor_has_ended(name):
     sensor = open_sensor(name, port=0)
     begin = time.monotonic()

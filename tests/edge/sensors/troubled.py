@@ -10,6 +10,7 @@ import numpy as np
 
 from enliven.camera import Intrinsics
 from enliven.frames import DepthFrame
+from enliven_edge.sensors.base import Sensor
 
 STEP = 33_333_333
 FAULTS = (
@@ -36,7 +37,7 @@ def camera(width: int = 64, height: int = 48, focal: float = 60.0) -> Intrinsics
     return Intrinsics(width, height, focal, focal, width / 2 - 0.5, height / 2 - 0.5)
 
 
-class Troubled:
+class Troubled(Sensor):
     """Delivers frames 0 to ``frames`` - 1; before each number in ``faults`` its fault occurs once.
 
     Each device counts time from 0, as after being plugged in again. The stream goes on over devices.

@@ -13,10 +13,10 @@ from troubled import STEP, camera, picture
 
 from enliven.errors import ResourceError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.base import Condition
+from enliven_edge.sensors.base import Condition, Sensor
 
 
-class Wild:
+class Wild(Sensor):
     """Endless frames, numbered in their first pixel; one failure at frame ``after``.
 
     Args:
@@ -41,7 +41,7 @@ class Wild:
     ) -> None:
         self.folder, self.after, self.pace, self.size = Path(folder), after, pace, (width, height)
         if (self.folder / "gone").exists():
-            raise ResourceError("no device", where="wild", mend="Plug it in.")
+            raise ResourceError("no device", where="wild", remedy="Plug it in.")
         while (self.folder / "slow").exists():
             time.sleep(0.01)
         if mishap == "crashes at open":

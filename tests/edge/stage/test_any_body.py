@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from known_bodies import BODIES, limbs_found, t_woman
 
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, prepare_mesh, rotation_about_y
-from enliven.possession.likeness import find_body_in_mesh
+from enliven.possession.likeness.finding import find_body_in_mesh
 from enliven.possession.placement import yaw_between
 from enliven.possession.standing_placement import standing_figure
 from enliven_edge.stage.character_setup import create_mesh_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
@@ -41,7 +41,7 @@ def waving(side: str, share: float) -> Body:
     forearm.
     """
     upper, fore, sign = ARM[side]
-    rotations = standing()
+    rotations = standing_pose()
     rotations[upper] = rotation(z=sign * (0.12 + 2.1 * share))
     rotations[fore] = rotation(x=-0.15 - 0.5 * share)
     joints = Posture(np.array([0.0, 1.0, -2.5]), rotations, model.lengths_for_height(1.75)).joints()

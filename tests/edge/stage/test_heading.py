@@ -15,7 +15,7 @@ from enliven.meshes import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
-from enliven.possession.likeness import BodyInMesh
+from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import rotation_about_y
 from enliven.possession.standing_placement import standing_figure

@@ -15,7 +15,7 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.recording import Recording
-from enliven.samples import cactus_project
+from enliven.samples.shipped import cactus_project
 from enliven.wire import (
     POSE,
     REQUEST,
@@ -33,6 +33,7 @@ from enliven.wire import (
 )
 from enliven_edge.commands.preparation import prepare_actors
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_from_options
 from enliven_edge.stage.choice import pair_nearest
@@ -83,7 +84,7 @@ def test_a_stage_of_all_kinds_moves_each_by_its_own_performer(graph):
     assert change["star"] > 0.05 > 0.01 > change["chair"], "only its own performer moves it"
     stage.release(body=2)
     assert held(stage) == {"chair": [1], "star": [], "cactus": [3]}
-    with pytest.raises(InputError, match="performer 2 holds no character"):
+    with pytest.raises(InputError, match="performer 2 possesses no character"):
         stage.release(body=2)
     stage.release()
     assert not stage.holders
@@ -160,10 +161,10 @@ def test_at_the_opening_each_takes_one_and_a_second_performer_takes_the_second(g
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     opening = InitialPossession(stage, 0.0, {"a": "all", "b": "upper body"})
     after(stage, [person(id=1)], 0)
-    opening.take_hold(0.0)
+    opening.possess_if_due(0.0)
     assert held(stage) == {"a": [1], "b": []}
     after(stage, [person(id=1), person(x=1.5, id=2)], 1)
-    opening.take_hold(0.1)
+    opening.possess_if_due(0.1)
     assert held(stage) == {"a": [1], "b": [2]}
     assert [grip.parts for grip in stage.actors["b"].holds[0].attachments] == ["upper body"]
 
@@ -213,6 +214,10 @@ def test_the_command_line_names_any_number_and_ids_are_unique():
     named = {"left": CharacterSettings("lamp", parts="arms"), "right": CharacterSettings()}
     assert characters_from_options([], [], [], named) == list(named.items())
     assert characters_from_options([], [], [], {}) == [("", CharacterSettings("chair"))]
+    assert characters_from_options(["throne=chair", "a b=c.obj"], [], [], {}) == [
+        ("throne", CharacterSettings("chair")),
+        ("", CharacterSettings("a b=c.obj")),
+    ]
     assert characters_from_options(["x.glb", "y.obj"], ["skeleton", "graph"], [], named) == [
         ("", CharacterSettings("x.glb", "skeleton")),
         ("", CharacterSettings("y.obj", "graph")),
@@ -232,7 +237,7 @@ def test_possession_requests_round_trip_without_names():
 def test_all_are_published_and_recorded_and_each_is_read_by_its_own_character(graph, tmp_path):
     """A character that is added, replaced or removed between frames is recorded with its own revision."""
 
-    class People:
+    class People(Sensor):
         name, fps = "people", 30.0
 
         def read(self, timeout=None):

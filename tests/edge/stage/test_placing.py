@@ -16,13 +16,13 @@ from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.likeness import find_body_in_mesh
+from enliven.possession.likeness.finding import find_body_in_mesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import rotation_about_y
 from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
@@ -30,7 +30,7 @@ FRAME = 33_333_333
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, height=1.75, reach=0.0) -> Body:
     """Returns a standing person, the left thigh lifted and the right arm raised, by radians."""
-    rotations = standing(yaw, arm_forward=0.1, elbow=0.1)
+    rotations = standing_pose(yaw, arm_forward=0.1, elbow=0.1)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
     rotations[model.UPPER_ARM_R] = rotation(x=-reach) @ rotations[model.UPPER_ARM_R]

@@ -22,7 +22,7 @@ from enliven.possession.pose_blend import PoseBlend
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
@@ -38,7 +38,7 @@ def chair():
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, confidence=1.0, height=1.75) -> Body:
-    rotations = standing(yaw, arm_forward=0.1, elbow=1.5)
+    rotations = standing_pose(yaw, arm_forward=0.1, elbow=1.5)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
     posture = Posture(np.array([x, 1.0 * height / 1.75, z]), rotations, model.lengths_for_height(height))
@@ -340,17 +340,17 @@ def test_the_play_opens_with_each_performer_as_they_come(chair):
     house = stage(chair)
     opening = InitialPossession(house, 1.0, "legs / upper body")
     house.perform([person()], 0)
-    opening.take_hold(0.5)
+    opening.possess_if_due(0.5)
     assert house.actors["chair"].state == "free"
-    opening.take_hold(1.0)
+    opening.possess_if_due(1.0)
     for i in range(1, 4):
         house.perform([person()], i * FRAME)
-        opening.take_hold(1.0 + i / 30)
+        opening.possess_if_due(1.0 + i / 30)
     assert [[h.body, h.attachments[0].parts] for h in house.actors["chair"].holds] == [[1, "legs"]]
     house.perform([person(), person(id=2)], 4 * FRAME)
-    opening.take_hold(2.0)
+    opening.possess_if_due(2.0)
     house.release("chair", 1)
-    opening.take_hold(2.1)
+    opening.possess_if_due(2.1)
     assert [[h.body, h.attachments[0].parts] for h in house.actors["chair"].holds] == [[2, "upper body"]]
 
 
@@ -359,9 +359,9 @@ def test_impossible_opening_is_logged_once(chair, caplog):
     opening = InitialPossession(house, 0.0, "tail")
     house.perform([person()], 0)
     for _ in range(3):
-        opening.take_hold(0.0)
+        opening.possess_if_due(0.0)
     assert sum("tail" in record.message for record in caplog.records) == 1
-    InitialPossession(house, None).take_hold(100.0)
+    InitialPossession(house, None).possess_if_due(100.0)
     assert house.actors["chair"].state == "free"
 
 

@@ -64,7 +64,7 @@ class Play:
 def test_hands_multiply_the_size_within_play_and_bounds_and_it_stays(first, last):
     play = Play()
     play.frames(person(first))
-    play.sizing.ask(Resize("hands"))
+    play.sizing.handle(Resize("hands"))
     play.frames(person(first), 3)
     assert play.growth == 1.0, "nothing happens before the hands move"
     play.frames(person(last), 40)
@@ -76,7 +76,7 @@ def test_hands_multiply_the_size_within_play_and_bounds_and_it_stays(first, last
         before = play.growth
         play.frames(person(last * wobble + _DISTANCE_OFFSET_M * (wobble - 1)), 2)
         assert play.growth == pytest.approx(before, rel=0.015), "hands that tremble change nothing"
-    play.sizing.ask(Resize("end"))
+    play.sizing.handle(Resize("end"))
     stays = play.growth
     play.frames(person(0.3), 20)
     assert play.growth == stays and play.told[-1].body == -1
@@ -86,7 +86,7 @@ def test_hands_multiply_the_size_within_play_and_bounds_and_it_stays(first, last
 def test_holding_still_ends_it_and_lost_hands_change_nothing():
     play = Play()
     play.frames(person(0.5))
-    play.sizing.ask(Resize("hands"))
+    play.sizing.handle(Resize("hands"))
     play.frames(person(0.5), 90)
     assert play.told[-1].body == 1, "it waits until the hands have moved"
     play.frames(person(1.0), 20)
@@ -104,7 +104,7 @@ def test_resizing_keeps_the_attachment():
         play.frames(person())
         play.stage.possess("chair", 1)
         play.frames(person(), 5)
-    grown.sizing.ask(Resize("set", size=2.0))
+    grown.sizing.handle(Resize("set", size=2.0))
     before, after = plain.frames(person(OWN + 0.2), 20), grown.frames(person(OWN + 0.2), 20)
     assert [hold.body for hold in grown.stage.actors["chair"].holds] == [1]
     here = before.positions - before.positions.mean(0)
@@ -138,7 +138,7 @@ def test_a_placement_grows_about_a_place_and_back(one, other, seed):
 
 def test_exaggeration_is_published_kept_by_revisions_and_reset():
     play = Play()
-    play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.5))
+    play.sizing.handle(Resize("exaggerate", "chair", exaggeration=2.5))
     play.frames(person())
     actor = play.stage.actors["chair"]
     assert actor.exaggeration == 2.5 and [message.exaggeration for message in play.told] == [2.5]
@@ -146,7 +146,7 @@ def test_exaggeration_is_published_kept_by_revisions_and_reset():
     play.stage.put(later)
     play.frames(person())
     assert later.exaggeration == 2.5 and later._swing._exaggeration == 2.5
-    play.sizing.ask(Resize("exaggerate", "chair"))
+    play.sizing.handle(Resize("exaggerate", "chair"))
     play.frames(person())
     assert later._swing._exaggeration == 0.5 and play.told[-1].exaggeration is None
 
@@ -158,22 +158,22 @@ def test_rigid_mesh_refuses_follow_through():
     play = Play()
     play.stage.put(Stiff(CHAIR, GRAPH, ActorSettings()))
     with pytest.raises(InputError, match=r"exaggerating 'chair': no part of it can swing\. Choose a mesh"):
-        play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.0))
+        play.sizing.handle(Resize("exaggerate", "chair", exaggeration=2.0))
 
 
 def test_word_scale_starts_and_ends_scaling_and_refusals_are_reported():
     play = Play()
     assert orders_from_command("scale", play.stage) == [Resize("hands")]
     with pytest.raises(InputError, match="nobody is in view"):
-        play.sizing.ask(Resize("hands", "chair"))
+        play.sizing.handle(Resize("hands", "chair"))
     with pytest.raises(InputError, match="no character 'ghost'"):
-        play.sizing.ask(Resize("hands", "ghost"))
+        play.sizing.handle(Resize("hands", "ghost"))
     play.frames(person())
-    play.sizing.ask(Resize("hands"))
+    play.sizing.handle(Resize("hands"))
     assert play.sizing.changes()[-1].body == 1
-    play.sizing.ask(Resize("hands"))
+    play.sizing.handle(Resize("hands"))
     assert play.sizing.changes()[-1].body == -1
-    play.sizing.ask(Resize("hands"))
+    play.sizing.handle(Resize("hands"))
     play.stage.remove("chair")
     play.sizing.follow([person()], play.time_ns + FRAME)
     ended = play.sizing.changes()

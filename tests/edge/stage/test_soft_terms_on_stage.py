@@ -22,11 +22,11 @@ from enliven.person.body import Body
 from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.stage.stage import Stage
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.frame.observation import surface_samples, world_points
-from enliven_edge.tracking.output.surfaces import inner_pixels
+from enliven_edge.tracking.output.surfaces import pixels_with_normal
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.body_sdf import TAPER, BodySdf
 from enliven_synthesis.sensor.render import DepthRenderer
@@ -46,7 +46,7 @@ def chair():
 def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
     """Returns a person in the chair with the forearms forward, lower, swayed sideways, and farther away."""
     posture = Posture(
-        np.array([0.0, 1.0, -2.5]), standing(arm_forward=0.1, elbow=1.5), lengths_for_height(1.75)
+        np.array([0.0, 1.0, -2.5]), standing_pose(arm_forward=0.1, elbow=1.5), lengths_for_height(1.75)
     )
     joints = posture.joints()
     joints += [0.5 * sway, -down, ahead]
@@ -174,8 +174,8 @@ def depth_in_each_other(trousers, states, contact):
     right = np.flatnonzero((graph.positions[:, 0] < -0.08) & (graph.positions[:, 1] < 0.65))
     surface, worst = Points.of(character, left), 0.0
     for state in states:
-        centres = contact._balls.moved(*state)[right]
-        gaps = np.linalg.norm(surface.moved(*state)[:, None] - centres, axis=2) - contact.radii[right]
+        centres = contact._balls.deformed(*state)[right]
+        gaps = np.linalg.norm(surface.deformed(*state)[:, None] - centres, axis=2) - contact.radii[right]
         worst = max(worst, -float(gaps.min()))
     return worst
 
@@ -221,7 +221,7 @@ def seen_of(ends) -> ObservedPoints:
     DepthRenderer(CAMERA).draw(BodySdf(shape, np.full(2, TAPER), numbers, numbers, hull), depth, material)
     z = np.where(np.isfinite(depth), depth, 0.0)
     points = world_points(z, DepthRenderer(CAMERA).ray, WORLD_FROM_CAMERA)
-    pixels = np.argwhere(inner_pixels(z, np.where(z > 0, 0, -1), 0))[::2]
+    pixels = np.argwhere(pixels_with_normal(z, np.where(z > 0, 0, -1), 0))[::2]
     eye = WORLD_FROM_CAMERA[:3, 3].copy()
     return ObservedPoints(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))
 
@@ -243,7 +243,7 @@ def test_surface_follows_depth_without_a_skeleton():
         seen = seen_of(arm(bend))
         assert len(seen.points) > 300
         solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))
-        now = every.moved(*solver.state())
+        now = every.deformed(*solver.state())
         errors.append(np.abs(to_capsules(now, arm(bend), RADIUS)))
         unmoved.append(np.abs(to_capsules(mesh.vertices, arm(bend), RADIUS)).mean())
     last = errors[-1]
@@ -263,7 +263,7 @@ def test_an_error_that_is_there_falls():
     errors = []
     for _ in range(12):
         solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))
-        errors.append(np.abs(to_capsules(every.moved(*solver.state()), arm(0.25), RADIUS)).mean())
+        errors.append(np.abs(to_capsules(every.deformed(*solver.state()), arm(0.25), RADIUS)).mean())
     before = np.abs(to_capsules(mesh.vertices, arm(0.25), RADIUS)).mean()
     assert errors[0] < 0.6 * before and errors[-1] < 0.4 * before
     assert np.diff(errors).max() < 0.001, "and does not grow again"

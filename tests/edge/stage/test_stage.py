@@ -14,7 +14,7 @@ from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.placement import Placement, body_yaw, placement_at_performer
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME = 33_333_333
@@ -29,7 +29,7 @@ def chair():
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, elbow=1.5, lift=0.0, confidence=1.0) -> Body:
     """Returns a standing person with the forearms forward and the left knee lifted by ``lift`` radians."""
-    rotations = standing(yaw, arm_forward=0.1, elbow=elbow)
+    rotations = standing_pose(yaw, arm_forward=0.1, elbow=elbow)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
     posture = Posture(np.array([x, 1.0, z]), rotations, model.lengths_for_height(1.75))

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.person.joints import BONES, Joint
-from enliven_synthesis.body import Performer, Proportions, solve_arm
+from enliven_synthesis.body.arm_ik import solve_arm
+from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.close_limbs import CloseLimbs, close_limb_names
 
 FASTEST = 9.0

@@ -17,7 +17,7 @@ from enliven_synthesis.body.visibility import MAX_COVER_M
 from enliven_synthesis.motion.exercises import get_exercise
 from enliven_synthesis.motion.motion import (
     DanceMotion,
-    HeldMotion,
+    FrozenMotion,
     MotionSegment,
     MotionSequence,
     place_figure,
@@ -87,7 +87,7 @@ def test_performer_behind_another_is_occluded() -> None:
 
 def test_the_back_does_not_hide_the_chest_but_hides_folded_hands() -> None:
     performer = Performer()
-    held = HeldMotion(DanceMotion(performer, get_exercise("crossed")), 1.7, 0.0)
+    held = FrozenMotion(DanceMotion(performer, get_exercise("crossed")), 1.7, 0.0)
     front = Ensemble(TOF, (Appearance(performer, held),), noise=False).frame(0)[1].visible[0]
     back = Ensemble(TOF, (Appearance(performer, held, yaw=np.pi),), noise=False).frame(0)[1].visible[0]
     for joint in (Joint.HEAD, Joint.SHOULDER_LEFT, Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.KNEE_RIGHT):

@@ -5,7 +5,8 @@ import numpy as np
 from enliven.camera import Intrinsics
 from enliven.meshes import Mesh
 from enliven.scanning import draw_mesh
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, look_at_pose
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan, look_at_pose
+from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box, cast_room
 
 CAMERA = Intrinsics(160, 120, 150.0, 150.0, 79.5, 59.5)

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, project, rays, world_from_level_camera
 from enliven.person.joints import BONES, Joint
-from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, BodyAnatomy, BodySdf
+from enliven_synthesis.body.body_sdf import (
+    BLEND_BETWEEN_GROUPS_M,
+    DARK,
+    GROUP_BLEND_WIDTHS_M,
+    PIECES,
+    TAPER,
+    BodyAnatomy,
+    BodySdf,
+)
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.sensor.render import DepthRenderer
@@ -28,7 +36,7 @@ def _united(a: np.ndarray, b: np.ndarray, k: float) -> np.ndarray:
 def slow_field(sdf: BodySdf, points: np.ndarray) -> np.ndarray:
     """Returns the (N,) distances of (N, 3) points to the whole body: no tiles, no pruning."""
     whole = np.full(len(points), 1e9)
-    for group in range(len(BLEND)):
+    for group in range(len(GROUP_BLEND_WIDTHS_M)):
         part = np.full(len(points), 1e9)
         for i in np.flatnonzero(sdf.group == group):
             s = sdf.shape[i]
@@ -40,8 +48,8 @@ def slow_field(sdf: BodySdf, points: np.ndarray) -> np.ndarray:
                 q = (points - s[:3]) @ s[3:12].reshape(3, 3).T
                 k0 = np.linalg.norm(q, axis=-1)
                 d = k0 * (k0 - 1) / (np.linalg.norm(q * s[12:15], axis=-1) + 1e-12)
-            part = _united(part, d, BLEND[group])
-        whole = _united(whole, part, BETWEEN)
+            part = _united(part, d, GROUP_BLEND_WIDTHS_M[group])
+        whole = _united(whole, part, BLEND_BETWEEN_GROUPS_M)
     return whole
 
 

@@ -16,8 +16,8 @@ from screen import drawn_by_iterm, drawn_by_kitty, drawn_by_sixel, drawn_in_half
 
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.terminal import encode_image, image_protocol
-from enliven_edge.terminal.image_encoding import half_blocks
+from enliven_edge.terminal.image_encoding import encode_image, half_blocks
+from enliven_edge.terminal.protocol_query import image_protocol
 
 PATIENCE = 60.0
 """Timeout in seconds for a loaded machine."""
@@ -127,7 +127,7 @@ ANSWERS = {"kitty": b"\x1b_Gi=31;OK\x1b\\\x1b[?62;c", "sixel": b"\x1b[?62;4;22c"
 def test_terminal_query_times_out_without_an_answer():
     code = (
         "import sys, termios\n"
-        "from enliven_edge.terminal import image_protocol\n"
+        "from enliven_edge.terminal.protocol_query import image_protocol\n"
         "before = termios.tcgetattr(0)\n"
         "for patience in (60.0, 60.0, 60.0, 0.05):\n"
         "    print(image_protocol(sys.stdout, sys.stdin, patience=patience), 'found', flush=True)\n"

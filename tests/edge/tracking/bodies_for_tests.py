@@ -8,8 +8,8 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.capsules import nearest_capsules
 from enliven_edge.tracking.body_model.kinematics import pivots_by_length
 from enliven_edge.tracking.body_model.posture import Posture, forward
-from enliven_edge.tracking.fit.gauss_newton import stepped
-from enliven_edge.tracking.fit.normal_equations import empty_sums, ends_by_length, gather
+from enliven_edge.tracking.fit.gauss_newton import apply_step
+from enliven_edge.tracking.fit.normal_equations import add_sums, empty_sums, ends_by_length
 from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
 
 TURNS = (model.DOF_FRAME, model.DOF_AXIS)
@@ -17,13 +17,15 @@ NO_AFFINITY = np.zeros((0, 0), np.float32)
 
 
 def moved_by(posture: Posture, step) -> Posture:
-    return Posture(*stepped(posture.position, posture.rotations, posture.lengths, step, *TURNS))
+    return Posture(*apply_step(posture.position, posture.rotations, posture.lengths, step, *TURNS))
 
 
 def random_posture(seed: int, spread: float = 0.3) -> Posture:
     """Returns a person at about 2.5 m in front of the sensor, with random limb rotations."""
     random = np.random.default_rng(seed)
-    posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
+    posture = Posture(
+        np.array([0.1, 0.95, -2.5]), joint_limits.standing_pose(), model.lengths_for_height(1.7)
+    )
     step = np.concatenate([random.normal(0, 0.05, 3), random.normal(0, spread, model.DOFS - 3), np.zeros(12)])
     return moved_by(posture, step)
 
@@ -55,7 +57,7 @@ def gathered(term, posture: Posture, free: int = 12):
     sums, count = empty_sums(13, free), model.DOFS + free
     returned = term(sums)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
-    gather(matrix, gradient, sums, body_of(posture, free))
+    add_sums(matrix, gradient, sums, body_of(posture, free))
     return returned, gradient, matrix
 
 

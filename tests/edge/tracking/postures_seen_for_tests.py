@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.frame.observation import ImageView, Observation, nearest_columns, side_by_side
+from enliven_edge.tracking.frame.observation import ImageView, Observation, nearest_columns, stack_rows
 
 MOUNT = np.diag([1.0, -1.0, -1.0, 1.0])
 MOUNT[1, 3] = 1.0
@@ -43,4 +43,4 @@ def observed(posture: Posture, hide: int | None = None) -> Observation:
     normals = towards / np.linalg.norm(towards, axis=1, keepdims=True)
     view = ImageView(depth, mask, nearest_columns(mask), CAMERA, MOUNT)
     pixels = np.stack([rows, columns], 1)
-    return Observation(points.astype(np.float32), side_by_side(points, normals), pixels, view, False)
+    return Observation(points.astype(np.float32), stack_rows(points, normals), pixels, view, False)

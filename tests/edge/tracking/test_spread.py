@@ -43,9 +43,9 @@ def test_no_frame_costs_more_than_its_budget_and_one_part(costs, fits):
     spread, spent = BudgetedTask(parts(costs)), 0.0
     for _ in range(200):
         budget = Budget(fits)
-        done = spread.go_on(budget)
-        assert fits - budget.left < fits + max(costs, default=0)
-        spent += fits - budget.left
+        done = spread.advance(budget)
+        assert fits - budget.remaining < fits + max(costs, default=0)
+        spent += fits - budget.remaining
         if done:
             break
     assert spread.result == run_to_end(parts(costs)) == len(costs)
@@ -54,8 +54,8 @@ def test_no_frame_costs_more_than_its_budget_and_one_part(costs, fits):
 
 @pytest.mark.parametrize(("rate", "fits"), [(60, 24), (30, 24), (15, 48), (5, 144), (None, 24)])
 def test_a_search_takes_as_long_where_frames_are_rare(rate, fits):
-    assert frame_budget(24, rate and 1 / rate).left == pytest.approx(fits)
-    assert frame_budget(0, rate and 1 / rate).left == np.inf
+    assert frame_budget(24, rate and 1 / rate).remaining == pytest.approx(fits)
+    assert frame_budget(0, rate and 1 / rate).remaining == np.inf
 
 
 @pytest.fixture(scope="module")

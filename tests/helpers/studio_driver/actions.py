@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.workspace.workspace import Workspace
 from studio_driver.places import Place, SessionStage, Widget, where
 
 STEP = 1 / 24

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from enliven.film import FilmWriter
-from enliven_viewer.film import Tiles, write_sheet
-from enliven_viewer.studio.actions import KEYS
-from enliven_viewer.studio.viewport import Point
+from enliven.film.writer import FilmWriter
+from enliven_viewer.film.sheet import Tiles, write_sheet
+from enliven_viewer.studio.actions.imgui_keys import KEYS
+from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.window import StudioWindow
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from studio_driver import STEP, Action, steps
 
 _BIT_RATE = 6.0

@@ -7,9 +7,9 @@ import math
 from enliven.errors import InputError
 from enliven.modeling.edits import rename_character
 from enliven_viewer.studio.panel_layout import lay_out_panels
-from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.workspace.workspace import Workspace
 from studio_driver.actions import STEP
 from studio_driver.places import source_of
 
@@ -77,7 +77,9 @@ class HeadlessStage:
         return 2 * _AREA, 0.0
 
     def widget(self, name: str) -> Point:
-        raise InputError(f"there is no window, so {name!r} has no place", where="session", mend="Use a key.")
+        raise InputError(
+            f"there is no window, so {name!r} has no place", where="session", remedy="Use a key."
+        )
 
     def rename(self, name: str) -> bool:
         """Rename the chosen shape, since there is no field."""

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
-from enliven_viewer.studio.sources import SourceView
-from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.viewport import Point
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.sources.source_view import SourceView
+from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ def where(place: Place, stage: SessionStage) -> Point:
         return _shifted(stage.viewport(), np.array([place.across, place.down]) * editor.size)
     pixel = editor.lens.project(_in_world(place, stage.workspace)[None])[0][0]
     if not ((pixel >= 0) & (pixel < editor.size)).all():
-        raise InputError(f"{place} is outside the picture", where="session", mend='Frame it: Key("f").')
+        raise InputError(f"{place} is outside the picture", where="session", remedy='Frame it: Key("f").')
     return _shifted(stage.viewport(), pixel)
 
 

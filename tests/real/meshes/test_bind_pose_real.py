@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import load_upright
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))

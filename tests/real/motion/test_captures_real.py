@@ -83,12 +83,12 @@ def test_the_row_too_many_of_boxing_is_read() -> None:
 def test_mending_the_root_stops_standing_feet() -> None:
     """The files' error makes standing feet slide; after the repair they slide less than half as much."""
     speed = {}
-    for mend in (False, True):
-        capture = read_expmap(DATA / "cmu_expmap" / "train_directing_traffic_4.txt", mend_root=mend)
+    for remedy in (False, True):
+        capture = read_expmap(DATA / "cmu_expmap" / "train_directing_traffic_4.txt", mend_root=remedy)
         slides = []
         for name in ("LeftToeBase", "RightToeBase"):
             toe = capture.positions[1:, capture.names.index(name)]
             moved = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=1)
             slides.append(np.median(moved[toe[:-1, 1] < np.percentile(toe[:, 1], 30)]))
-        speed[mend] = np.mean(slides)
+        speed[remedy] = np.mean(slides)
     assert speed[True] < 0.5 * speed[False]

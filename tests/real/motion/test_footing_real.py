@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
-from enliven.formats.gltf import read_gltf
-from enliven.mapping import automatic, quality_of, retarget
+from enliven.exporters.gltf.write import glb_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.ground import floor_of, posed_surfaces
+from enliven.mapping.quality import quality_of
 from enliven.modeling.edits import lock_feet
 from enliven.motion.contact.pin import resolve_pins, unpin
 from enliven.motion.layers.evaluate import Player
-from enliven.takes import read_take
+from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
 from standing_feet import standing_slides

@@ -11,7 +11,7 @@ from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
+from enliven.exporters.gltf.write import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip, weld_shape
 from enliven.meshes.gltf.file import GltfFile

@@ -19,6 +19,7 @@ from enliven.wire.streams import MatchesMessage, PoseMessage
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.rig.rig_actor import create_rig_actor
@@ -115,7 +116,7 @@ def test_a_held_pose_is_taken_and_a_gesture_or_a_walk_is_not(pattern, taken):
     assert ("playing" in states) == taken
 
 
-class Played:
+class Played(Sensor):
     """A sensor that plays frames without waiting."""
 
     name = "kinect"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
+from enliven.exporters.gltf.write import glb_of
 from enliven.formats.gltf.read import read_gltf
-from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
 from enliven.mapping.quality import quality_of
+from enliven.skeletons.anatomy import anatomy_of
 from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))

@@ -10,12 +10,12 @@ import pytest
 
 from enliven.document import joint_places
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
+from enliven.exporters.gltf.write import glb_of
 from enliven.formats.gltf.read import read_gltf
-from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic_mapping import retarget
 from enliven.motion.layers.evaluate import Player
+from enliven.skeletons.anatomy import anatomy_of
 from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))

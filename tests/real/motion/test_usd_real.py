@@ -8,8 +8,8 @@ import pytest
 
 from enliven.document import Project
 from enliven.exporters import exporter_of, performance_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
 
 pytest.importorskip("pxr", reason="usd-core is not installed (the extra 'usd')")
 

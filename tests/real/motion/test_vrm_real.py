@@ -9,9 +9,9 @@ import pytest
 
 from enliven.document import Project
 from enliven.exporters import exporter_of, performance_of
-from enliven.exporters.vrm import humanoid_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
+from enliven.exporters.vrm.humanoid import humanoid_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
 from strict_gltf import checked_glb

@@ -1,5 +1,6 @@
 """The list of commands and the help of each one need no numerical library: they appear at once."""
 
+import os
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
@@ -7,7 +8,9 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from enliven.cli import application
-from enliven.commands.lazy import LazyCommands, command_summary, installed_commands
+from enliven.commands.lazy import LazyCommands, command_summary, installed_commands, run_command
+from enliven.errors import InputError
+from enliven.kernel_cache.program import PROGRAM_VARIABLE
 
 HEAVY = ("numpy", "numba", "scipy", "msgspec", "trimesh", "moderngl", "zmq")
 """Libraries that take from 0.1 to 2 s to import."""
@@ -66,3 +69,13 @@ def test_a_misspelt_command_is_wrong_usage_and_names_the_nearest(name, capsys):
 
     assert cli.run([name]) == 2
     assert f"'{name}'" in capsys.readouterr().err
+
+
+def test_command_runs_another_one_in_its_process(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(PROGRAM_VARIABLE, "kiosk")
+    assert run_command(["graph", "--help"]) == 0
+    assert "Usage: enliven graph" in capsys.readouterr().out
+    assert os.environ[PROGRAM_VARIABLE] == "graph", "its own kernels are used"
+    assert run_command(["kiosk", str(tmp_path / "gone.toml"), "--check", "--no-window"]) == 3
+    with pytest.raises(InputError, match=r"gone\.toml"):
+        run_command(["health", str(tmp_path / "gone.toml")])

@@ -14,7 +14,7 @@ from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.solves import backward, forward, unit_column
 from enliven.deformation.arap.threads import ThreadChoice
 from enliven.deformation.arap.weights import MIN_EDGE_WEIGHT, surface_edges, virtual_edges
-from enliven.deformation.graph import components
+from enliven.deformation.graph.connectivity import components
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
 from enliven.rotation import nearest_rotation

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import prepare_surface
-from enliven.deformation.arap.volume import gradient, press
+from enliven.deformation.arap.volume import add_pressure, gradient
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
 
@@ -85,7 +85,7 @@ def test_pressure_acts_only_where_cells_are_stretched():
     frames[stretched, 3] = 0.2
     pose, forces = 0.9 * surface.rest, np.zeros((60, 3))
     eliminated = surface.cells.eliminated
-    pressure = press(surface.volume, frames.reshape(-1), eliminated, pose, forces, 0.0, 1.0, z)
+    pressure = add_pressure(surface.volume, frames.reshape(-1), eliminated, pose, forces, 0.0, 1.0, z)
     assert pressure > 0.0
     pushed = z[:240].reshape(-1, 4)[eliminated, :3]
     assert (pushed[~stretched] == 0.0).all()
@@ -93,7 +93,7 @@ def test_pressure_acts_only_where_cells_are_stretched():
     share = 0.2**2 / (0.2**2 + 0.05**2)
     assert np.allclose(pushed[stretched], pressure * share * forces[stretched], rtol=1e-5)
     frames[:, 3] = 0.0
-    assert press(surface.volume, frames.reshape(-1), eliminated, pose, forces, 1.0, 1.0, z) == 0.0
+    assert add_pressure(surface.volume, frames.reshape(-1), eliminated, pose, forces, 1.0, 1.0, z) == 0.0
 
 
 def test_half_of_the_change_may_be_kept():

@@ -15,7 +15,7 @@ from enliven.deformation.embedded.energy import gradient
 from enliven.deformation.embedded.inputs import NO_PLANES, convert_planes
 from enliven.deformation.embedded.lbfgs import UNLIMITED, descend, record_energies
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
-from enliven.deformation.embedded.preconditioner import align, precondition, refactor
+from enliven.deformation.embedded.preconditioner import align_with_nodes, precondition, refactor
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
@@ -344,7 +344,7 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
         if anew:
             refactor(x, solver._terms, still, nothing, solver._current_matrix)
         else:
-            align(x, solver._current_matrix)
+            align_with_nodes(x, solver._current_matrix)
         steps.append(force.copy())
         precondition(solver._current_matrix, steps[-1].reshape(-1))
     np.testing.assert_allclose(steps[0], steps[1], atol=2e-3 * np.abs(steps[1]).max())

@@ -13,7 +13,7 @@ from enliven.deformation.arap.coarse import edges_around, poisson_disk_samples, 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.deformation.arap.detail import carry, cell_maps
 from enliven.deformation.arap.input import Handle
-from enliven.deformation.arap.riders import followed
+from enliven.deformation.arap.riders import select_followed_samples
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
@@ -78,7 +78,7 @@ def test_full_resolution_surface_equals_solved_surface():
     net = edges_around(mesh.vertices, mesh.faces)
     assert np.array_equal(poisson_disk_samples(*net, np.arange(count), 1e-6), np.arange(count))
     start, near, way = np.arange(count + 1), np.arange(count, dtype=np.int32), np.zeros(count)
-    start, near, weights = followed(mesh.vertices, mesh.vertices, start, near, way, 0.1, 1.25)
+    start, near, weights = select_followed_samples(mesh.vertices, mesh.vertices, start, near, way, 0.1, 1.25)
     solver = ArapSolver(mesh)
     solver.set_handles([Handle("a", (0,)), Handle("b", (241,))])
     pose = solver.solve({"b": mesh.vertices[241] + 0.2})
@@ -112,7 +112,7 @@ def test_weights_are_those_of_the_slow_twin():
     points, samples = rng.random((30, 3)), rng.random((12, 3))
     ways = np.linalg.norm(points[:, None] - samples, axis=2) * rng.uniform(1.0, 1.6, (30, 12))
     start, near = 12 * np.arange(31), np.tile(np.arange(12, dtype=np.int32), 30)
-    offsets, nearest, weights = followed(points, samples, start, near, ways.ravel(), 0.7, 1.25)
+    offsets, nearest, weights = select_followed_samples(points, samples, start, near, ways.ravel(), 0.7, 1.25)
     d = np.maximum(np.linalg.norm(points[:, None] - samples, axis=2), ways / 1.25)
     expected = np.where(d < 0.7, ((0.7 - d) / (0.7 * d)) ** 2, 0.0)
     expected /= expected.sum(1, keepdims=True)
@@ -342,7 +342,7 @@ def test_bad_input_is_named_and_last_good_pose_stays(kind):
         for ask in (surface.solve, surface.settle):
             with pytest.raises(InputError, match=says):
                 ask(places)
-    for wrong, says in (([0, 99_999], "99999"), ([len(tubes.vertices)], "loose")):
+    for wrong, says in (([0, 99_999], "99999"), ([len(tubes.vertices)], "belongs to no face")):
         with pytest.raises(InputError, match=says):
             surface.hold(wrong)
     with pytest.raises(InputError, match="2 weights"):
@@ -356,7 +356,7 @@ def test_huge_mesh_is_refused_and_large_mesh_is_reported():
     with pytest.raises(InputError, match="too many"):
         PuppetSurface(mesh, [0], settings=replace(COARSE, most_carried=500))
     surface = PuppetSurface(mesh, [0], settings=replace(COARSE, most_vertices=1000))
-    assert any("are solved and carry the others" in note for note in surface.notes)
+    assert any("are solved, and the others follow" in note for note in surface.notes)
 
 
 def test_the_coarse_surface_is_one_like_the_fine():

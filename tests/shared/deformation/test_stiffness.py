@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
+from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.deformation.graph.stiffness import painted_stiffness, stiffness_at

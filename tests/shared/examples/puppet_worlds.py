@@ -18,14 +18,9 @@ from enliven.document.surface_settings import ArapSettings
 from enliven.example_sessions.text import write_session
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import remove_layer
-from enliven.modeling.puppet import (
-    add_key_pose,
-    add_point,
-    change_point,
-    make_puppet,
-    play_take,
-    set_symmetry,
-)
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point, change_point
+from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 STEP = 1.0 / 30.0

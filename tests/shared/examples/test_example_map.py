@@ -14,7 +14,7 @@ from enliven.examples.performer import to_body_frame
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.banded import accelerations, pulled
 from enliven.examples.spacetime.constraints import convert_constraints
-from enliven.mapping.facing import rotate_about_y
+from enliven.skeletons.facing import rotate_about_y
 
 STEP = 1 / 30
 FEW = settings(max_examples=25, deadline=None)

@@ -12,9 +12,11 @@ from tolerances import assert_alike
 from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import motion_of, state_of
-from enliven.examples.spacetime import PathFollower
+from enliven.examples.spacetime.following import PathFollower
 from enliven.examples.travel import alternating_feet, travel_of
-from enliven.modeling.puppet import change_key_pose, change_point, play_take
+from enliven.modeling.puppet.edits import play_take
+from enliven.modeling.puppet.points import change_point
+from enliven.modeling.puppet.poses import change_key_pose
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 few = settings(max_examples=6, deadline=None)

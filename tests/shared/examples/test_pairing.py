@@ -22,9 +22,9 @@ from enliven.examples.pairing import (
     keep_one_point_per_hand,
     mirror_joint,
 )
-from enliven.mapping.facing import rotate_about_y
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector
+from enliven.skeletons.facing import rotate_about_y
 from enliven.takes.capture_clip import clip_of_bodies
 
 CACTUS = np.array([[0.4, 0.8, 0.0], [-0.35, 0.7, 0.0], [0.0, 1.2, 0.0], [0.12, 0.0, 0.0], [-0.12, 0.0, 0.0]])

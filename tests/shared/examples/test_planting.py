@@ -9,7 +9,7 @@ from tolerances import assert_alike
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import place_motion
 from enliven.examples.spacetime.planting import lock_feet
-from enliven.mapping.facing import rotate_about_y
+from enliven.skeletons.facing import rotate_about_y
 
 STEP = 1 / 60
 FRAMES = 150

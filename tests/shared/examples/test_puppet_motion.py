@@ -27,7 +27,9 @@ from enliven.examples.puppet_examples import examples_of, missing
 from enliven.examples.puppet_motion import in_world, loop_position, motion_of, pose_of_state, state_of
 from enliven.examples.travel import travel_of
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet import add_point, change_point, play_take, set_symmetry
+from enliven.modeling.puppet.edits import play_take
+from enliven.modeling.puppet.points import add_point, change_point
+from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 seeds = st.integers(0, 10**6)

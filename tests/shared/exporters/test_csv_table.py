@@ -9,7 +9,7 @@ from made_bodies import man, meshed, random_motion
 
 from enliven.document import Project
 from enliven.exporters import exporter_of, performance_of, performance_of_clip
-from enliven.formats.rig import play_clip
+from enliven.formats.rig.rig import play_clip
 from enliven.rotation import from_matrix
 
 

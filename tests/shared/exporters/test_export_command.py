@@ -20,11 +20,11 @@ from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of, graph_shape_of
 from enliven.exporters.bvh import bvh_text
 from enliven.exporters.sampling import performance_of_clip
-from enliven.formats.motion import read_bvh
-from enliven.formats.project import write_project
-from enliven.formats.rig import play_clip
+from enliven.formats.motion.bvh import read_bvh
+from enliven.formats.project.file import write_project
+from enliven.formats.rig.rig import play_clip
 from enliven.frames import DepthFrame
-from enliven.motion.layers import Player
+from enliven.motion.layers.evaluate import Player
 from enliven.recording import Recorder
 
 BEGIN = 7_000_000_000
@@ -145,7 +145,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
     ("words", "code", "said"),
     [
         (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .csv, .glb"),
-        (("no.mcap", "-o", "moveis/out.glb"), 4, "there is no folder"),
+        (("no.mcap", "-o", "moveis/out.glb"), 4, "moveis' does not exist"),
         (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
         (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "the unit 'inch' does not exist. Known: m, cm."),
         (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),

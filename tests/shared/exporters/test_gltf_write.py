@@ -19,7 +19,7 @@ from enliven.document.rigged import character_of, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError, ResourceError
 from enliven.exporters import Performance, performance_of
-from enliven.exporters.gltf import glb_of, write_gltf
+from enliven.exporters.gltf.write import glb_of, write_gltf
 from enliven.exporters.joints import normalize_skin
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip

@@ -14,9 +14,9 @@ from enliven.document import Project, same
 from enliven.example_sessions.mesh import load_session_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of, write_gltf
-from enliven.formats.gltf import read_gltf
-from enliven.formats.project import read_project, write_project
+from enliven.exporters.gltf.write import glb_of, write_gltf
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project, write_project
 
 PARTS = np.array([[0, 1, 2], [0, 2, 3]])
 

@@ -12,10 +12,10 @@ from test_materials import BUMPS, WOOD, made_file
 from enliven.cli import run
 from enliven.document import Project
 from enliven.errors import InputError, ResourceError
-from enliven.examples.baking import SurfaceFrames, evaluate_states
+from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.exporters import exporter_of, performance_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
 from enliven.meshes.obj import read_obj
 

@@ -12,7 +12,7 @@ from enliven.document.character import Pose
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.exporters.placement import ExportPlacement
-from enliven.formats.rig import play_clip
+from enliven.formats.rig.rig import play_clip
 
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 

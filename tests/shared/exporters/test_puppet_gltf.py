@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.examples.baking.settings import BakeSettings
 from enliven.examples.puppet_motion import in_world, state_of
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of, write_gltf
+from enliven.exporters.gltf.write import glb_of, write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.rotation import from_rotation_vector
 

@@ -67,7 +67,7 @@ def test_exporter_can_be_a_package_entry_point(tmp_path, monkeypatch, clip):
         ("out.bvh", {"scale": 0.0}, InputError, "0 is not a scale"),
         ("out.bvh", {"scale": float("nan")}, InputError, "nan is not a scale"),
         ("out.csv", {"unit": "inch"}, InputError, "'inch' does not exist"),
-        ("moveis/out.glb", {}, ResourceError, "no folder .*moveis"),
+        ("moveis/out.glb", {}, ResourceError, "the folder .*moveis' does not exist"),
     ],
 )
 def test_unwritable_export_is_refused_without_output(tmp_path, name, options, error, words):

@@ -12,8 +12,8 @@ from enliven.cli import run
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, performance_of, performance_of_clip
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
 
 REQUIRED = {
     *("hips", "spine", "head"),

@@ -35,7 +35,7 @@ from enliven.formats.project.file import write_project
 from enliven.meshes.files import load_mesh, save_mesh
 from enliven.meshes.mesh import fit_height
 from enliven.modeling.edits import key_characters, vertices_of
-from enliven.modeling.puppet import add_key_pose
+from enliven.modeling.puppet.poses import add_key_pose
 from enliven.rotation import normalized
 
 BY_HAND = """

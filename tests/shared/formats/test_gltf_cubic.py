@@ -16,13 +16,13 @@ from strict_gltf import checked_glb
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import CubicKeys, Project, Segment, character_of
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.project import read_project, write_project
-from enliven.formats.rig import play_clip
+from enliven.exporters.gltf.write import glb_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project, write_project
+from enliven.formats.rig.rig import play_clip
 from enliven.modeling.edits import move_character
-from enliven.motion.layers import Player
-from enliven.takes import find_exportables
+from enliven.motion.layers.evaluate import Player
+from enliven.oneshot.exportable import find_exportables
 
 
 def turn(random: np.random.Generator, most: float) -> np.ndarray:

@@ -19,13 +19,13 @@ from strict_gltf import checked_glb
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
 from enliven.errors import EnlivenError, InputError
-from enliven.exporters.gltf import glb_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.project import read_project, write_project
-from enliven.formats.rig import play_clip
+from enliven.exporters.gltf.write import glb_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.file import read_project, write_project
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh, save_mesh
-from enliven.motion.layers import Player
-from enliven.takes import find_exportables
+from enliven.motion.layers.evaluate import Player
+from enliven.oneshot.exportable import find_exportables
 
 MOVING = [
     "waving",

@@ -12,7 +12,7 @@ import pytest
 from gltf_twins import HALF, TWINS, Twin
 
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import load_mesh
 
 Change = Callable[[Twin], Any]
@@ -48,7 +48,7 @@ READ: dict[str, tuple[Change, list[float]]] = {
 """A change to a file that stays readable, and the seconds of its clips after that."""
 REFUSED: dict[str, tuple[Change, str]] = {
     "empty scene": (lambda t: t.json.update(scenes=[{"nodes": []}]), "scene has no triangle"),
-    "node that is not there": (lambda t: t.json["scenes"][0].update(nodes=[999]), "not there"),
+    "node that is not there": (lambda t: t.json["scenes"][0].update(nodes=[999]), "does not exist"),
     "no finite place": (lambda t: t.json["nodes"][0].update(translation=[float("nan"), 0, 0]), "not finite"),
     "falling times": (clip([1, 0.5], [HALF] * 2), "do not rise"),
     "short matrix": (lambda t: t.json["nodes"][0].update(matrix=[1.0] * 15), "do not fit together"),

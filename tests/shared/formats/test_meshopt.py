@@ -18,7 +18,7 @@ from slow_gltf import SlowGltf
 from test_gltf_kinds import compressed, packed_chain
 
 from enliven.errors import InputError, ResourceError
-from enliven.formats.gltf import read_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import load_mesh
 from enliven.meshes.gltf.compression import meshopt_bytes
 from enliven.meshes.gltf.gltf_json import Entry
@@ -92,7 +92,7 @@ def test_missing_decoder_error_names_file_and_package(tmp_path, monkeypatch, mod
         with pytest.raises(ResourceError) as refused:
             door(path)
         assert str(refused.value).startswith(f"{path}: it is compressed, and the library {module}"), name
-        assert 'pip install "enliven[compressed]"' in refused.value.mend, name
+        assert 'pip install "enliven[compressed]"' in refused.value.remedy, name
 
 
 def unpacked(data: bytes, count: int, size: int, mode: str, how: str = "NONE") -> bytes:

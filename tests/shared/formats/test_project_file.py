@@ -19,7 +19,7 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.layers import Span
 from enliven.document.project import Project, same
 from enliven.errors import InputError, LaterVersionError, ResourceError
-from enliven.examples import in_world, state_of
+from enliven.examples.puppet_motion import in_world, state_of
 from enliven.formats.project.file import (
     VERSION,
     project_bytes,

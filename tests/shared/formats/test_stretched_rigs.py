@@ -19,15 +19,17 @@ from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of, joint_places, smoothed
 from enliven.exporters import performance_of
 from enliven.exporters.bvh import bvh_text
-from enliven.exporters.gltf import glb_of
+from enliven.exporters.gltf.write import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import parse_bvh
-from enliven.formats.project import read_project, write_project
-from enliven.formats.rig import play_clip, scale_to_height
+from enliven.formats.project.file import read_project, write_project
+from enliven.formats.rig.rig import play_clip, scale_to_height
 from enliven.modeling.edits import mirror_character, scale_character
-from enliven.modeling.rigged import insert_node, merge
 from enliven.modeling.rigged.cutting import cut_bone
-from enliven.motion.layers import Player, bind_chain
+from enliven.modeling.rigged.merging import merge
+from enliven.modeling.rigged.nodes import insert_node
+from enliven.motion.layers.evaluate import Player
+from enliven.motion.layers.retarget import bind_chain
 from enliven.takes.capture_clip import clip_of_capture
 
 CLOSE = 1e-4

@@ -7,7 +7,8 @@ import numba
 import pytest
 
 import enliven.kernels  # noqa: F401  (it registers the listener)
-from enliven.kernel_cache import compiling, on_compilation
+from enliven.kernel_cache import compiling
+from enliven.kernel_cache.compiling import on_compilation
 
 
 def test_compilations_are_counted_from_start_to_end():

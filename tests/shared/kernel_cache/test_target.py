@@ -7,7 +7,8 @@ import sys
 import llvmlite.binding
 import pytest
 
-from enliven.kernel_cache import processor_levels, target
+from enliven.kernel_cache import target
+from enliven.kernel_cache.target import processor_levels
 
 V2 = dict.fromkeys(("cx16", "popcnt", "sse3", "sse4.1", "sse4.2", "ssse3"), True)
 V3 = V2 | dict.fromkeys(("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"), True)

@@ -120,8 +120,8 @@ OTHER = z85.encode(bytes(range(32, 64))).decode()
         ("\x00\x01", "not readable"),
         ("-----BEGIN OPENSSH PRIVATE KEY-----", "not readable TOML"),
         ("version = 99", "version 99"),
-        (f'public = "{KEY[:-1]}"\nsecret = "{OTHER}"', "public key is missing or is not one"),
-        (f'public = "{KEY}"\nsecret = 7', "secret key is missing or is not one"),
+        (f'public = "{KEY[:-1]}"\nsecret = "{OTHER}"', "public key is missing or invalid"),
+        (f'public = "{KEY}"\nsecret = 7', "secret key is missing or invalid"),
         (f'public = "{KEY}"\nsecret = "{"ä" * 40}"', "secret key"),
         (f'public = "{"#" * 40}"\nsecret = "{OTHER}"', "public key"),
         (f'public = "{KEY}"\nsecret = "{OTHER}"', "does not belong to its public key"),
@@ -221,3 +221,16 @@ def test_the_command_makes_lists_shows_and_forgets(
     assert cli.run(["keys", "list"]) == 3
     output = capsys.readouterr()
     assert "damaged" in output.out and "not readable TOML" in output.err and "stage" in output.out
+
+
+def test_one_key_at_two_addresses_stays_paired_with_both(tmp_path: Path) -> None:
+    """An edge and a relay on one computer have the same key."""
+    store, public = KeyStore(tmp_path), bytes(range(32))
+    store.add_edge(PairedEdge(public, "edge", "10.0.0.5", 5581, "perform"))
+    store.add_edge(PairedEdge(public, "relay", "10.0.0.5", 5591, "watch"))
+    assert {edge.control_port for edge in store.edges()} == {5581, 5591}
+    store.add_edge(PairedEdge(bytes(32), "other", "10.0.0.5", 5591, "watch"))
+    assert store.server_key("10.0.0.5", 5591) == bytes(32), "another key at an address replaces the old one"
+    assert store.server_key("10.0.0.5", 5581) == public
+    store.forget("edge")
+    assert [edge.name for edge in store.edges()] == ["other"]

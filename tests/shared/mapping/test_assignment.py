@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import horse, man, snake, spider
 
-from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.assignment import Drive, assign_limbs, joints_at_one_arc, matching_joints, split_drive
+from enliven.skeletons.anatomy import anatomy_of
 
 
 def told(source, target):

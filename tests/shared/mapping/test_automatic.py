@@ -152,10 +152,10 @@ def test_a_joint_that_is_not_there_is_named_with_those_that_are():
     apply_plan(Project(), shape, clip, Plan(chains=(good,)))
     with pytest.raises(InputError, match="the take has no joint 'Left hoof'") as caught:
         apply_plan(Project(), shape, clip, Plan(chains=(replace(good, source=("Left hip", "Left hoof")),)))
-    assert "Left knee, " in caught.value.mend and "Right toe" in caught.value.mend
+    assert "Left knee, " in caught.value.remedy and "Right toe" in caught.value.remedy
     with pytest.raises(InputError, match="the model has no joint 'wing'") as caught:
         apply_plan(Project(), shape, clip, Plan(chains=(replace(good, target=("wing",)),)))
-    assert "Left hock" in caught.value.mend
+    assert "Left hock" in caught.value.remedy
     with pytest.raises(InputError, match="goes up the tree"):
         up = replace(good, target=("Left hind hoof", "Left hip"))
         apply_plan(Project(), shape, clip, Plan(chains=(up,)))
@@ -194,7 +194,7 @@ def test_a_flip_turns_the_movement_half_round():
 
 def test_nothing_to_drive_is_an_error():
     clip, shape = random_motion(np.random.default_rng(2), man()), meshed("h", horse())
-    with pytest.raises(InputError, match="no chain of the take suits"):
+    with pytest.raises(InputError, match="no chain of the take matches"):
         retarget(shape, clip, Plan())
 
 

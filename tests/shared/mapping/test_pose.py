@@ -10,14 +10,14 @@ from made_bodies import horse, man, meshed, random_motion, walk
 from made_people import CONVENTIONS, name_in, person
 
 from enliven.document.clip import Clip
-from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import facings
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
-from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.pose_error import limb_errors
 from enliven.mapping.quality import MAX_POSE_DEGREES, quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply
+from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.facing import rotate_about_y
 
 FAST = [Phase.explicit, Phase.generate]
 """Without shrinking, which takes minutes for motions."""

@@ -12,7 +12,7 @@ from made_bodies import bvh_text, horse, man, meshed, random_motion, webbed
 from enliven.cli import run
 from enliven.document.project import Project
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import write_gltf
+from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import automatic

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from made_bodies import crawler, horse, man, meshed, random_motion, snake, spider, walk
 
 from enliven.document.clip import joint_places
-from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.gait import legs_that_step
 from enliven.mapping.ground import floor_of, posed_surfaces
@@ -17,6 +16,7 @@ from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector
+from enliven.skeletons.anatomy import anatomy_of
 
 MODELS = {"horse": horse, "spider": spider}
 FRAMES = 61

@@ -66,9 +66,9 @@ def test_equals_brute_force(tree, m, seed):
     expected = brute_force(abstraction, positions, source, view)
     assert len(ranking) == ranking.total == len(expected)
     assert (np.diff(ranking.scores) <= 1e-8).all()
-    for which, columns, score in zip(ranking.which, ranking.columns, ranking.scores, strict=True):
+    for index, columns, score in zip(ranking.candidate_indices, ranking.columns, ranking.scores, strict=True):
         rows = tuple(np.flatnonzero(columns >= 0))
-        assert score == pytest.approx(expected.pop((which, rows, tuple(sorted(columns[columns >= 0])))))
+        assert score == pytest.approx(expected.pop((index, rows, tuple(sorted(columns[columns >= 0])))))
     assert not expected
 
 

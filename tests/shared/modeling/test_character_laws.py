@@ -13,10 +13,10 @@ from enliven.document.history import History
 from enliven.document.naming import unused
 from enliven.document.project import Project, same
 from enliven.errors import InputError
-from enliven.examples import in_world
+from enliven.examples.puppet_motion import in_world
 from enliven.exporters import performance_of
-from enliven.formats.project import character_bytes, project_of, project_of_mesh
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.modeling.edits import (
     change_layers,
     copy_character,
@@ -38,7 +38,7 @@ from enliven.modeling.edits import (
     vertices_of,
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
-from enliven.modeling.puppet import key_pose_at
+from enliven.modeling.puppet.dragging import key_pose_at
 from enliven.modeling.puppet.parts import state_at
 from enliven.rotation import rotate
 
@@ -279,7 +279,7 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     ):
         with pytest.raises(InputError, match=words):
             drag_handle(project, name, wrong, place, time)
-    with pytest.raises(InputError, match="not a point"):
+    with pytest.raises(InputError, match="not a position"):
         drag_handle(project, name, 0, [0, np.nan, 0], time)
 
 
@@ -338,7 +338,7 @@ def test_impossible_edit_is_reported(rig):
         (lambda: shift_character(project, name, np.nan), "cannot be played"),
         (lambda: change_layers(project, name, [99], muted=True), "layer 99 does not exist"),
         (lambda: change_layers(project, name, [0], speed=0.0), "cannot be played"),
-        (lambda: rename_character(two, copy, name), "there already"),
+        (lambda: rename_character(two, copy, name), "is taken"),
         (lambda: rename_character(project, name, ""), "needs a name"),
         (lambda: merge_characters(project, name, name, 0.0), "itself"),
         (

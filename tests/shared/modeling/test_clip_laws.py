@@ -10,8 +10,7 @@ from test_character_laws import RIGS, WORLDS, near, rigs
 
 from enliven.document import Marker, Project, Segment, same
 from enliven.errors import InputError
-from enliven.formats.project import project_of
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import (
     add_marker,
     blend_clips,
@@ -247,7 +246,7 @@ def test_clips_that_cannot_be_played_are_refused_and_change_nothing(rig):
         (lambda: remove_clip(project, name, numbers, 0), "nothing is left"),
         (lambda: slip_clip(project, name, numbers, 3, 0.1), "clip 3 does not exist"),
         (lambda: clips_of(project, name, 9), "layer 9 does not exist"),
-        (lambda: blend_clips(project, name, numbers, 0, 0.1), "no clip follows"),
+        (lambda: blend_clips(project, name, numbers, 0, 0.1), "no clip begins"),
         (lambda: move_clip(short, name, numbers, 1, 0.3 * (clip.begin - clip.end)), "within another"),
     ):
         with pytest.raises(InputError, match=words):
@@ -272,7 +271,7 @@ def test_markers_are_added_moved_named_and_removed():
     assert project.markers == {"jump": Marker("jump", 1.0), "marker 2": Marker("marker 2", 0.0)}
     assert list(remove_marker(project, "jump").markers) == ["marker 2"]
     for wrong, words in (
-        (lambda: rename_marker(project, "jump", "marker 2"), "there already"),
+        (lambda: rename_marker(project, "jump", "marker 2"), "is taken"),
         (lambda: rename_marker(project, "jump", ""), "a marker ''"),
         (lambda: remove_marker(project, "hop"), "the marker 'hop' does not exist"),
     ):

@@ -21,7 +21,7 @@ from enliven.modeling.edits import (
     vertices_of,
 )
 from enliven.modeling.edits.graph_feet import feet_of
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 
 STEP = 1.0 / 30.0
 TALL = 1.0

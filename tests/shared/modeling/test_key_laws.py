@@ -11,8 +11,7 @@ from test_character_laws import WORLDS
 from enliven.document import EASES, KEY_STEP, MotionKey, Project, key_values, keyed_clip, same
 from enliven.errors import InputError
 from enliven.exporters import performance_of
-from enliven.formats.project import project_of
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import (
     change_layers,
     copy_character,
@@ -173,7 +172,7 @@ def test_invalid_key_is_refused():
         (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, 0, 0), "bounce"), "are not a key"),
         (lambda: ease_key(project, ARM, BONE, 4, "step"), "key 4 does not exist"),
         (lambda: remove_key(PROJECT, ARM, BONE, 0), "key 0 does not exist"),
-        (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "moved, not turned"),
+        (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "can only be moved"),
         (lambda: set_key(late, ARM, BONE, 0.2, (0, 0, 0)), "begins at 1.00 s"),
         (lambda: keyed_clip("keys", "arm", []), "no key was given"),
     ):

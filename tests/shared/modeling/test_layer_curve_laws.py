@@ -12,8 +12,7 @@ from test_character_laws import near
 from enliven.document import EASES, MAX_SPEED, MIN_SPEED, CurveKey, GraphPart, Layer, curve_of, same
 from enliven.errors import InputError
 from enliven.exporters import performance_of
-from enliven.formats.project import project_of
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import (
     change_layers,
     clips_of,

@@ -65,7 +65,7 @@ def test_at_the_merge_nothing_jumps_the_host_goes_on_and_the_graft_rides(host, g
     notes = []
     merged = merge_characters(project, ours, theirs, time, loose=True, notes=notes)
     assert list(merged.characters) == [ours] and isinstance(merged.characters[ours], GraphShape)
-    assert sum("was recorded" in note for note in notes) == 2 - (host in GRAPHS) - (graft in GRAPHS)
+    assert sum("was baked" in note for note in notes) == 2 - (host in GRAPHS) - (graft in GRAPHS)
     assert ("mm" in " ".join(notes)) == ("points" in (host, graft)), "the error of a baked puppet is said"
     now, then = vertices_of(merged, ours, time), vertices_of(merged, ours, time + later * FRAME)
     for name, rig in ((ours, host), (theirs, graft)):

@@ -11,8 +11,8 @@ from test_surgery_graphs import block
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.document import History, Plane, Project, graph_shape_of
 from enliven.errors import InputError
-from enliven.formats.project import character_bytes
 from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.one_character import character_bytes
 from enliven.meshes import refine, submesh
 from enliven.modeling.edits import (
     brush_stiffness,
@@ -25,7 +25,7 @@ from enliven.modeling.edits import (
     scale_character,
     unpaint_character,
 )
-from enliven.modeling.mesh import PlaneCut
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.wire import character_to_message, message_to_character
 
 laws = settings(deadline=None, max_examples=10)

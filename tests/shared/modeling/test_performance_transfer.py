@@ -15,7 +15,7 @@ from swaying import possessed_chair, take_of
 
 from enliven.document import HoldChange, Possession, Project, same
 from enliven.errors import InputError
-from enliven.formats.project import project_of_mesh
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import Mesh
 from enliven.modeling.edits import (
     change_layers,
@@ -26,8 +26,9 @@ from enliven.modeling.edits import (
     transfer_performance,
     vertices_of,
 )
-from enliven.modeling.possessed import possess_another, solve_again, stale
-from enliven.modeling.puppet import make_puppet
+from enliven.modeling.possessed.another_mesh import possess_another
+from enliven.modeling.possessed.solving import solve_again, stale
+from enliven.modeling.puppet.edits import make_puppet
 from enliven.possession import settings_from_possession
 
 WORLD, SOURCE = possessed_chair(frames=30)
@@ -130,7 +131,7 @@ def test_impossible_transfer_is_reported():
     project = with_stool()
     with pytest.raises(InputError, match="performers moved no part"):
         transfer_performance(project, "stool", SOURCE)
-    with pytest.raises(InputError, match="already performed this way"):
+    with pytest.raises(InputError, match="the same character"):
         transfer_performance(project, SOURCE, SOURCE)
     bare = project.graph("stool")
     flat = bare.with_changes(mesh=Mesh(bare.mesh.vertices, bare.mesh.faces[:0], "stool"))

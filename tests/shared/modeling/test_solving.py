@@ -16,7 +16,7 @@ from sample_meshes.chair import make_chair
 from surgery_worlds import random_turns
 from swaying import possessed_chair, take_of, without_cache
 
-from enliven.deformation.graph import graph_of
+from enliven.deformation.graph.graph import graph_of
 from enliven.document import HoldChange, Project, same
 from enliven.document.history import History
 from enliven.errors import InputError
@@ -36,9 +36,14 @@ from enliven.modeling.edits import (
     unpaint_character,
     vertices_of,
 )
-from enliven.modeling.mesh import PlaneCut
-from enliven.modeling.possessed import has_missing_motion, possess_mesh, solve_again, stale
-from enliven.modeling.possessed.solving import _rest_character
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.modeling.possessed.solving import (
+    _rest_character,
+    has_missing_motion,
+    possess_mesh,
+    solve_again,
+    stale,
+)
 from enliven.possession import EmbeddedActor, settings_from_possession
 from enliven.possession.replaying import replay
 

@@ -5,7 +5,7 @@ import pytest
 from person_bvh import UP, bvh, moved
 
 from enliven.rotation import rotate
-from enliven.takes import read_take
+from enliven.takes.files import read_take
 
 
 def joints_of(clip) -> dict[str, np.ndarray]:

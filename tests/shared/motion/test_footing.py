@@ -14,8 +14,7 @@ from test_pin import walk, walking
 
 from enliven.document import FEET, Segment, same
 from enliven.errors import InputError
-from enliven.formats.project import project_of
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import change_layers, lock_feet
 from enliven.motion.contact.pin import pin_feet, resolve_pins
 from enliven.motion.layers.evaluate import Player

@@ -25,7 +25,7 @@ from enliven.modeling.edits.characters import (
 )
 from enliven.modeling.edits.merging import merge_characters
 from enliven.modeling.edits.rigs import pose_of_character
-from enliven.modeling.mesh import PlaneCut
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import from_rotation_vector, to_matrix

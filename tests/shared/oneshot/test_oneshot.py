@@ -21,10 +21,12 @@ from enliven import (
     possess,
 )
 from enliven.errors import InputError
-from enliven.matching import Matcher, ScreenView, body_source
+from enliven.matching.body_limbs import body_source
+from enliven.matching.ranking import Matcher
+from enliven.matching.views import ScreenView
 from enliven.person import J, Joint
 from enliven.rotation import from_rotation_vector, rotate
-from enliven.takes import clip_of_bodies
+from enliven.takes.capture_clip import clip_of_bodies
 
 STEP = 0.1
 
@@ -120,7 +122,7 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
     ):
         with pytest.raises(InputError) as refusal:
             refused()
-        assert advice in refusal.value.mend
+        assert advice in refusal.value.remedy
     assert list(tmp_path.iterdir()) == []
 
 
@@ -131,4 +133,4 @@ def test_examples_with_an_unknown_joint_are_refused():
     rest = chair.vertices[[0, 9]]
     with pytest.raises(InputError, match="do not determine a motion") as caught:
         fit_examples(chair, take, points, {0.0: rest, 0.2: rest + 0.1})
-    assert "has no 'left hand'" in caught.value.mend and "hand left" in caught.value.mend
+    assert "has no 'left hand'" in caught.value.remedy and "hand left" in caught.value.remedy

@@ -12,8 +12,8 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import Joint
-from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.likeness.any_mesh import find_extremities
+from enliven.possession.likeness.finding import find_body_in_mesh
 from enliven.possession.likeness.tree_of_limbs import tree_misfit
 
 

@@ -9,8 +9,8 @@ PLAYED = """
 import gc
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from enliven.samples import load_sample
-from enliven.deformation.constraints import ObservedPoints
+from enliven.samples.shipped import load_sample
+from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.person import Body, J
 from enliven.possession import ActorSettings, EmbeddedActor

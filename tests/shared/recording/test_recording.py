@@ -276,7 +276,7 @@ def test_non_recording_is_refused(tmp_path, content, expected):
     with pytest.raises(InputError, match=expected) as caught:
         Recording(path)
     assert str(path) in str(caught.value)
-    assert caught.value.mend
+    assert caught.value.remedy
 
 
 def test_a_folder_is_refused(tmp_path):

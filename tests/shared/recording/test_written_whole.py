@@ -15,7 +15,7 @@ from PIL import Image
 from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.files import write_picture
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder, Recording
 

@@ -11,7 +11,7 @@ from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.project import same
 from enliven.examples.puppet_examples import examples_of, missing
 from enliven.meshes.mesh import Mesh
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from sample_meshes.isosurface import surface_of
 from enliven.meshes.kernels import shells
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.repair import repair
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes.kernels import shells
 from enliven.meshes.repair import repair
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 
 
 @pytest.fixture(scope="module")

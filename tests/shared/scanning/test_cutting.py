@@ -26,7 +26,7 @@ from enliven.scanning import (
     find_ground,
     upright_frame,
 )
-from enliven.scanning.cutting import compare_with_images
+from enliven.scanning.cutting.moved import compare_with_images
 from enliven.scanning.holes import find_rims
 
 FLOOR = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)

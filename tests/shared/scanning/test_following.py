@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from enliven import rotation
 from enliven.scanning import ScanSettings, VolumeSettings
 from enliven.scanning.depth_view import restrict_view
-from enliven.scanning.objects import MovedScanner, ObjectModel
+from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven.scanning.objects.nearness import surface_distances
+from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.vacated import vacated_fraction
 
 sys.path.insert(0, str(Path(__file__).parent))

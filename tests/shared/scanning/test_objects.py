@@ -15,11 +15,10 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning import CutOutSettings, GroundPlane, TsdfVolume, cut_out, extract_surface, find_parts
 from enliven.scanning.depth_view import restrict_view
-from enliven.scanning.objects import ScannedSurface, register_part, sample_surface
 from enliven.scanning.objects.floor import floor_plane
 from enliven.scanning.objects.free_space import seen_depth, seen_through
-from enliven.scanning.objects.registration import spread_rotations
-from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.objects.registration import ScannedSurface, register_part, spread_rotations
+from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven.scanning.rigid import invert_pose, pose_difference
 
 sys.path.insert(0, str(Path(__file__).parent))

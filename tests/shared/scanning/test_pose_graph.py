@@ -7,8 +7,13 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from enliven import rotation
-from enliven.scanning.loop_closure import PoseLink, optimize_poses, pose_graph_cost
-from enliven.scanning.loop_closure.pose_graph import link_jacobians, link_residual
+from enliven.scanning.loop_closure.pose_graph import (
+    PoseLink,
+    link_jacobians,
+    link_residual,
+    optimize_poses,
+    pose_graph_cost,
+)
 from enliven.scanning.rigid import invert_pose, move_pose, pose_difference
 
 SEEDS = st.integers(0, 10_000)

@@ -178,7 +178,8 @@ def test_slope_noise_correction_matches_slow_sum():
     matrix, true, field = np.zeros((6, 6)), np.zeros((6, 6)), scanner.volumes[0].field
     extra, angles, weights = np.zeros((6, 6)), [], []
     sample, last = np.empty(4), np.array([-1, 1 << 40, 0, 0])
-    stride, soft = scanner.settings.tracking.fine_stride, scanner.settings.tracking.soft * field.band.voxel
+    stride = scanner.settings.tracking.fine_stride
+    soft = frame_to_model_tracking._ROBUST_WIDTH_VOXELS * field.band.voxel
     for row in range(0, view.worth.shape[0], stride):
         for column in range((row // stride % 2) * (stride // 2), view.worth.shape[1], stride):
             q = pose[:3, :3] @ view.points[row, column].astype(float)

@@ -73,6 +73,7 @@ ASKS = [
     requests.Smooth(3, 0.0),
     requests.Smooth(3),
     requests.Lock(True),
+    requests.LearnRoom(),
     requests.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
     requests.Look((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 3.0)),
     requests.Browse("spider", -1),
@@ -417,3 +418,43 @@ def test_bodies_as_sent_are_those_that_arrive_and_are_sent_again_alike(seed: int
     ].stature
     resent = convert.round_to_wire([arrived])[0]
     assert (resent.joints == arrived.joints).all() and (resent.confidence == arrived.confidence).all()
+
+
+@pytest.mark.parametrize(
+    ("flags", "mode"),
+    [
+        ({}, "around"),
+        ({"moved": True}, "moved"),
+        ({"turned": True}, "turned"),
+        ({"turned": True, "moved": True}, "turned"),
+        ({"within": 1.5}, "near"),
+        ({"person": True}, "person"),
+    ],
+)
+def test_scan_flags_and_mode_mean_the_same(flags, mode) -> None:
+    """An older viewer sends flags, and an older edge reads them."""
+    old_request = {"type": "Scan", "do": "start", **flags}
+    read = msgspec.convert(old_request, requests.Scan)
+    assert read.mode == mode
+    sent = requests.Scan("start", within=flags.get("within"), mode=requests.ScanMode(mode))
+    decoded = msgspec.to_builtins(sent)
+    assert decoded["mode"] == mode
+    assert [name for name in ("moved", "turned", "person") if decoded[name]] == [mode] * (
+        mode in ("moved", "turned", "person")
+    )
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(sent), type=requests.Scan) == sent
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({"person": True, "moved": True}, "not moved and person"),
+        ({"turned": True, "within": 1.5}, "not near and turned"),
+        ({"mode": "moved", "person": True}, "not moved and person"),
+        ({"mode": "near"}, "add within"),
+        ({"mode": "sideways"}, "sideways"),
+    ],
+)
+def test_contradictory_scan_modes_are_refused(fields, problem) -> None:
+    with pytest.raises(msgspec.ValidationError, match=problem):
+        msgspec.convert({"type": "Scan", "do": "start", **fields}, requests.Scan)

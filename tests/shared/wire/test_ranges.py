@@ -143,7 +143,7 @@ def test_a_character_below_its_minimum_is_refused_with_the_field_and_the_range(
     check_character(soft(most_stretch=float("inf")))  # an infinite limit is sent as the largest
     with pytest.raises(InputError) as error:
         check_character(soft(**surface))
-    assert why in error.value.what and error.value.where == "character 'soft'" and error.value.mend
+    assert why in error.value.what and error.value.where == "character 'soft'" and error.value.remedy
 
 
 def test_ranges_between_fields_hold_too() -> None:

@@ -14,7 +14,8 @@ from rich.console import Console
 
 from enliven.document.character import Character, Pose
 from enliven.errors import InputError, ResourceError
-from enliven.film import AUTO, ENCODERS, FilmEncoder, FilmWriter, choose_encoder
+from enliven.film.encoders import AUTO, ENCODERS, FilmEncoder, choose_encoder
+from enliven.film.writer import FilmWriter
 from enliven.settings import load_settings
 from enliven_viewer.film.film import make_film
 from enliven_viewer.film.sheet import Tiles, write_sheet

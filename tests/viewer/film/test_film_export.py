@@ -10,10 +10,10 @@ from enliven.commands.export import export
 from enliven.document import Clip, Project, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, performance_of_clip
-from enliven.formats.project import write_project
+from enliven.formats.project.file import write_project
 from enliven.rotation import from_rotation_vector
 from enliven.sounds import SOUND_RATE, Sound
-from enliven_viewer.studio.sound import read_sound
+from enliven_viewer.studio.features.sound.sound_reader import read_sound
 
 
 def waving() -> Clip:

@@ -8,7 +8,7 @@ import pytest
 
 from enliven import cli
 from enliven.commands import run as run_command
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven_viewer.film.film_strip import MAX_QUEUED_IMAGES, FilmStrip
 from enliven_viewer.film.sheet import Tiles
 from enliven_viewer.render.gl.targets import flip_rows

@@ -19,7 +19,7 @@ from enliven_viewer.film.graph_picture import (
     make_graph_rows,
     make_view,
 )
-from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.materials.paint import linear_from_srgb
 
 SIZE = 320
 
@@ -109,4 +109,4 @@ def test_a_place_that_cannot_be_written(tmp_path, capsys):
     (tmp_path / "tri.obj").write_text("v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nf 1 2 3\n")
     arguments = [str(tmp_path / "tri.obj"), "-o", str(tmp_path / "file" / "out.png"), "--nodes", "5"]
     assert run(["graph", *arguments, "--size", "160", "--height", "0"]) == 4
-    assert "there is no folder" in capsys.readouterr().err
+    assert "does not exist" in capsys.readouterr().err

@@ -9,10 +9,9 @@ from PIL import Image
 from enliven import Mesh, Project
 from enliven.errors import InputError
 from enliven.modeling.edits import move_character
-from enliven.modeling.puppet import make_puppet
-from enliven_viewer.film import write_project_film
-from enliven_viewer.film.project_film import _FILLED, _frame_points
-from enliven_viewer.render import OrbitCamera
+from enliven.modeling.puppet.edits import make_puppet
+from enliven_viewer.film.project_film import _FILLED, _frame_points, write_project_film
+from enliven_viewer.render.camera import OrbitCamera
 
 pytestmark = pytest.mark.usefixtures("gl")
 SIZE = (96, 60)

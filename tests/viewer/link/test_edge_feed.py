@@ -14,6 +14,7 @@ from enliven.wire import BODIES, BodiesMessage, pack_stream
 from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.requests import Possess
 from enliven.wire.sockets import Endpoint
+from enliven.wire.streams import StatusMessage
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
@@ -166,3 +167,23 @@ def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None
         assert document.timeline.generation == generation and len(document.timeline) >= 10
     finally:
         feed.close()
+
+
+def test_pauses_of_the_viewer_itself_do_not_lose_held_back_messages(monkeypatch) -> None:
+    """A laptop that is suspended, or a busy machine, may stop the viewer between any two messages."""
+    link = EdgeClient([Endpoint("127.0.0.1", 9, 10)])
+    edge, now = link.edges[0], iter(range(0, 10**6, 10))
+    performers = [bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], time) for time in range(3)]
+    status = pack_stream(StatusMessage("paused", 1, 0, 0))
+    try:
+        with monkeypatch.context() as patch:
+            # Every look at the clock is ten seconds after the previous one, so each message ends a silence.
+            patch.setattr("enliven_viewer.link.edge_connection.time.monotonic", lambda: float(next(now)))
+            for message in performers:
+                edge._receive(pack_stream(message), latched=False)
+            edge._receive(status, latched=False)
+            assert not link.take(BODIES), "none is shown before its edge is known"
+        edge._receive(status, latched=False)
+        assert [value.time_ns for value in link.take(BODIES)] == [0, 1, 2]
+    finally:
+        link.close()

@@ -9,8 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from enliven import cactus_project, export
 from enliven.document.character import Character, Pose
 from enliven.errors import InputError
+from enliven.exporters import performance_of
 from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import bodies_to_message, cues_to_message, pose_to_message
@@ -148,3 +150,16 @@ def test_take_without_its_character_is_reported_once_and_ends(tmp_path, box, cap
         document, take = read(path)
     assert take.unreadable == COUNT and not document.characters
     assert caplog.text.count("cannot be read") == 1
+
+
+def test_exported_recording_is_played(tmp_path: Path) -> None:
+    path = tmp_path / "cactus.mcap"
+    export(cactus_project(), path, end=1.0, rate=10.0)
+    feed, document = TakeFeed(path), Document()
+    while feed.poll(document):
+        pass
+    assert list(document.characters) == ["cactus"] and feed.unreadable == 0
+    performance = performance_of(cactus_project(), "cactus", end=1.0, rate=10.0)
+    moments = [document.timeline.at(round(time * 1e9)) for time in performance.times]
+    for moment, pose in zip(moments, performance.poses(), strict=True):
+        np.testing.assert_allclose(moment.poses["cactus"].positions, pose.positions, atol=1e-3)

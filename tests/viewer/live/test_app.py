@@ -113,4 +113,4 @@ def test_sizes_and_addresses() -> None:
 def test_the_doctor_looks_at_what_the_viewer_needs() -> None:
     by_name = {check.name: check for check in run_checks()}
     assert set(by_name) == {"OpenGL off-screen", "window", "film encoder"}
-    assert all(check.ok or check.mend for check in by_name.values())
+    assert all(check.ok or check.remedy for check in by_name.values())

@@ -10,7 +10,7 @@ import pytest
 from swaying import swaying
 
 from enliven.document.character import Character, SkinWeights
-from enliven.matching import body_source, limb_number
+from enliven.matching.body_limbs import body_source, limb_number
 from enliven.matching.match_list import MatchList, MatchRow
 from enliven.person import BONES
 from enliven.person.body import Body
@@ -21,7 +21,7 @@ from enliven_viewer.live.view_report import ViewReporter, is_end_on, make_look, 
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.capsules import make_capsule_rows
-from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.overlay.match_lines import find_limb_tints, make_match_rows
 from enliven_viewer.render.renderer import Renderer

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from enliven.person.parts import parse_parts
+from enliven.wire import LearnRoom
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.possession_choice import PART_CHOICES, PossessionChoice
+from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import CueFrame
-from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.render.overlay.marks import CUE_TINT, make_cue_rows
 from enliven_viewer.render.scene import SceneCharacter
 from enliven_viewer.studio.perform.actions import PERFORM_ACTIONS
@@ -51,6 +56,14 @@ def test_every_key_of_possession_means_one_thing_in_its_workspace() -> None:
     ]
     assert len(set(keys)) == len(keys)
     assert {key for key, room in keys if room == "Play"} >= {*"pjerbknmvlgs123456789", "comma", "period"}
+
+
+def test_an_action_of_the_menu_makes_the_edge_learn_the_room() -> None:
+    asked: list[object] = []
+    feed = SimpleNamespace(ask=lambda order, *_: asked.append(order))
+    (action,) = [each for each in PERFORM_ACTIONS if each.label == "Learn the room again"]
+    action.do(SimpleNamespace(live=LiveStage(feed, Document())))
+    assert asked == [LearnRoom()] and action.key == ""
 
 
 def test_nodes_are_tinted_by_their_performers_and_previews_are_fainter(box) -> None:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from enliven.document import Character, Pose, SkinWeights
-from enliven_viewer.playback import CueFrame, TimelineMoment
-from enliven_viewer.render import OverlayVisibility, Renderer, Scene, SceneCharacter, SceneStyle
+from enliven_viewer.playback.timeline import CueFrame, TimelineMoment
 from enliven_viewer.render.attachment_glow import compute_node_glow
 from enliven_viewer.render.camera import CameraView, look_at, make_perspective
+from enliven_viewer.render.overlay_visibility import OverlayVisibility
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.settings import RenderSettings
 
 SIZE = (120, 120)

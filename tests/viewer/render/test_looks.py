@@ -10,8 +10,9 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
-from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.camera import CameraView, look_at, make_perspective
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.settings import LookName, RenderSettings, ViewerSettings
 

@@ -18,9 +18,11 @@ from slow_shading import developed, shaded
 from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import MeshMaterials, Texture
-from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.camera import CameraView, look_at, make_perspective
-from enliven_viewer.render.materials import linear_from_srgb, paint_keys, paint_surface, read_material
+from enliven_viewer.render.materials.material import read_material
+from enliven_viewer.render.materials.paint import linear_from_srgb, paint_keys, paint_surface
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 from enliven_viewer.render.surface import split_creases
 from enliven_viewer.settings import RenderSettings
 

@@ -14,10 +14,10 @@ from web_pictures import SIZE, compare
 
 from enliven.cli import run
 from enliven.document import Character, Project, SkinWeights, character_of
-from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import play_clip
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import Mesh, load_mesh, save_mesh
-from enliven.motion.layers import Player
+from enliven.motion.layers.evaluate import Player
 
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")
 PICTURES = Path(__file__).parents[3] / "out" / "web" / "pictures"

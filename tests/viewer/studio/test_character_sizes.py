@@ -12,13 +12,14 @@ from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.formats.project import project_of_mesh
 from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import handle_characters
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
 from enliven_edge.network.outlet import Outlet
+from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
@@ -30,7 +31,7 @@ STEP = 33_333_333
 HANDS = [Joint.HAND_LEFT, Joint.HAND_RIGHT]
 
 
-class Person:
+class Person(Sensor):
     """A sensor of one performer with the hands at a given distance, metres."""
 
     name = "person"

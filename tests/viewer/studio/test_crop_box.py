@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from enliven.wire import SCAN, Scan, ScanMessage
-from enliven_viewer.render import OrbitCamera
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.scan import CropBox, ScanSession, find_initial_box
-from enliven_viewer.studio.viewport import Disc, Lens, Line
-from enliven_viewer.studio.workspace.viewport_input import MIDDLE_BUTTON, ViewportInput
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.app.viewport_input import MIDDLE_BUTTON, ViewportInput
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.scan.crop_box import CropBox, find_initial_box
+from enliven_viewer.studio.features.scan.session import ScanSession
+from enliven_viewer.studio.viewport.overlay import Disc, Line
+from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SIDES = st.tuples(st.sampled_from([0, 1]), st.sampled_from([0, 1, 2]))
@@ -143,7 +145,7 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
         ScanSession(editor, Perform()),
         ViewportInput(editor, Workspace.new(editor, tmp_path).actions),
     )
-    passed.over = scan
+    passed.handles.append(scan)
     top = pixel(editor.lens, middle_of(scan.box, (1, 1)))
     scan.message = ScanMessage(number=1, phase="paused")
     yaw = editor.camera.view(1.6).camera_from_world.copy()

@@ -10,12 +10,12 @@ from strokes import limb
 from swaying import possessed_chair
 
 from enliven.document import Pose, Project, character_of
-from enliven.matching import MatchList, MatchRow
+from enliven.matching.match_list import MatchList, MatchRow
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.evaluate import pose_of
 from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.playback import CueFrame
-from enliven_viewer.render import Scene, SceneCharacter
+from enliven_viewer.playback.timeline import CueFrame
+from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.perform.live_overlay import LiveOverlay, OverlayConditions

@@ -5,8 +5,8 @@ import time
 import pytest
 from patience import PATIENCE
 
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.studio.workspace.files import add_sample
 
 
@@ -28,7 +28,7 @@ def test_local_camera_start_error_is_shown(tmp_path, words, said):
         perform.advance(0.01)
         time.sleep(0.02)
     (toast,) = (toast for toast in editor.toasts.shown if toast.is_error)
-    assert said in toast.text and toast.mend and "enliven:" not in toast.text
+    assert said in toast.text and toast.remedy and "enliven:" not in toast.text
 
 
 def test_characters_of_a_local_stage_move_to_the_next_stage(tmp_path):

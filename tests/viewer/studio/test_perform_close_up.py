@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from enliven.document.character import Character
-from enliven.matching import MatchList, MatchRow
-from enliven_viewer.playback import CueFrame
-from enliven_viewer.render import Scene, SceneCharacter
+from enliven.matching.match_list import MatchList, MatchRow
+from enliven_viewer.playback.timeline import CueFrame
+from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform import CloseUp, find_pending_limb_box
+from enliven_viewer.studio.perform.close_up import CloseUp, find_pending_limb_box
 from enliven_viewer.studio.settings import StudioSettings
 
 LONG = 1.0

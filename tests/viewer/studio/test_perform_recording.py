@@ -16,12 +16,12 @@ from patience import PATIENCE
 from swaying import swaying
 
 from enliven.document.project import Project
-from enliven.formats.project import project_of_mesh
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import vertices_of
-from enliven.modeling.puppet import make_puppet
+from enliven.modeling.puppet.edits import make_puppet
 from enliven.person.body import Body
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.takes.performed import PerformedMotion
 from enliven.wire import CALLS, CallMessage
 from enliven_viewer.studio.editor.editor import Editor

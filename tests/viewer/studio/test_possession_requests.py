@@ -6,72 +6,17 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
-from scanning_edge import ScanningEdge
+from staged_session import person, staged_sessions
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.frames import BodyFrame
-from enliven.person.body import Body
-from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.wire import ScanMessage
-from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform import possession_requests
 from enliven_viewer.studio.perform.session import PerformSession
 from enliven_viewer.studio.workspace.files import add_sample
-
-STEP = 33_333_333
-
-
-class Sitting:
-    """An edge in this process, and a session that follows it."""
-
-    def __init__(self, folder: Path, *actors: EmbeddedActor) -> None:
-        self.house, self.editor = ScanningEdge(actors), Editor()
-        self.perform = PerformSession(self.editor, folder)
-        self.perform.active_workspace = "Perform"
-        self.house.followers.append(self)
-        self.count, self.present = 0, list[Body]()
-
-    def connect(self) -> None:
-        """Follows the edge, and waits until its characters have arrived."""
-        self.perform.connect(str(self.house.outlet.publisher.endpoint))
-        self.until(lambda: len(self.perform.stage_ids) == len(self.house.stage.actors))
-
-    def poll(self) -> None:
-        """Advances the session, as each frame of the window does."""
-        self.perform.advance(0.02)
-
-    def until(self, done, what: str = "it") -> None:
-        """Shows the current people to the camera until a condition holds."""
-
-        def after_a_frame() -> object:
-            self.count += 1
-            self.house.edge.step(BodyFrame(list(self.present), self.count * STEP, "reel"))
-            return done()
-
-        self.house.until(after_a_frame, what)
-
-    def pictures(self, count: int) -> None:
-        """Runs ``count`` frames."""
-        end = self.count + count
-        self.until(lambda: self.count >= end)
-
-    @property
-    def held(self) -> set[str]:
-        """Returns the characters with a performer attached."""
-        return {holder.character for holder in self.perform.holders}
-
-    @property
-    def toasts(self) -> list[tuple[str, str]]:
-        """Returns the notifications and their advice."""
-        return [(toast.text, toast.mend) for toast in self.editor.toasts.shown]
-
-
-def person(x: float = 0.0, z: float = -2.5) -> Body:
-    return Body(1, standing_figure() + np.array([x, 0.0, z]), np.ones(20))
 
 
 def actor(name: str = "chair", **options: object) -> EmbeddedActor:
@@ -83,16 +28,8 @@ def actor(name: str = "chair", **options: object) -> EmbeddedActor:
 @pytest.fixture
 def sitting(tmp_path: Path, monkeypatch) -> Iterator:
     monkeypatch.setattr(possession_requests, "MIN_TIME_IN_VIEW_S", 0.1)
-    opened: list[Sitting] = []
-
-    def make(*actors: EmbeddedActor) -> Sitting:
-        opened.append(Sitting(tmp_path, *actors))
-        return opened[-1]
-
-    yield make
-    for session in opened:
-        session.perform.disconnect()
-        session.house.close()
+    with staged_sessions(tmp_path) as make:
+        yield make
 
 
 def test_person_in_view_steps_in_at_once(sitting) -> None:
@@ -147,8 +84,8 @@ def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
     session.until(lambda: session.perform.performers)
     session.perform.possession_requests.press()
     session.until(lambda: session.toasts)
-    ((message, mend),) = session.toasts
-    assert message.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
+    ((message, remedy),) = session.toasts
+    assert message.startswith("No part of the mesh is within") and remedy.startswith("Step into the mesh")
     assert not session.perform.possession_requests.waits
 
 
@@ -172,6 +109,33 @@ def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     assert session.perform.possession_requests.words == session.perform.live.preparation_text
     session.present = [person()]
     session.until(lambda: session.held == {"chair"})
+
+
+@pytest.mark.parametrize("is_local", [False, True])
+def test_a_waiting_press_outlasts_a_silent_edge(sitting, monkeypatch, is_local) -> None:
+    session = sitting(actor())
+    session.connect()
+    session.perform.live.is_local = is_local
+    session.until(lambda: len(session.perform.live.document.timeline))
+    requests = session.perform.possession_requests
+    requests.press()
+    assert requests.words.startswith("No one is in view")
+    with monkeypatch.context() as silent:
+        silent.setattr(PerformSession, "connected", property(lambda _: False))
+        session.pictures(5)
+        assert requests.words == "The stage is silent. Check that its camera's program runs"
+    session.present = [person()]
+    session.until(lambda: session.held == {"chair"})
+    assert not session.toasts
+
+
+def test_a_new_press_on_a_silent_stage_is_refused(sitting, monkeypatch) -> None:
+    session = sitting(actor())
+    session.connect()
+    monkeypatch.setattr(PerformSession, "connected", property(lambda _: False))
+    session.perform.possession_requests.press()
+    assert not session.perform.possession_requests.waits
+    assert session.toasts == [("The stage is silent", "Check that its camera's program runs")]
 
 
 def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:

@@ -11,7 +11,12 @@ from made_performer import performer
 from enliven.person import Body, Joint
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.live import find_area_next_to_preview
-from enliven_viewer.studio.perform import DEFAULT_ASPECT, PreviewPlacement, find_rectangle, project_bodies
+from enliven_viewer.studio.perform.preview_placement import (
+    DEFAULT_ASPECT,
+    PreviewPlacement,
+    find_rectangle,
+    project_bodies,
+)
 from enliven_viewer.studio.preferences import Preferences
 
 SIZES = [(900.0, 501.0), (992.0, 501.0), (3460.0, 1940.0), (400.0, 160.0)]

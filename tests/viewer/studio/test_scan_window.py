@@ -9,12 +9,15 @@ import pytest
 from in_a_window import in_a_window
 
 from enliven.recording import Recorder
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven.wire import ScanMessage
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
-from enliven_viewer.render import OrbitCamera
-from enliven_viewer.studio.scan import choose_advice, make_scan_marks
-from enliven_viewer.studio.viewport import Fill, Lens
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.features.scan.advice import choose_advice
+from enliven_viewer.studio.features.scan.overlay import make_scan_marks
+from enliven_viewer.studio.viewport.overlay import Fill
+from enliven_viewer.studio.viewport.picking import Lens
 
 SESSION = Path(__file__).parents[1] / "scan_session.py"
 PATH = HandheldPath(target=(0.0, 0.45, 0.0), radius=1.3, height=(0.7, 1.3), turns=1.0, seconds=8.0)

@@ -12,9 +12,9 @@ import pytest
 from patience import PATIENCE
 
 from enliven.errors import InputError
+from enliven_viewer.live.followed_edge import shared_performer_id
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.stage.camera_preview import list_views
-from enliven_viewer.studio.perform.secondary_edges import PERFORMER_ID_OFFSET
 from enliven_viewer.studio.perform.session import PerformSession
 
 EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
@@ -65,7 +65,7 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     until(session, lambda: session.scene is not None and len(session.scene.actors) == 2)
     until(session, lambda: session.scene is not None and len(session.scene.bodies) == 2)
     shown = session.scene
-    assert {body.id for body in shown.bodies} == {1, 1 + PERFORMER_ID_OFFSET}
+    assert {body.id for body in shown.bodies} == {1, shared_performer_id(1, 1)}
     assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}
     assert f"Performer 1 at {guest.name}" in session.present
     views = list_views(session)

@@ -17,9 +17,10 @@ from in_a_window import in_a_window
 from scipy.signal import resample_poly
 
 from enliven.recording import Recorder, Recording
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven_edge.doctor import shipped_recording
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
+from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
+from enliven_synthesis.sensor.profile import load_profile
 
 SESSION = Path(__file__).parents[1] / "sitting_session.py"
 PATH = HandheldPath(target=(0.0, 0.45, 0.0), radius=1.3, height=(0.7, 1.3), turns=1.0, seconds=8.0)

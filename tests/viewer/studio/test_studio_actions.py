@@ -13,8 +13,11 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 
 from enliven.document.project import same
 from enliven.errors import InputError
-from enliven_viewer.studio.actions import Action, ActionTable, PaletteSearch, key_label
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.search import score_match
+from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -9,8 +9,8 @@ from studio_driver import Click, Drag, HeadlessStage, Key, Near, OnTimeline, Spo
 
 from enliven.document import PoseStream
 from enliven.document.project import Project, same
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ import numpy as np
 
 from enliven.document import GraphPart, PoseStream, Project, graph_shape_at_rest
 from enliven.modeling.edits import move_character, vertices_of
-from enliven.samples import load_sample
-from enliven_viewer.render import LOOKS
-from enliven_viewer.studio.editor import Editor
+from enliven.samples.shipped import load_sample
+from enliven_viewer.render.stage_look import LOOKS
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 def settle(editor: Editor, seconds: float = 3.0) -> None:

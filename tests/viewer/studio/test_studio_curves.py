@@ -17,10 +17,11 @@ from test_character_laws import WORLDS
 from enliven.document import KEY_STEP, MIN_SPEED, Layer, same
 from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven_viewer.studio.curves import CurveInput, Scale
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.timeline import TimelineInput
-from enliven_viewer.studio.viewport import Disc
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.animation.curve_input import CurveInput
+from enliven_viewer.studio.features.animation.curve_scale import Scale
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.viewport.overlay import Disc
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])

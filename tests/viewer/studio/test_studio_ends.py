@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from known_bodies import t_pose
 
 from enliven.document.project import same
-from enliven.formats.project import project_of_mesh, read_project, write_project
-from enliven.formats.project.one_character import character_bytes
+from enliven.formats.project.file import read_project, write_project
+from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.modeling.edits import mirror_character, scale_character
 from enliven.person import Joint
 from enliven.wire import PutCharacter
@@ -19,7 +19,7 @@ from enliven_edge.uploaded_actor import create_uploaded_actor
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.tools import Pointer
+from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.tools.limb_ends import END_NAMES, LimbEndsTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 

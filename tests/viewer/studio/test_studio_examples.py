@@ -23,7 +23,9 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import motion_of, state_of
 from enliven.modeling.edits import change_layers, rename_character
-from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take, set_symmetry
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point
+from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.examples.example_edits import (
     add_switch,
@@ -167,7 +169,7 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
     assert same(with_default_settings(changed, "star"), project)
     named = rename_character(project, "star", "sun")
     assert list(named.puppets) == ["sun"] and same(rename_character(named, "sun", "star"), project)
-    with pytest.raises(InputError, match="already"):
+    with pytest.raises(InputError, match="is taken"):
         rename_character(project.with_characters(named.puppets["sun"]), "star", "sun")
 
 

@@ -18,7 +18,7 @@ from enliven.examples.puppet_motion import state_of
 from enliven.formats.motion.expmap import COLUMNS
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.puppet import add_key_pose
+from enliven.modeling.puppet.poses import add_key_pose
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.exporting import export
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -41,7 +41,7 @@ def acting() -> Project:
 
 
 def said(workspace: Workspace) -> str:
-    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    return " | ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
 
 
 @pytest.mark.parametrize("ending", [".obj", ".ply", ".stl", ".off", ".glb"])

@@ -18,7 +18,8 @@ from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet import add_key_pose, play_take
+from enliven.modeling.puppet.edits import play_take
+from enliven.modeling.puppet.poses import add_key_pose
 from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT, Lane, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
 from enliven_viewer.studio.workspace.workspace import Workspace

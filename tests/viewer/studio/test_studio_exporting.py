@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,14 +14,16 @@ import pygltflib
 import pytest
 from made_acting_stage import acting_stage
 
+from enliven import exporters
+from enliven.cli import run
 from enliven.errors import InputError
 from enliven.exporters import suffixes
-from enliven.formats.project import write_project
+from enliven.formats.project.file import write_project
 from enliven_viewer.studio.background import Cancelled, WorkProgress
-from enliven_viewer.studio.workspace import EXPORT_SUFFIXES
+from enliven_viewer.studio.error_texts import find_pattern
 from enliven_viewer.studio.workspace import workspace as workspace_module
-from enliven_viewer.studio.workspace.exporting import ExportOptions, export, write_export
-from enliven_viewer.studio.workspace.files import FILM_SUFFIX
+from enliven_viewer.studio.workspace.exporting import ExportOptions, export, supported_options, write_export
+from enliven_viewer.studio.workspace.files import EXPORT_SUFFIXES, FILM_SUFFIX
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -35,7 +39,7 @@ def workspace(tmp_path: Path) -> Workspace:
 
 
 def said(workspace: Workspace) -> str:
-    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    return " | ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
 
 
 def written(workspace: Workspace, path: Path, progress: WorkProgress | None = None, **options) -> str:
@@ -150,3 +154,73 @@ def test_every_format_of_the_registry_is_offered_and_written_with_its_unit(works
     progress = WorkProgress()
     written(workspace, tmp_path / "out.obj-sequence", progress, rate=12, last=0.5)
     assert len(list((tmp_path / "out.obj-sequence").glob("*.obj"))) == 7 and progress.share == 1.0
+
+
+def test_scale_axis_and_motion_in_place_are_those_of_the_command(workspace, tmp_path) -> None:
+    chosen = {"scale": 2.0, "up": "z", "in_place": True, "rate": 12, "last": 0.5}
+    written(workspace, tmp_path / "window.csv", left_out={"limb 2"}, **chosen)
+    write_project(tmp_path / "stage.enliven", workspace.editor.project)
+    words = ["--scale", "2", "--up", "z", "--in-place", "--rate", "12", "--end", "0.5", "-c", "limb"]
+    command = ["export", str(tmp_path / "stage.enliven"), "-o", str(tmp_path / "command.csv"), *words]
+    assert run(command) == 0
+    assert (tmp_path / "window.csv").read_text() == (tmp_path / "command.csv").read_text()
+    written(workspace, tmp_path / "plain.csv", left_out={"limb 2"}, rate=12, last=0.5)
+    assert (tmp_path / "window.csv").read_text() != (tmp_path / "plain.csv").read_text()
+    # A .glb fixes the axis, so the window shows that choice in grey, and the export ignores it.
+    assert "up" not in supported_options(".glb") and "scale" in supported_options(".glb")
+    written(workspace, tmp_path / "out.glb", up="z", last=0.5)
+    turned = (tmp_path / "out.glb").read_bytes()
+    written(workspace, tmp_path / "out.glb", last=0.5)
+    assert (tmp_path / "out.glb").read_bytes() == turned
+
+
+def test_failed_export_is_reported_in_german(workspace, tmp_path) -> None:
+    (tmp_path / "out.csv").mkdir()
+    workspace.preferences.set_language("de")
+    try:
+        for path, words in (
+            (
+                tmp_path / "out.csv",
+                ("kann nicht geschrieben werden (es ist ein Ordner)", "Wähle einen anderen Ort."),
+            ),
+            (tmp_path / "none" / "out.csv", ("gibt es nicht", "Lege ihn an, oder prüfe den Namen.")),
+            (tmp_path / "out.bvh", ("eine BVH-Datei enthält eine Figur, nicht 2", "Hake nur eine Figur an.")),
+        ):
+            workspace._export(path)
+            workspace.editor.background.finish()
+            shown = workspace.editor.toasts.shown[-1]
+            assert shown.is_error and shown.text.startswith(f"{path}: ")
+            assert words[0] in shown.text and words[1] == shown.remedy
+    finally:
+        workspace.preferences.set_language("en")
+
+
+def error_literals(path: Path) -> Iterator[str]:
+    """Yields the texts of errors that a module raises, with {} for each value."""
+    tree = ast.parse(path.read_text("utf-8"))
+    parts = list[ast.expr]()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("InputError", "ResourceError"):
+            parts += [*node.args, *(keyword.value for keyword in node.keywords if keyword.arg == "remedy")]
+    names = {part.id for part in parts if isinstance(part, ast.Name)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in names:
+            parts.append(node.value)
+    for part in parts:
+        if isinstance(part, ast.Constant) and isinstance(part.value, str):
+            yield part.value
+        elif isinstance(part, ast.JoinedStr):
+            yield "".join(
+                str(value.value) if isinstance(value, ast.Constant) else "{}" for value in part.values
+            )
+
+
+def test_errors_of_exporters_are_translated() -> None:
+    folder = Path(exporters.__file__).parent
+    paths = [
+        path for path in sorted(folder.rglob("*.py")) if path.name not in ("registry.py", "placement.py")
+    ]
+    texts = {text for path in paths for text in error_literals(path)}
+    assert len(texts) > 15
+    unknown = [text for text in sorted(texts) if find_pattern(text.replace("{}", "7")) is None]
+    assert not unknown, unknown

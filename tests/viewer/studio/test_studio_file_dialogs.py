@@ -116,7 +116,7 @@ def test_foreign_project_file_is_identified_in_plain_words(kind: str, tmp_path: 
     workspace = Workspace.new(Editor(), tmp_path / "own")
     before = workspace.editor.project
     assert not workspace.attempt(lambda: workspace.open(path))
-    messages = " ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    messages = " ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
     assert kind in messages or "cut short or damaged" in messages, messages
     assert "ending in .enliven" not in messages
     for word in ("Error", "Expecting", "delimiter", "column", "BadZip", "char 0", "line 1"):

@@ -19,7 +19,7 @@ from made_bodies import man, meshed, random_motion
 
 from enliven.document.project import Project, same
 from enliven.errors import InputError, ResourceError
-from enliven.exporters.gltf import glb_of
+from enliven.exporters.gltf.write import glb_of
 from enliven.exporters.performance import Performance
 from enliven.exporters.sampling import performance_of
 from enliven.mapping.model_clips import play_own_clip, played_clip
@@ -52,7 +52,7 @@ def finished_process() -> int:
 
 
 def said(workspace: Workspace) -> str:
-    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    return " | ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
 
 
 def test_saved_project_opens_bit_for_bit(workspace: Workspace, tmp_path) -> None:
@@ -219,7 +219,7 @@ def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
     project = Editor().project.with_characters(make_limb("a", 2), make_limb("b", 2))
     renamed = rename_character(project, "a", "mantle")
     assert list(renamed.shapes) == ["mantle", "b"] and renamed.shapes["mantle"].id == "mantle"
-    with pytest.raises(InputError, match="already"):
+    with pytest.raises(InputError, match="is taken"):
         rename_character(project, "a", "b")
 
 

@@ -25,14 +25,15 @@ from enliven.modeling.edits import (
 )
 from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.ghosts import Ghosts
-from enliven_viewer.studio.ghosts.ghost_picture import smooth
-from enliven_viewer.studio.ghosts.ghost_times import choose_ghost_times, find_key_times
-from enliven_viewer.studio.ghosts.motion_samples import smooth_normals
-from enliven_viewer.studio.ghosts.trail_points import find_far_ends
-from enliven_viewer.studio.picture import Viewport
-from enliven_viewer.studio.viewport import Overlay
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.animation.ghost_pass import GhostPass
+from enliven_viewer.studio.features.animation.ghost_picture import smooth
+from enliven_viewer.studio.features.animation.ghost_times import choose_ghost_times, find_key_times
+from enliven_viewer.studio.features.animation.ghosts import Ghosts
+from enliven_viewer.studio.features.animation.motion_samples import smooth_normals
+from enliven_viewer.studio.features.animation.trail_points import find_far_ends
+from enliven_viewer.studio.picture.viewport import Viewport
+from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.theme import FUTURE_POSE, PAST_POSE
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
@@ -108,7 +109,7 @@ def test_one_switch_shows_and_hides_and_without_it_nothing_is_worked_out() -> No
 
 
 def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
-    import enliven_viewer.studio.ghosts.ghosts as room
+    import enliven_viewer.studio.features.animation.ghosts as room
 
     editor, ghosts, name = desk("bones")
     free, real = threading.Event(), room.sample_motion
@@ -216,7 +217,7 @@ def test_far_ends_are_hands_and_feet_and_not_every_finger() -> None:
 
 
 def test_smooth_normals_of_a_ball_point_outwards() -> None:
-    from enliven.samples import load_sample
+    from enliven.samples.shipped import load_sample
 
     mesh = load_sample("cactus")
     normals = smooth_normals(mesh.vertices, mesh.faces)
@@ -233,13 +234,15 @@ def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
     editor.size = (320.0, 240.0)
     editor.frame_all(at_once=True)
     ghosts.settle()
-    viewport = Viewport(create_offscreen_context(), (320, 240), RenderSettings())
+    ghosts.toggle()
+    context = create_offscreen_context()
+    viewport = Viewport(context, (320, 240), RenderSettings(), [GhostPass(context, ghosts)])
     seen = []
-    for shown in (None, ghosts.settle()):
-        viewport.draw(
-            editor.stage_characters, editor.lens, editor.selection, Overlay(), ghosts=shown, bones=False
-        )
+    for _ in range(2):
+        viewport.draw(editor.stage_characters, editor.lens, editor.selection, Overlay(), bones=False)
         seen.append(viewport.renderer.pixels().astype(int))
+        ghosts.toggle()
+        ghosts.settle()
     changed = np.abs(seen[1] - seen[0]).max(2) > 12
     assert changed.sum() > 100
     gained = (seen[1] - seen[0])[changed]

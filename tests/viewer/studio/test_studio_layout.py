@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from in_a_window import in_a_window
 
-from enliven_viewer.studio.perform import WORKSPACES
-from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.features.paint.paint_tool import PaintTool
+from enliven_viewer.studio.perform.session import WORKSPACES
+from enliven_viewer.studio.tools.registry import TOOLS
 
 pytestmark = pytest.mark.slow
 
@@ -36,7 +37,7 @@ def test_tabs_tools_and_menu_are_inside_the_window_at_any_size(shown: dict) -> N
         wide, high = report["usual"]
         wanted = [f"room {room}" for room in WORKSPACES]
         if not name.startswith(("Perform", "a scan", "the start page")):
-            wanted += [f"tool {kind.name}" for kind in TOOLS]
+            wanted += [f"tool {kind.name}" for kind in (*TOOLS, PaintTool)]
         for widget in wanted:
             left, top, right, bottom = report["widgets"][widget]
             assert left >= 0 and top >= 0, (name, widget)

@@ -14,7 +14,7 @@ from studio_driver import Click, Drag, HeadlessStage, JointPlace, Key, play
 
 from enliven.document.project import FREE, same
 from enliven.errors import InputError
-from enliven.formats.project import read_project, write_project
+from enliven.formats.project.file import read_project, write_project
 from enliven.modeling.edits import (
     delete_take,
     handle_characters,
@@ -25,9 +25,9 @@ from enliven.modeling.edits import (
     rename_take,
     scale_character,
 )
-from enliven_viewer.studio.outliner import Outliner
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.outliner.outliner import Outliner
 from enliven_viewer.studio.workspace.files import list_exportable
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_outliner_session.py"
 FULL = acting_stage  # a limb that waves, a possessed post, and the puppet of a star
@@ -115,7 +115,7 @@ def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
         lambda project: project.without("limb"),
     ):
         assert not editor.edit("change", change) and editor.project is before
-    assert "locked" in editor.toasts.shown[-1].text and "lock" in editor.toasts.shown[-1].mend
+    assert "locked" in editor.toasts.shown[-1].text and "lock" in editor.toasts.shown[-1].remedy
     assert editor.edit("move", lambda project: move_character(project, "star", [1.0, 0.0, 0.0]))
     assert editor.edit("record", lambda project: scale_character(project, "limb", 2.0), over_locks=True)
     workspace.actions.do("shape.unlock_all")

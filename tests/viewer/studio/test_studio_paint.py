@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from known_bodies import t_pose
 
-from enliven.deformation.graph import painted_stiffness
+from enliven.deformation.graph.stiffness import painted_stiffness
 from enliven.document.project import same
-from enliven.formats.project import character_bytes, project_of_mesh, read_project, write_project
+from enliven.formats.project.file import read_project, write_project
+from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.person import Body, Joint
 from enliven.wire import PutCharacter
 from enliven_edge.settings import EdgeSettings
 from enliven_edge.uploaded_actor import create_uploaded_actor
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.paint.paint_tool import PaintTool, make_shades
 from enliven_viewer.studio.perform.stage_sender import _differs_in_motion_only
 from enliven_viewer.studio.settings import StudioSettings
-from enliven_viewer.studio.tools import PaintTool
-from enliven_viewer.studio.tools.paint import make_shades
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 KNOWN = t_pose()

@@ -16,7 +16,7 @@ from swaying import possessed_chair, without_cache
 from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.project import Project, same
-from enliven.formats.project import project_of_mesh
+from enliven.formats.project.one_character import project_of_mesh
 from enliven.modeling.edits import (
     cut_character,
     delete_character,
@@ -26,10 +26,10 @@ from enliven.modeling.edits import (
     scale_character,
     vertices_of,
 )
-from enliven.modeling.mesh import PlaneCut
-from enliven.modeling.possessed import stale
+from enliven.modeling.mesh.cut_surfaces import PlaneCut
+from enliven.modeling.possessed.solving import stale
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.viewport import Label
+from enliven_viewer.studio.viewport.overlay import Label
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NS = 1_000_000_000

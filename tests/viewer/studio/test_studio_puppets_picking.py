@@ -13,7 +13,7 @@ from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 from enliven.document.puppet import Puppet
 from enliven.examples.puppet_motion import in_world
 from enliven.modeling.edits import move_character, turn_character
-from enliven.modeling.puppet import set_symmetry
+from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo

@@ -25,7 +25,9 @@ from tolerances import SOLVED, alike
 from enliven.document.project import same
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.mesh import refine
-from enliven.modeling.puppet import add_key_pose, add_point, change_point, make_puppet, play_take
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point, change_point
+from enliven.modeling.puppet.poses import add_key_pose
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -12,7 +12,7 @@ from made_studio_puppets import SIDES, project_with, star, studio, vertex
 from tolerances import SOLVED, alike
 
 from enliven.document.project import same
-from enliven.modeling.puppet import add_key_pose, set_symmetry
+from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.puppets.symmetry import find_partner_point, find_partner_vertex
@@ -185,7 +185,10 @@ def test_a_vertex_that_no_face_uses_is_refused() -> None:
     puppets.editor.edit("loosen", lambda p: p.with_characters(p.puppets["star"].with_changes(mesh=loose)))
     before = puppets.editor.project
     assert not puppets.add_point(len(mesh.vertices)) and puppets.editor.project is before
-    assert "loose" in puppets.editor.toasts.shown[-1].text and puppets.editor.toasts.shown[-1].is_error
+    assert (
+        "belongs to no face" in puppets.editor.toasts.shown[-1].text
+        and puppets.editor.toasts.shown[-1].is_error
+    )
 
 
 def test_unsolvable_puppet_is_reported_and_repaired() -> None:

@@ -10,7 +10,7 @@ import pytest
 from in_a_window import in_a_window
 from swaying import swaying
 
-from enliven.formats.project import read_project, write_project
+from enliven.formats.project.file import read_project, write_project
 from enliven.wire import BODIES
 from enliven_viewer.link.received_data import ReceivedBodies
 from enliven_viewer.studio.editor.editor import Editor

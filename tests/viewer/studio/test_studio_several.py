@@ -22,8 +22,8 @@ from enliven.modeling.edits import (
     vertices_of,
 )
 from enliven.rotation import from_rotation_vector, rotate
-from enliven_viewer.studio.viewport import Selection
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 PAIR = ("limb", "post")
 

@@ -13,7 +13,7 @@ from made_acting_stage import acting_stage
 
 from enliven.meshes.files import save_mesh
 from enliven.modeling.edits import scale_character, vertices_of
-from enliven.samples import load_sample
+from enliven.samples.shipped import load_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 

@@ -17,8 +17,8 @@ from PIL import Image
 
 from enliven.document import Project
 from enliven.meshes import Texture
-from enliven_viewer.render.materials import Textures
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.render.materials.textures import Textures
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.pointer_path import PointerPath
 from enliven_viewer.studio.workspace import project_store as module
 from enliven_viewer.studio.workspace.project_store import ProjectStore

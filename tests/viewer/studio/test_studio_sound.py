@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 
 from enliven.document.project import same
 from enliven.errors import InputError
-from enliven.formats.project import project_of
-from enliven.formats.project.file import project_bytes
+from enliven.formats.project.file import project_bytes, project_of
 from enliven.sounds import SOUND_RATE, Sound, mix_sounds
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.sound import SoundPlayer, compute_envelope, read_sound
+from enliven_viewer.studio.features.sound.player import SoundPlayer
+from enliven_viewer.studio.features.sound.sound_reader import read_sound
+from enliven_viewer.studio.features.sound.waveform import compute_envelope
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 BEAT = 0.25

@@ -12,16 +12,16 @@ from in_a_window import in_a_window
 from strokes import limb
 from studio_driver import HeadlessStage, Key, play
 
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 from enliven.modeling.edits import rig_of
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven.samples import load_sample
-from enliven.takes import has_motion
+from enliven.samples.shipped import load_sample
+from enliven.takes.overdub import has_motion
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panels.start import place_arrow, place_card
-from enliven_viewer.studio.start import TOUR_STEPS, find_leg_to_cut, find_legs
-from enliven_viewer.studio.start.tour_steps import ENDING
-from enliven_viewer.studio.workspace import SAMPLES
+from enliven_viewer.studio.panels.start.card_placement import place_arrow, place_card
+from enliven_viewer.studio.start.chair_legs import find_leg_to_cut, find_legs
+from enliven_viewer.studio.start.tour_steps import ENDING, TOUR_STEPS
+from enliven_viewer.studio.workspace.files import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_tour_session.py"

@@ -12,7 +12,8 @@ from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Place,
 
 from enliven.document.project import same
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.features.paint.paint_tool import PaintTool
+from enliven_viewer.studio.tools.registry import TOOLS
 
 STROKES = int(os.environ.get("ENLIVEN_STROKES", "20"))
 """Number of strokes; make test-long makes 500."""
@@ -35,7 +36,7 @@ def spot(editor: Editor, chance: random.Random) -> Place:
 
 def strokes(editor: Editor, chance: random.Random) -> Iterator[Action]:
     """Returns a tool, and a stroke with it."""
-    yield Key(chance.choice(TOOLS).key)
+    yield Key(chance.choice((*TOOLS, PaintTool)).key)
     shift = chance.random() < 0.3
     if chance.random() < 0.4:
         yield Click(spot(editor, chance), shift)

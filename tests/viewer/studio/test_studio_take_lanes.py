@@ -12,8 +12,15 @@ from made_acting_stage import acting_stage, two_takes
 
 from enliven.document import same
 from enliven.modeling.edits import alternative_takes
-from enliven_viewer.studio.timeline import LABEL_WIDTH, RULER_HEIGHT, TimelineInput, TimelineLayout
-from enliven_viewer.studio.timeline.layout import EDGE_GRAB_DISTANCE, END_MARGIN, TAKES_BUTTON_WIDTH
+from enliven_viewer.studio.timeline.layout import (
+    EDGE_GRAB_DISTANCE,
+    END_MARGIN,
+    LABEL_WIDTH,
+    RULER_HEIGHT,
+    TAKES_BUTTON_WIDTH,
+    TimelineLayout,
+)
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 

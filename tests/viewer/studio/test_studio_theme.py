@@ -12,8 +12,8 @@ from in_a_window import in_a_window
 
 import enliven_viewer
 from enliven_viewer import theme
+from enliven_viewer.studio.app.style import ACCENT_OPACITY_UNDER_TEXT
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panels.style import ACCENT_OPACITY_UNDER_TEXT
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import COLOUR_SETS, THEMES, get_theme, use_theme

@@ -20,17 +20,17 @@ from enliven.errors import InputError
 from enliven.modeling.edits import change_layers
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
-from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.timeline.lane_names import describe_limb
 from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, LANE_HEIGHT, RULER_HEIGHT, TimelineLayout
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.project_length import length_of
 from enliven_viewer.studio.window import measure_elapsed
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 
 def project_of(offsets: list[float], speeds: list[float], take: str = "wave") -> Project:
@@ -106,10 +106,10 @@ def test_layers_that_no_shape_uses_have_no_lane() -> None:
 def test_messages_stay_their_time_and_bad_ones_longer() -> None:
     toasts = Toasts(2.0)
     toasts.say("done")
-    toasts.complain(InputError("it is flat", where="stroke", mend="Draw a circle."))
+    toasts.complain(InputError("it is flat", where="stroke", remedy="Draw a circle."))
     toasts.say("done")
     assert [toast.text for toast in toasts.shown] == ["stroke: it is flat", "done"], "once each"
-    assert toasts.shown[0].mend == "Draw a circle." and toasts.shown[0].is_error
+    assert toasts.shown[0].remedy == "Draw a circle." and toasts.shown[0].is_error
     toasts.advance(3.0)
     assert [toast.is_error for toast in toasts.shown] == [True]
     toasts.advance(1.5)

@@ -59,7 +59,7 @@ def do(workspace: Workspace, *actions) -> Workspace:
 
 
 def said(workspace: Workspace) -> str:
-    return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    return " | ".join(f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown)
 
 
 def moving(project: Project, shape: str = "limb", take: str = "wave") -> Project:

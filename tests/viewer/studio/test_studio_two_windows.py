@@ -10,7 +10,7 @@ from in_a_window import in_a_window
 
 from enliven.document.project import Marker, same
 from enliven.errors import ResourceError
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.project_comparison import compare_projects, with_saved_items
 from enliven_viewer.studio.workspace.workspace import Workspace

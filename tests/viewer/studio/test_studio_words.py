@@ -10,14 +10,21 @@ from pathlib import Path
 from made_acting_stage import acting_stage
 
 import enliven_viewer
-from enliven.mapping import MAX_FLOOR_DISTANCE, MAX_INTERSECTION, MAX_SLIDE_CM_S, MAX_STRETCH
-from enliven.mapping.quality import LimbError, MotionQuality
+from enliven.mapping.quality import (
+    MAX_FLOOR_DISTANCE,
+    MAX_INTERSECTION,
+    MAX_SLIDE_CM_S,
+    MAX_STRETCH,
+    LimbError,
+    MotionQuality,
+)
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import describe_delay
+from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM
 from enliven_viewer.studio.panels.examples.strip import _make_status_text as coverage_words
 from enliven_viewer.studio.panels.side import describe_parts
 from enliven_viewer.studio.panels.source import _list_quality_lines as motion_words
-from enliven_viewer.studio.panels.stage import live, scan
+from enliven_viewer.studio.panels.stage import live
 from enliven_viewer.studio.panels.stage.voice import describe_command
 
 STUDIO = Path(enliven_viewer.__file__).parent / "studio"
@@ -121,6 +128,6 @@ def test_phrase_list_describes_every_command() -> None:
 
 
 def test_heard_words_are_below_the_advice_of_a_scan() -> None:
-    top = live.find_utterance_bottom(is_scanned=True) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
-    assert top >= scan.ADVICE_BOTTOM, "the words lie on each other"
-    assert live.find_utterance_bottom(is_scanned=False) < live.find_utterance_bottom(is_scanned=True)
+    top = live.find_utterance_bottom(ADVICE_BOTTOM) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
+    assert top >= ADVICE_BOTTOM, "the words lie on each other"
+    assert live.find_utterance_bottom(0.0) < live.find_utterance_bottom(ADVICE_BOTTOM)

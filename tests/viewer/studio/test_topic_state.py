@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from enliven.wire import VOICE, VoiceMessage
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform import topic_state
 from enliven_viewer.studio.perform.physics import StagePhysics
 from enliven_viewer.studio.perform.voice import StageVoice

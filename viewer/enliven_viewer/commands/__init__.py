@@ -1,1 +1,1 @@
-"""The commands ``enliven view``, ``enliven studio`` and ``enliven graph``."""
+"""The commands of the viewer: ``enliven view``, ``studio``, ``stage``, ``graph`` and ``kiosk-window``."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from enliven.commands import say
+from enliven.commands.terminal import say
 from enliven.errors import InputError
 from enliven.files import require_folder
 
@@ -45,14 +45,14 @@ def graph(
     if output.suffix.lower() not in _IMAGE_SUFFIXES:
         endings = ", ".join(ending[1:] for ending in _IMAGE_SUFFIXES)
         raise InputError(
-            f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {endings}."
+            f"cannot write {output.suffix or 'no'} pictures", where=str(output), remedy=f"Known: {endings}."
         )
     require_folder(output)
     # Heavy modules are imported only here, so that `--help` appears quickly.
-    from enliven.deformation.graph import DeformationGraph, character_from
+    from enliven.deformation.graph.graph import DeformationGraph, character_from
     from enliven.meshes import fit_height, load_mesh, refine
-    from enliven.samples import load_sample
-    from enliven_viewer.film import write_graph_picture
+    from enliven.samples.shipped import load_sample
+    from enliven_viewer.film.graph_picture import write_graph_picture
 
     if mesh == CHAIR:
         shape = load_sample("chair")

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands import say
+from enliven.commands.terminal import say
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
     from enliven.document import Project
     from enliven.meshes import Axis
     from enliven.wire import Answer
-    from enliven_viewer.link import EdgeClient, ReceivedCues
+    from enliven_viewer.link.edge_client import EdgeClient
+    from enliven_viewer.link.received_data import ReceivedCues
 
 _ANSWER_TIMEOUT_S = 5.0
 """Timeout in seconds for an edge to answer and to send its characters, on any network."""
@@ -67,12 +68,12 @@ def put(
     """
     project, default_name, scales_to_person = _read(character, drive, up)
     with _connect(edge) as client:
-        replaced = (name or default_name) in client.characters
+        is_replacing = (name or default_name) in client.characters
         answers: list[Answer] = []
         client.stage.put(project, default_name, name=name, fit=scales_to_person, then=answers.append)
         _poll_until(client, lambda: answers, _PREPARATION_TIMEOUT_S)
         _require_done(answers, character)
-    state_text = "is replaced" if replaced else "stands"
+    state_text = "is replaced" if is_replacing else "stands"
     say(f"enliven: {name or default_name} {state_text} on the stage of {edge}")
 
 
@@ -107,7 +108,7 @@ def list_(edge: Edge = "127.0.0.1") -> None:
 
 
 def _describe_holders(cues: ReceivedCues | None) -> str:
-    """Returns text about the performers that control a character."""
+    """Returns a text that lists the performers that control a character."""
     if cues is None or cues.state != "possessed":
         return ""
     owners = {int(owner) for owner in cues.owners[: cues.held]} or {cues.body}
@@ -117,18 +118,18 @@ def _describe_holders(cues: ReceivedCues | None) -> str:
 def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
     """Returns a project, the id of the character in it, and whether to scale it to a person."""
     from enliven.document import Project
-    from enliven.formats.project import project_of_mesh
+    from enliven.formats.project.one_character import project_of_mesh
 
     file, _, character_id = spec.partition("#")
     path = Path(file)
     if spec in ("chair", "lamp"):
-        from enliven.samples import load_sample
+        from enliven.samples.shipped import load_sample
 
         return project_of_mesh(load_sample(spec), spec), spec, False
     if path.suffix.lower() in (".enliven", ".toml"):
         return _read_project_character(path, character_id)
     if drive == "skeleton":
-        from enliven.formats.gltf import read_gltf
+        from enliven.formats.gltf.read import read_gltf
 
         rig = read_gltf(path, floor=True)
         for note in rig.notes:
@@ -143,32 +144,34 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
 
 def _read_project_character(path: Path, character_id: str) -> tuple[Project, str, bool]:
-    """Returns the named character in a project or session; without a name, the only one."""
-    from enliven.example_sessions import read_session
-    from enliven.formats.project import read_project
+    """Returns the named character in a project or session. Without a name, returns the only one."""
+    from enliven.example_sessions.session import read_session
+    from enliven.formats.project.file import read_project
 
     if path.suffix.lower() == ".toml":
         session = read_session(path)
         return session.project, character_id or session.puppet, False
     project = read_project(path)
     if not character_id and len(project.characters) != 1:
-        names = ", ".join(f"{path.name}#{each}" for each in project.characters)
+        names = ", ".join(f"{path.name}#{id}" for id in project.characters)
         problem = f"it has {len(project.characters)} characters"
-        raise InputError(problem, where=str(path), mend=f"Name one: {names}." if names else "Make one first.")
+        raise InputError(
+            problem, where=str(path), remedy=f"Name one: {names}." if names else "Make one first."
+        )
     return project, character_id or next(iter(project.characters)), False
 
 
 @contextlib.contextmanager
 def _connect(edge: str) -> Iterator[EdgeClient]:
     """Yields the client of an edge after the edge has sent the characters on its stage."""
-    from enliven_viewer.link import EdgeClient
+    from enliven_viewer.link.edge_client import EdgeClient
 
     client = EdgeClient([edge], "enliven stage")
     with contextlib.closing(client):
         _poll_until(client, lambda: client.edges[0].complete, _ANSWER_TIMEOUT_S)
         if client.status is None:
-            mend = "Start one with 'enliven edge', or give its address with --edge."
-            raise ResourceError("no edge answers", where=edge, mend=mend)
+            remedy = "Start one with 'enliven edge', or give its address with --edge."
+            raise ResourceError("no edge answers", where=edge, remedy=remedy)
         yield client
 
 

@@ -23,6 +23,17 @@ def studio(
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Close the window after this number of seconds.")
     ] = None,
+    space: Annotated[
+        Path | None,
+        typer.Option(help="Show several edges in one space: a file of enliven calibrate, by their names."),
+    ] = None,
+    out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Send the shown motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
+            "Or let it connect here: foxglove:127.0.0.1. Repeat the option for several."
+        ),
+    ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
 ) -> None:
@@ -33,6 +44,7 @@ def studio(
       enliven studio SPIDER.glb WALK.bvh a model, and a take to give it
       enliven studio CACTUS.ply WALK.bvh a mesh without a skeleton, to act by examples
       enliven studio SQUID.enliven       go on with a project
+      enliven studio DANCE.enliven --out vmc:127.0.0.1  stream it into Unreal, VSeeFace or Blender
       enliven                            the same as enliven studio
 
     Press F1 in the window for the keys.
@@ -41,18 +53,29 @@ def studio(
         raise ResourceError(
             "no display was found to open a window on",
             where="enliven studio",
-            mend="Start it where there is a screen, or under xvfb-run.",
+            remedy="Start it where there is a screen, or under xvfb-run.",
         )
     # Heavy modules are imported only here, so that `--help` appears quickly.
-    from enliven_viewer.studio import StudioSettings, StudioWindow
-    from enliven_viewer.studio.editor import Editor
-    from enliven_viewer.studio.workspace import Workspace
+    from enliven.outputs.opening import open_outputs
+    from enliven.outputs.settings import outputs_of
+    from enliven.space.space_file import load_space
+    from enliven_viewer.studio.editor.editor import Editor
+    from enliven_viewer.studio.live_outputs import WindowOutputs
+    from enliven_viewer.studio.settings import StudioSettings
+    from enliven_viewer.studio.window import StudioWindow
+    from enliven_viewer.studio.workspace.workspace import Workspace
 
-    chosen = load_settings(StudioSettings, settings) if settings else StudioSettings()
-    workspace = Workspace.new(Editor(chosen))
+    chosen_settings = load_settings(StudioSettings, settings) if settings else StudioSettings()
+    loaded_space = None if space is None else load_space(space)
+    workspace = Workspace.new(Editor(chosen_settings))
+    workspace.perform.shared_space.space = loaded_space
     for file in files or []:
         workspace.open(file)
     workspace.starting = not files
     if workspace.store.list_recoverable():
         workspace.ask("recover")
-    StudioWindow(workspace, opening=WindowStart(full_screen=fullscreen)).run(seconds=seconds)
+    outputs = outputs_of(out or [], chosen_settings.outputs)
+    opened = open_outputs(outputs, settings.parent if settings else None)
+    with WindowOutputs(workspace, opened) as sending:
+        opening = WindowStart(full_screen=fullscreen)
+        StudioWindow(workspace, opening=opening, outputs=sending).run(seconds=seconds)

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands import say, terminate_as_interrupt
+from enliven.commands.terminal import say
 from enliven.errors import InputError, ResourceError
 from enliven.files import require_folder
+from enliven.outputs.settings import LiveOutputSettings, outputs_of
 from enliven.settings import load_settings
+from enliven.supervision.lifetime import terminate_as_interrupt
 from enliven_viewer.doctor import has_display
 from enliven_viewer.settings import ViewerSettings, WindowStart, with_size
 
 if TYPE_CHECKING:
-    from enliven_viewer.link import EdgeFeed, TakeFeed
+    from enliven_viewer.link.edge_feed import EdgeFeed
+    from enliven_viewer.link.take_feed import TakeFeed
 
 DEFAULT_ADDRESS = "127.0.0.1"
 
@@ -50,41 +54,95 @@ def view(
         bool,
         typer.Option("--fullscreen", help="Fill the screen, for an audience; F11 shows the menus again."),
     ] = False,
+    space: Annotated[
+        Path | None,
+        typer.Option(help="Show several edges in one space: a file of enliven calibrate, by their names."),
+    ] = None,
+    out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Send the shown motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
+            "Or let it connect here: foxglove:127.0.0.1. Repeat the option for several."
+        ),
+    ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
 ) -> None:
     """Watch characters move: live from an edge, or from a take; in a window, or as a film.
 
     \b
-      enliven view                                 the edge on this machine, in a window
+      enliven view                                 the edge on this machine, or a list of those on the network
       enliven view --edge 192.168.1.20             an edge on the network
       enliven view --edge 10.0.0.5 --edge 10.0.0.6  two edges, side by side
+      enliven view --edge 10.0.0.5 --edge 10.0.0.6 --space SPACE.toml  two edges in one calibrated space
       enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
       enliven view --fullscreen                    for an audience: no menus, no numbers, no keys
       enliven view --fullscreen --no-hud           an installation: the picture alone
+      enliven view TAKE.mcap --out vmc:127.0.0.1   stream a take into Unreal, VSeeFace or Blender
       enliven view --film out.mp4 --sheet out.png  no display needed; ends with the edge's stream
       enliven view TAKE.mcap --film out.mp4 --size 1920x1080 --no-hud
 
     It is the window of `enliven studio` in its Play workspace; H shows the keys.
     """
-    chosen = with_size(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    chosen_settings = with_size(
+        load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size
+    )
     if wait is not None:
-        chosen = replace(chosen, film=replace(chosen.film, patience=wait))
+        chosen_settings = replace(chosen_settings, film=replace(chosen_settings.film, patience=wait))
     require_folder(film, sheet)
     _require_take(take)
     filming = film is not None or sheet is not None
+    if space is not None and filming:
+        remedy = "Open a window without --film and --sheet."
+        raise InputError("a film shows one edge, so it has no space", where="--space", remedy=remedy)
+    if out and filming:
+        remedy = "Open a window without --film and --sheet, or export the take to a file: enliven export."
+        raise InputError("a film is not sent live", where="--out", remedy=remedy)
+    if space is None and chosen_settings.space and settings is not None:
+        space = settings.parent / chosen_settings.space
     if not filming and not has_display():
         raise ResourceError(
             "no display was found to open a window on",
             where="enliven view",
-            mend="Render without one: enliven view --film out.mp4 --sheet out.png",
+            remedy="Render without one: enliven view --film out.mp4 --sheet out.png",
         )
     addresses = _parse_addresses(edge or [DEFAULT_ADDRESS], port, control_port)
+    is_address_open = not (edge or port or control_port or take or filming or fullscreen)
+    if is_address_open and list_network_edges(addresses[0]):
+        addresses = []
     with terminate_as_interrupt():
         if filming:
-            _make_film(take, addresses, film, sheet, chosen, seconds, hud)
+            _make_film(take, addresses, film, sheet, chosen_settings, seconds, hud)
         else:
             start = WindowStart(_make_title(take), not hud, fullscreen, escape_ends=True, audience=True)
-            _open_window(take, addresses, chosen, seconds, start)
+            outputs = outputs_of(out or [], chosen_settings.outputs), settings and settings.parent
+            _open_window(take, addresses, chosen_settings, seconds, start, space, outputs)
+
+
+_SEARCH_S = 1.5
+"""Duration of the search for edges in seconds, before the window opens. It continues in the window."""
+
+
+def list_network_edges(local: str) -> bool:
+    """Prints the edges on the network if no edge runs on this machine. Returns True if there are any.
+
+    The window then lists them with their camera images, and a click connects.
+    """
+    from enliven.peers.announcement import lacks_discovery
+    from enliven.peers.edge_browser import answers_locally, describe_edge, find_edges
+    from enliven.wire import parse_endpoint
+
+    if answers_locally(parse_endpoint(local)) or lacks_discovery():
+        return False
+    try:
+        edges = find_edges(_SEARCH_S)
+    except ResourceError:
+        return False
+    for edge in edges:
+        line, remedy = describe_edge(edge)
+        say(f"{edge.announcement.name}: {line}{f'. {remedy}' if remedy else ''}")
+    if edges:
+        say("enliven: no edge runs on this machine. Choose one in the window, or give --edge ADDRESS.")
+    return bool(edges)
 
 
 _OTHER_COMMANDS = {
@@ -99,8 +157,8 @@ _OTHER_COMMANDS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHER_COMMANDS[".gl
 def _require_take(take: Path | None) -> None:
     """Raises an InputError with advice if the file is of a type that another command plays."""
     if take is not None and take.suffix.lower() in _OTHER_COMMANDS and take.exists():
-        mend = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
-        raise InputError("this is not a take", where=str(take), mend=mend)
+        remedy = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
+        raise InputError("this is not a take", where=str(take), remedy=remedy)
 
 
 def _make_film(
@@ -115,8 +173,9 @@ def _make_film(
     """Makes a film and a contact sheet. Heavy modules are imported only here, so that the help appears
     quickly.
     """
-    from enliven_viewer.film import make_film
-    from enliven_viewer.playback import Document, Timeline
+    from enliven_viewer.film.film import make_film
+    from enliven_viewer.playback.document import Document
+    from enliven_viewer.playback.timeline import Timeline
 
     feed = _open_feed(take, addresses)
     document = Document(Timeline(settings.playback, bounded=False))
@@ -124,8 +183,8 @@ def _make_film(
         report = make_film(
             feed, document, film, sheet, settings, seconds=seconds, title=_make_title(take), caption=hud
         )
-    written = " and ".join(str(path) for path in (film, sheet) if path)
-    say(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written}")
+    written_files = " and ".join(str(path) for path in (film, sheet) if path)
+    say(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written_files}")
 
 
 def _open_window(
@@ -134,21 +193,34 @@ def _open_window(
     settings: ViewerSettings,
     seconds: float | None,
     opening: WindowStart,
+    space: Path | None = None,
+    outputs: tuple[Mapping[str, LiveOutputSettings], Path | None] = ({}, None),
 ) -> None:
-    """Opens the window in its Play workspace."""
-    from enliven_viewer.studio import StudioSettings, StudioWindow
-    from enliven_viewer.studio.editor import Editor
-    from enliven_viewer.studio.workspace import Workspace
+    """Opens the window in its Play workspace.
 
-    chosen = StudioSettings(settings.render, settings.width, settings.height)
-    workspace = Workspace.new(Editor(chosen))
-    workspace.perform.active_workspace = "Play"
+    Args:
+        outputs: the live outputs by name, and the folder of the settings file.
+    """
+    from enliven.outputs.opening import open_outputs
+    from enliven.space.space_file import load_space
+    from enliven_viewer.studio.editor.editor import Editor
+    from enliven_viewer.studio.live_outputs import WindowOutputs
+    from enliven_viewer.studio.settings import StudioSettings
+    from enliven_viewer.studio.window import StudioWindow
+    from enliven_viewer.studio.workspace.workspace import Workspace
+
+    loaded_space = None if space is None else load_space(space)
+    studio_settings = StudioSettings(settings.render, settings.width, settings.height)
+    workspace = Workspace.new(Editor(studio_settings))
+    workspace.perform.active_workspace = "Play" if take is not None or addresses else "Perform"
+    workspace.perform.shared_space.space = loaded_space
     if take is not None:
         workspace.perform.follow_take(take, settings.playback)
     else:
         for address in addresses:
             workspace.perform.add_secondary(address, settings.playback)
-    StudioWindow(workspace, opening=opening).run(seconds=seconds)
+    with WindowOutputs(workspace, open_outputs(*outputs)) as sending:
+        StudioWindow(workspace, opening=opening, outputs=sending).run(seconds=seconds)
 
 
 def _make_title(take: Path | None) -> str:
@@ -156,18 +228,20 @@ def _make_title(take: Path | None) -> str:
 
 
 def _open_feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
-    """Returns the take's feed, or the edges' feed."""
+    """Returns a feed of the take, or of the edges."""
     if take is not None:
-        from enliven_viewer.link import TakeFeed
+        from enliven_viewer.link.take_feed import TakeFeed
 
         return TakeFeed(take)
-    from enliven_viewer.link import EdgeClient, EdgeFeed
+    from enliven_viewer.link.edge_client import EdgeClient
+    from enliven_viewer.link.edge_feed import EdgeFeed
 
     return EdgeFeed(EdgeClient(addresses))
 
 
 def _parse_addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
-    """Returns HOST[:PORT[:CONTROL_PORT]] of the options; separately given ports override those in ``edges``.
+    """Returns the addresses HOST[:PORT[:CONTROL_PORT]] from the options. Ports given as separate options
+    override those in ``edges``.
 
     Raises:
         InputError: if an address is invalid, or separate ports are given for several edges.
@@ -175,11 +249,11 @@ def _parse_addresses(edges: list[str], port: int | None, control_port: int | Non
     from enliven.wire import Endpoint, parse_endpoint
 
     if len(edges) > 1 and (port or control_port):
-        problem, mend = (
+        problem, remedy = (
             "several edges cannot share one port",
             "Give each edge its own port: --edge HOST:PORT.",
         )
-        raise InputError(problem, where="--port", mend=mend)
+        raise InputError(problem, where="--port", remedy=remedy)
     endpoint = parse_endpoint(edges[0])
     pose = port or endpoint.pose_port
     control = control_port or (pose + 1 if port else endpoint.control_port)

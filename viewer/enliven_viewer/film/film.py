@@ -1,4 +1,6 @@
-"""Films without a window: every pose, in sensor time, drawn off-screen into an MP4 and a contact sheet."""
+"""Films without a window: every pose, in the sensor's time, rendered off-screen into an MP4 and a contact
+sheet.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,21 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from enliven.arrays import Int16, UInt8
-from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
+from enliven.supervision.lifetime import parent_is_gone
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
-from enliven_viewer.live import draw_cards, format_time, make_cards
-from enliven_viewer.playback import NS_PER_S, Document, SolvedSurfaces, TimelineMoment
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, OverlayVisibility, Renderer, SceneStyle, make_scene
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.live.hud import format_time
+from enliven_viewer.live.match_cards import draw_cards, make_cards
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
+from enliven_viewer.playback.timeline import NS_PER_S, TimelineMoment
+from enliven_viewer.render.camera import FilmCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.overlay_visibility import OverlayVisibility
+from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
+from enliven_viewer.render.scene import SceneStyle, make_scene
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE_SLEEP_S = 0.005
@@ -35,13 +43,15 @@ class FilmSource(Protocol):
     """A source that fills a document with the contents of a film: any feed, or sampled performances."""
 
     def poll(self, document: Document) -> int:
-        """Applies everything that has arrived since the last call, without waiting; 0 if nothing has."""
+        """Adds everything that has arrived since the last call to the document, without waiting. Returns 0 if
+        nothing has arrived.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class FilmReport:
-    """The report of a film: number of images, duration, encoder, and mean milliseconds per image."""
+    """Statistics of a film: number of images, duration, encoder, and mean milliseconds per image."""
 
     pictures: int
     seconds: float
@@ -65,9 +75,9 @@ def make_film(
     """Films the feed until it ends, or for ``seconds`` of sensor time.
 
     Args:
-        document: its timeline must be unbounded; filmed moments are removed from it.
+        document: a document with an unbounded timeline. Filmed moments are removed from it.
         film, sheet: output files; None to skip one.
-        sound: samples from the film's first image on, and the sample rate.
+        sound: audio samples that start at the film's first image, and the sample rate.
 
     Raises:
         ResourceError: if no edge appears in time, OpenGL is missing, or a file cannot be written.
@@ -102,7 +112,7 @@ class _Studio:
         self._canvas: Canvas | None = None
         if caption:
             # Imported here, because only captions need ImGui.
-            from enliven_viewer.render.overlay import Canvas
+            from enliven_viewer.render.overlay.canvas import Canvas
 
             self._canvas = Canvas(self._renderer.ctx)
         self._camera = FilmCamera(settings.render.opening)
@@ -119,7 +129,7 @@ class _Studio:
 
     def draw(self, moment: TimelineMoment, second: float) -> UInt8:
         """Returns (H, W, 4): the image of a moment, ``second`` seconds into the film; bottom row first."""
-        began = time.perf_counter()
+        started_at = time.perf_counter()
         style = self._showing.style(SceneStyle(), moment, second)
         scene = make_scene(self.document, moment, style, self._surfaces)
         aspect = self.size[0] / self.size[1]
@@ -133,11 +143,11 @@ class _Studio:
                 self._draw_caption(moment, second)
         picture = self._renderer.picture.raw()
         self.count += 1
-        self.draw_seconds += time.perf_counter() - began
+        self.draw_seconds += time.perf_counter() - started_at
         return picture
 
     def _draw_caption(self, moment: TimelineMoment, second: float) -> None:
-        """Draws the time, and whether the mesh is possessed, in the lower right corner."""
+        """Draws the time and the state of the possession in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
         state_text = "possessed" if moment.possessed else "free"
@@ -152,7 +162,9 @@ class _Studio:
 def _iterate_moments(
     feed: FilmSource, document: Document, settings: ViewerSettings, seconds: float | None
 ) -> Iterator[tuple[TimelineMoment, float]]:
-    """Yields (moment, second of the film) at the film's rate of sensor time, as fast as the feed allows."""
+    """Yields (moment, second of the film) at the film's frame rate in sensor time, as fast as the feed
+    allows.
+    """
     timeline, rate = document.timeline, settings.film.rate
     _await_first(feed, document, settings.film.patience)
     start, count = timeline.start_ns, 0
@@ -160,14 +172,14 @@ def _iterate_moments(
     while not parent_is_gone() and (seconds is None or count < round(seconds * rate)):
         due = start + round(count * NS_PER_S / rate)
         is_stream_over = document.edge.phase == ENDED
-        arrived = feed.poll(document)
-        last_arrival_time = time.monotonic() if arrived else last_arrival_time
-        is_stream_over = is_stream_over and not arrived
+        arrived_count = feed.poll(document)
+        last_arrival_time = time.monotonic() if arrived_count else last_arrival_time
+        is_stream_over = is_stream_over and not arrived_count
         is_edge_gone = (
             not document.edge.connected and time.monotonic() - last_arrival_time > _SILENCE_TIMEOUT_S
         )
-        # A later moment proves that the moment to be drawn is complete. At the end, accept a last moment
-        # that is slightly early.
+        # A moment is complete once a later moment exists. At the end, accept a last moment that is slightly
+        # too early.
         if timeline.end_ns > due or (
             (is_stream_over or is_edge_gone) and timeline.end_ns > due - 0.5 * NS_PER_S / rate
         ):
@@ -178,7 +190,7 @@ def _iterate_moments(
             count += 1
         elif is_stream_over or is_edge_gone:
             return
-        elif not arrived:
+        elif not arrived_count:
             time.sleep(_IDLE_SLEEP_S)
 
 
@@ -186,22 +198,22 @@ def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
     """Waits for the first moment and for its characters."""
     deadline = time.monotonic() + patience
     while True:
-        arrived = feed.poll(document)
+        arrived_count = feed.poll(document)
         moment = document.timeline.at(document.timeline.end_ns)
         if moment is not None and document.characters and set(moment.poses) <= set(document.characters):
             return
-        if not arrived:
+        if not arrived_count:
             if document.edge.phase == ENDED or time.monotonic() > deadline or parent_is_gone():
                 break
             time.sleep(_IDLE_SLEEP_S)
     if document.edge.connected or len(document.timeline):
         raise ResourceError(
-            "the edge sent no pose", where=document.edge.address, mend="Check the messages of the edge."
+            "the edge sent no pose", where=document.edge.address, remedy="Check the messages of the edge."
         )
     raise ResourceError(
         f"no edge appeared within {patience:g} s",
         where=document.edge.address,
-        mend="Start one with 'enliven edge', or give its address with --edge.",
+        remedy="Start one with 'enliven edge', or give its address with --edge.",
     )
 
 

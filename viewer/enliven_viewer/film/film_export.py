@@ -1,4 +1,4 @@
-"""Films of performances, as the exporter of .mp4: only meshes, as in the studio."""
+"""The exporter of .mp4: renders performances as films that show only meshes, as the studio does."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from enliven.arrays import Int16
 from enliven.exporters import Exporter, Performance
 from enliven.sounds import SOUND_RATE
 from enliven_viewer.film.film import ENDED, make_film
-from enliven_viewer.playback import Document, EdgeState, Timeline
+from enliven_viewer.playback.document import Document, EdgeState
+from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.settings import ViewerSettings, with_size
 
 
 class _SampledSource:
-    """All poses of some performances, delivered at once."""
+    """A film source that delivers all poses of some performances at once."""
 
     def __init__(
         self, performances: Sequence[Performance], rate: float, progress: Callable[[float], object] | None
@@ -32,13 +33,13 @@ class _SampledSource:
         self._polled += 1  # The film calls this once before the first image, and once for each image.
         if self._progress is not None:
             self._progress(min(self._polled / self._pictures, 1.0))
-        arrived, self._left = self._left, []
-        for performance in arrived:
+        arrived_poses, self._left = self._left, []
+        for performance in arrived_poses:
             document.add_character(performance.character)
             for pose in performance.poses():
                 document.add_pose(pose)
-        document.edge = EdgeState(connected=True, phase="playing" if arrived else ENDED)
-        return len(arrived)
+        document.edge = EdgeState(connected=True, phase="playing" if arrived_poses else ENDED)
+        return len(arrived_poses)
 
 
 def write_film(

@@ -1,4 +1,4 @@
-"""Encodes the images of a film and selects those of its sheet, in a background thread."""
+"""Encodes the images of a film, and selects the images of its contact sheet, in a background thread."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
 
 from enliven.arrays import UInt8
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven_viewer.film.sheet import Tiles
 
 MAX_QUEUED_IMAGES = 4
-"""Maximum number of images that wait for encoding; 3.7 MB each at 1280 x 720."""
+"""Maximum number of images that wait for encoding. An image of 1280 x 720 has 3.7 MB."""
 
 
 class FilmStrip:

@@ -11,33 +11,27 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import Float, Float32, UInt8
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.files import write_picture
 from enliven_viewer.film.sheet import BACKGROUND_COLOUR, SUBTITLE_COLOUR, TITLE_COLOUR
-from enliven_viewer.render import (
-    Box,
-    CameraView,
-    OrbitCamera,
-    Renderer,
-    Scene,
-    SceneCharacter,
-    SceneStyle,
-    linear_from_srgb,
-)
-from enliven_viewer.render.gl import create_offscreen_context
-from enliven_viewer.render.overlay import Tubes, make_tube_rows
+from enliven_viewer.render.camera import Box, CameraView, OrbitCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.materials.paint import linear_from_srgb
+from enliven_viewer.render.overlay.tubes import Tubes, make_tube_rows
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 MESH_COLOUR = (112, 116, 126)
 """sRGB of the mesh: grey, so that the colours of the graph are clearly visible."""
 NODE_COLOUR = (236, 244, 255)
-"""sRGB of nodes: nearly white, the brightest on the grey."""
+"""sRGB of nodes: nearly white, so that they are brighter than the grey mesh."""
 EDGE_COLOUR = (92, 178, 255)
-"""sRGB of ordinary edges: cold, since no term acts only on them."""
+"""sRGB of ordinary edges: a cold colour, since no energy term acts only on them."""
 BRIDGE_COLOUR = (255, 74, 52)
 """sRGB of bridges, which separate the graph: red, since a limb depends on a single edge."""
 RIGID_EDGE_COLOUR = (255, 190, 64)
-"""sRGB of the other edges with an E_rig term: amber, a weaker warning than a bridge."""
+"""sRGB of the other edges with an E_rig term: amber, a weaker warning colour than that of a bridge."""
 CUT_VERTEX_COLOUR = (255, 96, 214)
 """sRGB of cut vertices, which also separate the graph: distinct from the red of bridges."""
 VIEW_AZIMUTHS = (math.radians(-24), math.radians(96), math.radians(216))
@@ -88,7 +82,9 @@ def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, 
         SceneStyle(body=0, reveal=0, cues=0),
     )
     box = (scaled_character.vertices.min(0).astype(float), scaled_character.vertices.max(0).astype(float))
-    return [_draw_view(renderer, tubes, scene, box, graph, nodes, spacing, turn) for turn in VIEW_AZIMUTHS]
+    return [
+        _draw_view(renderer, tubes, scene, box, graph, nodes, spacing, azimuth) for azimuth in VIEW_AZIMUTHS
+    ]
 
 
 def _draw_view(
@@ -101,7 +97,7 @@ def _draw_view(
     spacing: float,
     turn: float,
 ) -> UInt8:
-    """Returns one image, with the camera turned by ``turn`` radians from the front right."""
+    """Returns one image. The camera is rotated by ``turn`` radians from the front right."""
     width, height = renderer.size
     view = make_view(box, width / height, turn)
     renderer.draw(scene, view)
@@ -112,7 +108,7 @@ def _draw_view(
 
 
 def make_view(box: Box, aspect: float, turn: float) -> CameraView:
-    """Returns a camera that frames the box, turned by ``turn`` radians from the front right."""
+    """Returns a camera that frames the box, rotated by ``turn`` radians from the front right."""
     camera = OrbitCamera(math.radians(24))
     camera.orbit(turn, math.radians(3))
     camera.frame(box, aspect, at_once=True, margin=1.08)
@@ -147,7 +143,9 @@ def make_graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel
 
 
 def fit_graph(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
-    """Returns the character and the nodes scaled for drawing and placed on the floor, and the scale."""
+    """Returns the character and its nodes scaled for drawing and placed on the floor, and the scale
+    factor.
+    """
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)

@@ -10,15 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8
-from enliven.deformation import skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
 from enliven.exporters import stick_mesh
-from enliven.formats.rig import play_clip
-from enliven.mapping import RetargetedShape
-from enliven.motion.layers import Player
+from enliven.formats.rig.rig import play_clip
+from enliven.mapping.automatic_mapping import RetargetedShape
+from enliven.motion.layers.evaluate import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.render import Box, OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.render.camera import Box, OrbitCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 PERFORMER_COLOUR = (120, 190, 255)
 """sRGB of the performer."""
@@ -29,7 +31,7 @@ _ELEVATIONS = (math.radians(12), math.radians(38))
 _FLAT_RATIO = 0.5
 """Ratio of height to largest extent below which a subject begins to count as flat."""
 _MAX_EXTENT_M = 1.75
-"""Largest extent of the drawing in metres, since light and floor are made for people."""
+"""Largest extent of the drawing in metres, since light and floor are designed for people."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +122,10 @@ def make_stick_shape(name: str, skeleton: Skeleton) -> Shape:
 
 
 def draw_pictures(renderer: Renderer, film: MotionRow) -> list[UInt8]:
-    """Returns images of all poses from one camera that frames everything they reach."""
+    """Returns images of all poses from one camera that frames all of them."""
     surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
-    reached = np.stack(surfaces)
-    low, high = reached.min((0, 1)).astype(float), reached.max((0, 1)).astype(float)
+    all_points = np.stack(surfaces)
+    low, high = all_points.min((0, 1)).astype(float), all_points.max((0, 1)).astype(float)
     scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-9)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     box: Box = ((low - foot) * scale, (high - foot) * scale)
@@ -133,15 +135,20 @@ def draw_pictures(renderer: Renderer, film: MotionRow) -> list[UInt8]:
         pivots=((film.character.pivots - foot) * scale).astype(np.float32),
     )
     camera, aspect = OrbitCamera(math.radians(26)), renderer.size[0] / renderer.size[1]
-    flat = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT_RATIO * _MAX_EXTENT_M), 1.0)
-    camera.face(film.azimuth, _ELEVATIONS[0] + flat * (_ELEVATIONS[1] - _ELEVATIONS[0]))
+    flatness = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT_RATIO * _MAX_EXTENT_M), 1.0)
+    camera.face(film.azimuth, _ELEVATIONS[0] + flatness * (_ELEVATIONS[1] - _ELEVATIONS[0]))
     camera.frame(box, aspect, at_once=True, margin=1.04)
     pictures = []
     for pose, surface in zip(film.poses, surfaces, strict=True):
-        placed = replace(pose, positions=((pose.positions - foot) * scale).astype(np.float32))
-        solved = ((surface - foot) * scale).astype(np.float32) if film.surfaces else None
+        placed_pose = replace(pose, positions=((pose.positions - foot) * scale).astype(np.float32))
+        placed_surface = ((surface - foot) * scale).astype(np.float32) if film.surfaces else None
         renderer.draw(
-            Scene((SceneCharacter(character, placed, vertices=solved),), (), SceneStyle(0, 0, 0), extent=box),
+            Scene(
+                (SceneCharacter(character, placed_pose, vertices=placed_surface),),
+                (),
+                SceneStyle(0, 0, 0),
+                extent=box,
+            ),
             camera.view(aspect),
         )
         pictures.append(renderer.pixels())

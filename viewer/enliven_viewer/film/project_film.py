@@ -14,23 +14,25 @@ from enliven.arrays import Float, UInt8
 from enliven.document import BOX, Project, Props
 from enliven.errors import InputError
 from enliven.files import write_picture
-from enliven.film import FilmWriter
+from enliven.film.writer import FilmWriter
 from enliven.person import Body
 from enliven_viewer.film.project_scenes import ProjectScenes
-from enliven_viewer.render import OrbitCamera, Renderer, Scene
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import Scene
 from enliven_viewer.settings import LookName, RenderSettings
 
 _FIELD_OF_VIEW = math.radians(28)
 """Vertical field of view in radians: a long lens, as for a portrait."""
 _FILLED = 0.9
-"""Maximum fraction of the image's width and height that the subject fills at any time of the film."""
+"""Maximum fraction of the image's width and height that the subject occupies at any time of the film."""
 _HEAD_M = 0.16
 """Distance in metres from the head's joint to the top of the drawn head, with some room."""
 _BIT_RATE = 2.0
 """Mbit/s of an MP4 file, for encoders without a quality option."""
 _SHADOW_SIZE = 768
-"""Side length of the shadow map in pixels: twice the usual, because films are looked at again and again."""
+"""Side length of the shadow map in pixels: twice the usual, because a film is watched many times."""
 _WEBP_QUALITY = 75
 """Quality of a WebP file from 0 to 100. The floor shows no bands at this quality."""
 _WEBP_METHOD = 4
@@ -77,11 +79,11 @@ def write_project_film(
     path = Path(path)
     if path.suffix not in (".webp", ".mp4"):
         problem = f"cannot write {path.suffix or 'no'} films"
-        raise InputError(problem, where=str(path), mend="Known: webp, mp4.")
+        raise InputError(problem, where=str(path), remedy="Known: webp, mp4.")
     source = ProjectScenes(reveal)
     scenes = [
-        source.scene(version, time, people, loose)
-        for time, version, people, loose in zip(
+        source.scene(version, time, people, loose_props)
+        for time, version, people, loose_props in zip(
             times,
             _for_each(times, [project] if isinstance(project, Project) else project, "projects"),
             _for_each(times, bodies or [()], "bodies"),
@@ -91,7 +93,7 @@ def write_project_film(
     ]
     points = [_points_of(scene) for scene in scenes]
     if not sum(map(len, points)):
-        raise InputError("it is empty", where="project", mend="Add a character or performers.")
+        raise InputError("it is empty", where="project", remedy="Add a character or performers.")
     settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
     renderer, camera = Renderer(create_offscreen_context(), size, settings), OrbitCamera(_FIELD_OF_VIEW)
     aspect = size[0] / size[1]
@@ -104,14 +106,16 @@ def write_project_film(
 
 
 def _for_each(times: Sequence[float], values: Sequence[Any], name: str) -> Sequence[Any]:
-    """Returns a value for each time. A single value serves all times."""
+    """Returns a value for each time. A single value is repeated for all times."""
     if len(values) not in (1, len(times)):
         raise ValueError(f"{len(values)} {name} for {len(times)} times")
     return values if len(values) == len(times) else [*values] * len(times)
 
 
 def _points_of(scene: Scene) -> Float:
-    """Returns (N, 3) metres: points that the camera must show, without balls, which fly through the image."""
+    """Returns (N, 3) the points in metres that the camera must show. Balls are left out, because they fly
+    through the image.
+    """
     points: list[Float] = [np.asarray(actor.extent, np.float64) for actor in scene.actors]
     for body in scene.bodies:
         points += [body.joints, body.joints + np.array([0.0, _HEAD_M, 0.0])]
@@ -137,8 +141,8 @@ def _frame_points(
     right, up, back = rows @ (points - middle).T
     slope = _FILLED * math.tan(camera.field_of_view / 2)
     offset, distance = np.zeros(3), 0.0
-    for axis, across, k in ((0, right, slope * aspect), (1, up, slope)):
-        high, low = (across + k * back).max(), (k * back - across).max()
+    for axis, coordinates, k in ((0, right, slope * aspect), (1, up, slope)):
+        high, low = (coordinates + k * back).max(), (k * back - coordinates).max()
         offset[axis] = (high - low) / 2
         distance = max(distance, (high + low) / (2 * k))
     camera.go(tuple(middle + offset @ rows), azimuth, elevation, distance)
@@ -152,6 +156,6 @@ def _write_images(path: Path, images: Sequence[UInt8], rate: float) -> None:
             for image in images:
                 writer.add(image)
         return
-    first, *others = map(Image.fromarray, images)
+    first, *other_images = map(Image.fromarray, images)
     options = {"quality": _WEBP_QUALITY, "method": _WEBP_METHOD, "duration": round(1000 / rate), "loop": 0}
-    write_picture(path, first, save_all=True, append_images=others, **options)
+    write_picture(path, first, save_all=True, append_images=other_images, **options)

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of
 from enliven.person import Body
-from enliven_viewer.render import Scene, SceneCharacter, SceneStyle
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
 _STYLE = SceneStyle(body=1.0, reveal=1.0, cues=0.0, graph=0.0, held=0.0)
 """Meshes with performers in them, without attachment points and graphs."""
@@ -51,18 +51,22 @@ class ProjectScenes:
             character = project.character(name)
             self._surfaces[name] = project, rig_of(character).surface(project, character)
         vertices = self._surfaces[name][1](time)
-        drawn = self._drawn(project, name, vertices)
-        return SceneCharacter(drawn, drawn.rest_pose(), vertices=vertices.astype(np.float32))
+        drawn_character = self._drawn(project, name, vertices)
+        return SceneCharacter(
+            drawn_character, drawn_character.rest_pose(), vertices=vertices.astype(np.float32)
+        )
 
     def _drawn(self, project: Project, name: str, vertices: Float) -> Character:
-        """Returns the drawn form of a character, which is new only if the faces of its mesh have changed."""
+        """Returns a character in the form for drawing. It is a new object only if the faces of its mesh have
+        changed.
+        """
         mesh = project.character(name).mesh
         if mesh is None:
-            raise InputError("it has no mesh", where=f"character {name!r}", mend="Give it one.")
-        drawn = self._characters.get(name)
-        if drawn is None or drawn.faces is not mesh.faces:
-            drawn = self._characters[name] = _as_character(replace(mesh, vertices=vertices), name)
-        return drawn
+            raise InputError("it has no mesh", where=f"character {name!r}", remedy="Give it one.")
+        drawn_character = self._characters.get(name)
+        if drawn_character is None or drawn_character.faces is not mesh.faces:
+            drawn_character = self._characters[name] = _as_character(replace(mesh, vertices=vertices), name)
+        return drawn_character
 
 
 def _as_character(mesh: Mesh, name: str) -> Character:

@@ -12,9 +12,10 @@ from enliven.document import Project
 from enliven.person import Body
 from enliven_viewer.film.project_scenes import ProjectScenes
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.playback import find_bounds
-from enliven_viewer.render import OrbitCamera, Renderer
-from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.gl.context import create_offscreen_context
+from enliven_viewer.render.renderer import Renderer
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
 """Azimuth of the camera from the front towards the left, and elevation."""

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import Project, Puppet, character_of_puppet
-from enliven.examples import in_world, loop_position, motion_of, pose_of_state, state_of
-from enliven.mapping import facing_of
+from enliven.examples.puppet_motion import in_world, loop_position, motion_of, pose_of_state, state_of
+from enliven.skeletons.facing import facing_of
 from enliven_viewer.film.motion_sheet import CAMERA_AZIMUTH, MotionRow, make_performer_row, write_rows
 
 
@@ -41,7 +41,7 @@ def write_puppet_sheet(
 
 
 def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    """Returns the row of the performer of the lowest unmuted layer, at the frames that it plays."""
+    """Returns the row of the performer of the lowest unmuted layer, at the frames that the layer plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]
@@ -50,8 +50,8 @@ def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> Motio
 
 
 def _make_puppet_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
-    held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
-    surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+    held_vertices, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
+    surface = PuppetSurface(puppet.mesh, held_vertices, weights, puppet.surface)
     states = [state_of(project, puppet, time) for time in times]
     surfaces = [in_world(puppet, state, surface.settle(state.places)).astype(np.float32) for state in states]
     poses = [pose_of_state(puppet, state) for state in states]

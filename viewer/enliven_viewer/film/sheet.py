@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import UInt8
 from enliven.files import write_picture
-from enliven_viewer.live import format_time
+from enliven_viewer.live.hud import format_time
 
 BACKGROUND_COLOUR = (19, 21, 27)
 """sRGB of the background: as dark as the stage, so that the images are brightest."""
@@ -23,7 +23,9 @@ _GAP = 10
 _TITLE_HEIGHT = 64
 """Height in pixels above the images for one title line."""
 _PNG_COMPRESSION = 3
-"""PNG compression level of 9: a ninth larger than at the usual 6, in a third of the time."""
+"""PNG compression level from 0 to 9. Files are a ninth larger than at level 6, and are written in a third of
+the time.
+"""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Tile:
 class Tiles:
     """A selection of evenly distributed images from a film of unknown length, in bounded memory.
 
-    Every ``stride``-th image is kept. Beyond four times the wanted number, every other one is dropped.
+    Every ``stride``-th image is kept. If there are more than four times the wanted number, every second one
+    is dropped.
 
     Args:
         wanted: number of images on the sheet.
@@ -55,8 +58,8 @@ class Tiles:
             # Most stored images are dropped later. So reduce them only by an integer factor here, which is
             # fast.
             factor = max(picture.shape[1] // self._width, 1)
-            small = Image.fromarray(np.ascontiguousarray(picture)).reduce(factor).convert("RGB")
-            self._kept.append(Tile(seconds, np.asarray(small, np.uint8)))
+            reduced = Image.fromarray(np.ascontiguousarray(picture)).reduce(factor).convert("RGB")
+            self._kept.append(Tile(seconds, np.asarray(reduced, np.uint8)))
             if len(self._kept) >= 4 * self._wanted:
                 self._kept = self._kept[::2]
                 self._stride *= 2
@@ -73,8 +76,8 @@ class Tiles:
 
     def _resize(self, picture: UInt8) -> UInt8:
         height = max(round(picture.shape[0] * self._width / picture.shape[1]), 1)
-        sized = Image.fromarray(picture).resize((self._width, height), Image.Resampling.LANCZOS)
-        return np.asarray(sized, np.uint8)
+        resized = Image.fromarray(picture).resize((self._width, height), Image.Resampling.LANCZOS)
+        return np.asarray(resized, np.uint8)
 
 
 def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitle: str) -> None:

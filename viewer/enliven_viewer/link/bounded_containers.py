@@ -14,7 +14,7 @@ class BoundedQueue(Generic[T]):
 
     Args:
         max_values: maximum number of values.
-        max_bytes: maximum bytes of all values. One value is kept regardless of its size.
+        max_bytes: maximum bytes of all values. A single value is kept regardless of its size.
     """
 
     def __init__(self, max_values: int, max_bytes: int) -> None:

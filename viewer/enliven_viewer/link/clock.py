@@ -18,27 +18,27 @@ most.
 
 
 class ClockEstimate:
-    """The clock offset of one edge. Add it to a time of this clock to get the edge's time."""
+    """The clock offset of one edge. Added to a time of this machine's clock, it gives the edge's time."""
 
     def __init__(self) -> None:
         self._upper: deque[int] = deque(maxlen=_MAX_BOUNDS)
         self._lower: deque[int] = deque(maxlen=_MAX_BOUNDS)
 
     def add_ping(self, sent_ns: int, edge_ns: int, received_ns: int) -> None:
-        """Adds the answer to a ping: sent and received on this clock, stamped with the edge's clock."""
+        """Adds the answer to a ping: local times of sending and receiving, and the edge's time stamp."""
         if received_ns >= sent_ns:
             self._upper.append(edge_ns - sent_ns)
             self._lower.append(edge_ns - received_ns)
             self._drop_contradictions()
 
     def add_heartbeat(self, edge_ns: int, received_ns: int) -> None:
-        """Adds a heartbeat: stamped with the edge's clock, received on this clock."""
+        """Adds a heartbeat: the edge's time stamp, and the local time of its arrival."""
         self._lower.append(edge_ns - received_ns)
         self._drop_contradictions()
 
     @property
     def is_known(self) -> bool:
-        """Returns True if both bounds are known."""
+        """Returns True if both a lower and an upper bound of the offset are known."""
         return bool(self._upper)
 
     @property
@@ -53,7 +53,7 @@ class ClockEstimate:
         return 0 if low <= 0 <= high else (low + high) // 2
 
     def _drop_contradictions(self) -> None:
-        """Handles contradicting bounds, which mean that a clock was set: keeps only the newest ones."""
+        """Handles contradicting bounds, which mean that a clock was set. Keeps only the newest bounds."""
         if self._upper and self._lower and max(self._lower) > min(self._upper):
             upper, lower = self._upper[-1], self._lower[-1]
             self._upper.clear()

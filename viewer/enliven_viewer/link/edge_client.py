@@ -29,15 +29,16 @@ from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import TopicHealth
 
 _HEARTBEAT_TIMEOUT_S = 1.6
-"""Time without a heartbeat after which an edge of the same name no longer counts as a clash, in seconds:
-three intervals."""
+"""Time without a heartbeat after which an edge of the same name no longer counts as a name clash, in seconds:
+three heartbeat intervals.
+"""
 
 
 class EdgeClient:
     """A client that follows one or several edges. It is polled from the drawing thread and never blocks.
 
-    Start it before or after its edges, and restart them as you like: characters and state are fetched
-    automatically. Poses that arrive before their character wait for it. Call :meth:`poll` once per frame,
+    It can be started before or after its edges, and these may restart: characters and state are fetched
+        automatically. Poses that arrive before their character wait for it. Call :meth:`poll` once per frame,
     then take the new values::
 
         link = Link(["127.0.0.1:5580"])
@@ -55,6 +56,9 @@ class EdgeClient:
         endpoints: ``Endpoint``, or "host", "host:port" (the control port is the next one),
             "host:port:control_port".
         name: name of this viewer, sent to the edges.
+        prefixed: True writes "edge/id" also with one edge.
+        prefix: returns the part before "/" for the name of an edge.
+        forward: called from :meth:`poll` with each accepted stream message, see :class:`EdgeConnection`.
 
     Attributes:
         edges: one :class:`EdgeConnection` per endpoint, in the given order.
@@ -69,27 +73,31 @@ class EdgeClient:
         name: str = "viewer",
         *,
         prefixed: bool = False,
+        prefix: Callable[[str], str] = lambda edge: edge,
+        forward: Callable[[Any], None] = lambda message: None,
     ) -> None:
         escape_records()
         edge_endpoints = [parse_endpoint(e) if isinstance(e, str) else e for e in endpoints]
         edge_endpoints = list(dict.fromkeys(edge_endpoints))
         if not edge_endpoints:
             raise InputError(
-                "no edge to link to", where="link", mend="Give an address, such as 127.0.0.1:5580."
+                "no edge to link to", where="link", remedy="Give an address, such as 127.0.0.1:5580."
             )
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}
-        self._prefixed = several = prefixed or len(edge_endpoints) > 1
+        self._prefix = prefix
+        self._prefixed = is_prefixed = prefixed or len(edge_endpoints) > 1
         warm_up()
 
         def label(edge: str, character: str) -> str:
-            return f"{edge}/{character}" if several else character
+            return f"{prefix(edge)}/{character}" if is_prefixed else character
 
         # Use the process's shared context, because a separate one would wait for its sockets at garbage
         # collection.
         context: zmq.Context[Any] = zmq.Context.instance()
         self.edges = [
-            EdgeConnection(context, e, name[:64], label, self._notices.append) for e in edge_endpoints
+            EdgeConnection(context, e, name[:64], label, self._notices.append, forward)
+            for e in edge_endpoints
         ]
 
     def poll(self) -> None:
@@ -97,6 +105,13 @@ class EdgeClient:
         for edge in self.edges:
             edge.poll()
         self._find_clashes()
+
+    def wait(self, seconds: float) -> None:
+        """Waits until a stream message can be read, but at most the given time in seconds."""
+        poller = zmq.Poller()
+        for edge in self.edges:
+            poller.register(edge.socket, zmq.POLLIN)
+        poller.poll(round(1000 * seconds))
 
     @property
     def characters(self) -> dict[str, Character]:
@@ -119,8 +134,8 @@ class EdgeClient:
 
     @property
     def clock_offset_ns(self) -> int:
-        """Returns the offset of the first edge's wall clock from this machine's, see ``ClockEstimate``."""
-        return self.edges[0].clock.offset_ns
+        """Returns the offset of the first edge's wall clock from this machine's in nanoseconds."""
+        return self.edges[0].clock_offset_ns
 
     @property
     def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
@@ -159,15 +174,15 @@ class EdgeClient:
             return
         for edge in self.edges:
             if character in edge.held:
-                prefix = f"{edge.name}/" if self._prefixed else ""
+                prefix = f"{self._prefix(edge.name)}/" if self._prefixed else ""
                 edge_order = msgspec.structs.replace(order, character=character.removeprefix(prefix))
                 edge.command(edge_order, on_reply)
                 return
         character_names = ", ".join(self.characters) or "none"
-        refused = Refused(f"unknown character {character!r}; known: {character_names}"[:400])
-        self._notices.append(Notice("warning", refused.reason))
+        refusal = Refused(f"unknown character {character!r}; known: {character_names}"[:400])
+        self._notices.append(Notice("warning", refusal.reason))
         if on_reply is not None:
-            on_reply(refused)
+            on_reply(refusal)
 
     def close(self) -> None:
         """Closes the sockets."""
@@ -175,7 +190,7 @@ class EdgeClient:
             edge.close()
 
     def _find_clashes(self) -> None:
-        """Marks two edges with the same name if both send messages at the same time.
+        """Marks two edges with the same name as a clash if both send messages at the same time.
 
         After a restart of one edge, its old process is silent, so this is not a clash.
         """
@@ -204,6 +219,6 @@ class EdgeClient:
 
 def _drain(queue: deque[Any]) -> list[Any]:
     """Empties a queue and returns its contents."""
-    taken = list(queue)
+    contents = list(queue)
     queue.clear()
-    return taken
+    return contents

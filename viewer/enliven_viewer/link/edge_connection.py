@@ -13,7 +13,8 @@ from msgspec.structs import astuple
 
 from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
-from enliven.keys import ClientKeys, HandshakeWatch, handshake_advice
+from enliven.keys.client import ClientKeys, HandshakeWatch, handshake_advice
+from enliven.peers.clock_probe import ClockProbe
 from enliven.wire import (
     MAX_STREAM_BYTES,
     MAX_UNREAD_STREAMS,
@@ -58,16 +59,18 @@ _POLL_BUDGET_S = 0.01
 drawing.
 """
 _MAX_STORED_FRAMES = 4000
-"""Maximum number of poses, and of frames of bodies, stored for a caller that does not take them: two minutes
+"""Maximum number of poses, and of frames of bodies, stored for a caller that does not fetch them: two minutes
 of one character.
 """
 _MAX_STORED_BYTES = 64 * 1024 * 1024
-"""Maximum bytes of one topic stored for such a caller: two minutes of poses of a graph with 1,000 nodes."""
+"""Maximum bytes of one topic stored for a caller that does not fetch them: two minutes of poses of a graph
+with 1,000 nodes.
+"""
 _MAX_UNREAD_BYTES = 16 * 1024 * 1024
 """Maximum bytes of messages that wait for their character, or until the sending edge is known."""
 _MAX_KEYS = 4096
-"""Maximum number of keys of a topic with a newest value each, such as the pieces of a scan. An edge sends at
-most this number.
+"""Maximum number of keys of a topic with stored newest values, such as the pieces of a scan. An edge
+sends at most this number.
 """
 _MAX_NEWEST_BYTES = 128 * 1024 * 1024
 """Maximum bytes of a topic's newest values. The pieces of a scanned room take about 40 MB."""
@@ -90,11 +93,11 @@ _MAX_PARALLEL_REQUESTS = 4
 _FULL_RETRY_INTERVAL_S = 30.0
 """Seconds until a character that exceeds the memory limit is requested again."""
 NO_ANSWER_TEXT = "does not answer"
-"""End of the refusal text of a command that timed out. A busy edge may still carry it out."""
+"""Last words of the refusal text of a command that timed out. A busy edge may still carry out the command."""
 _REOPEN_INTERVAL_S = 2.0
 """Seconds after a failed handshake until the connection is opened again. By then the user may have paired."""
 _COMMAND_TIMEOUT_S = 3.0
-"""Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
+"""Timeout of a command, in seconds. After that, a notice reports that the edge does not answer."""
 
 
 @dataclass(frozen=True)
@@ -113,11 +116,14 @@ class EdgeConnection:
         viewer: name of this viewer, sent in the hello.
         label: returns a character's id in this viewer, for its edge's name and its id on the edge.
         notify: called with notices for the user.
+        forward: called with each accepted stream message, unchanged. A pose is forwarded once its character
+            is known. For programs that forward messages.
 
     Attributes:
-        inbox: by topic, the values that the caller has not taken yet.
+        inbox: by topic, the values that the caller has not fetched yet.
         latest: by topic and key, the newest value.
-        stage: puts characters onto the edge's stage.
+        stage: link that puts characters onto the edge's stage.
+        probe: measures the edge's clock, see :meth:`align_clock`. None if only :attr:`clock` is estimated.
         role: this viewer's role on the edge, empty before its first answer.
 
     Raises:
@@ -131,8 +137,11 @@ class EdgeConnection:
         viewer: str,
         label: Callable[[str, str], str],
         notify: Callable[[Notice], None],
+        forward: Callable[[Any], None] = lambda message: None,
     ) -> None:
+        self._forward = forward
         self.endpoint, self.clock = endpoint, ClockEstimate()
+        self.probe: ClockProbe | None = None
         self._viewer, self._label, self._notify = viewer, label, notify
         self._context, self.role = context, ""
         self._access_problem, self._reopen_at = "", math.inf
@@ -161,8 +170,8 @@ class EdgeConnection:
         """Processes received messages and requests missing data; does not block."""
         self._watch_handshake()
         self._requests.poll(self._reject)
-        until = time.monotonic() + _POLL_BUDGET_S
-        while time.monotonic() < until:
+        deadline = time.monotonic() + _POLL_BUDGET_S
+        while time.monotonic() < deadline:
             try:
                 parts = self._stream.recv_multipart(zmq.DONTWAIT)
             except zmq.Again:
@@ -190,7 +199,7 @@ class EdgeConnection:
         return {name: self._watch(topic).health(fps) for name, topic in STREAMS.items()}
 
     def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
-        """Sends a command. A refusal becomes a notice; ``on_reply`` gets the reply."""
+        """Sends a command. A refusal becomes a notice. ``on_reply`` receives the reply."""
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} {NO_ANSWER_TEXT}")
@@ -224,8 +233,31 @@ class EdgeConnection:
         is_list_current = self.status is not None and self._known_revision == self.status.revision
         return is_list_current and self._revisions == self._wanted
 
+    def align_clock(self) -> None:
+        """Measures the edge's clock from now on, to a fraction of a millisecond on a wired network.
+
+        That needs a thread and a connection of its own, so it is only worth it with several edges.
+        """
+        if self.probe is None:
+            self.probe = ClockProbe(self.endpoint, self._viewer)
+
+    @property
+    def clock_offset_ns(self) -> int:
+        """Returns the edge's wall clock minus this machine's in nanoseconds, by the best known estimate."""
+        if self.probe is not None and self.probe.is_known:
+            return self.probe.wall_offset_ns()
+        return self.clock.offset_ns
+
+    @property
+    def socket(self) -> zmq.Socket[bytes]:
+        """Returns the socket of the streams, only to wait for it. It is replaced when the keys change."""
+        return self._stream
+
     def close(self) -> None:
         """Closes the sockets."""
+        if self.probe is not None:
+            self.probe.close()
+            self.probe = None
         self.stage.close()
         self._requests.close()
         self._close_stream()
@@ -242,7 +274,9 @@ class EdgeConnection:
         self._stream.close(linger=0)
 
     def _watch_handshake(self) -> None:
-        """Reports keys that do not match, and connects again later: libzmq gives up after such a failure."""
+        """Reports keys that do not match, and connects again later, because libzmq does not retry after such
+        a failure.
+        """
         self._handshake.poll()
         problem, now = self._handshake.problem, time.monotonic()
         if problem and self._reopen_at == math.inf:
@@ -331,11 +365,15 @@ class EdgeConnection:
                 self._unsure.append(data, len(data))
                 return
             elif self.status is not None and self._admits(topic, message):
-                relabelled = relabel(message, lambda character: self._label(self.name, character))
+                own_message = relabel(message, lambda character: self._label(self.name, character))
                 track = track_of(topic)
                 self._keep(
-                    topic, topic.key(relabelled), track.read(relabelled, self.name), track.size_of(len(data))
+                    topic,
+                    topic.key(own_message),
+                    track.read(own_message, self.name),
+                    track.size_of(len(data)),
                 )
+                self._forward(message)
             if not latched:
                 self._watch(topic).count_message(topic.key(message))
             if self._after_silence and not latched:
@@ -358,8 +396,10 @@ class EdgeConnection:
     def _process_held_back(self) -> None:
         """Processes the messages held back after a silence until the sending process was known."""
         self._after_silence = False
-        while self._unsure:
-            self._receive(self._unsure.popleft(), latched=False)
+        # If this thread is suspended in between, messages are held back again. So the queue may not be
+        # empty at the end.
+        for data in self._unsure.take():
+            self._receive(data, latched=False)
 
     def _admits(self, topic: Topic, message: Any) -> bool:
         """Returns True if a message is about a listed character, or about one of a few unlisted ones."""
@@ -385,7 +425,7 @@ class EdgeConnection:
         self.inbox[topic.name].append(value, size)
 
     def _watch(self, topic: Topic) -> TopicWatch:
-        """Returns the counts of a topic."""
+        """Returns the message counts of a topic."""
         return self._watches.setdefault(topic.name, TopicWatch(topic))
 
     def _handle_status(self, message: StatusMessage) -> None:
@@ -420,10 +460,10 @@ class EdgeConnection:
                 self._waiting.append((message, received_ns), len(message.transforms))
             return
         character_id = self._label(self.name, message.character)
-        held = self.held[character_id]
-        pose = replace(message_to_pose(message, held.codec), character=character_id)
-        times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
-        revision_of_pose = held.character, message.revision
+        held_character = self.held[character_id]
+        pose = replace(message_to_pose(message, held_character.codec), character=character_id)
+        times = (message.captured_ns, message.published_ns, received_ns, self.clock_offset_ns)
+        revision_of_pose = held_character.character, message.revision
         size = pose.linear.nbytes + pose.positions.nbytes
         self._keep(
             POSE,
@@ -431,6 +471,7 @@ class EdgeConnection:
             ReceivedPose(pose, self.name, message.sequence, *times, *revision_of_pose),
             size,
         )
+        self._forward(message)
 
     def _ask(self) -> None:
         """Sends a hello until it is answered, and requests missing characters and the time."""
@@ -438,8 +479,8 @@ class EdgeConnection:
         listening = now - self.last_heard < SILENCE_TIMEOUT_S
         # Until the streams arrive, every request triggers a heartbeat of the edge, so ask more often.
         interval = _REQUEST_INTERVAL_S if listening else _FIRST_REQUEST_INTERVAL_S
-        behind = self.status is None or self.status.revision != self._known_revision
-        if behind and now - self._hello_at >= interval and not self._requests.count_pending("hello"):
+        is_outdated = self.status is None or self.status.revision != self._known_revision
+        if is_outdated and now - self._hello_at >= interval and not self._requests.count_pending("hello"):
             hello = Hello(self._viewer, listening)
             if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._handle_welcome):
                 self._hello_at = now
@@ -473,7 +514,7 @@ class EdgeConnection:
         self.role = answer.role
         self._handle_status(answer.status)
         self._known_revision = answer.status.revision
-        listed_revisions = {each.character: each.revision for each in answer.characters}
+        listed_revisions = {entry.character: entry.revision for entry in answer.characters}
         self._asked_at = {
             c: t for c, t in self._asked_at.items() if listed_revisions.get(c) == self._wanted.get(c)
         }
@@ -482,7 +523,9 @@ class EdgeConnection:
         for gone in [name for name in self.held if name not in listed_ids]:
             del self.held[gone]
         self._forget_unlisted(listed_ids)
-        self._revisions = {name: held for name, held in self._revisions.items() if name in listed_revisions}
+        self._revisions = {
+            name: revision for name, revision in self._revisions.items() if name in listed_revisions
+        }
         self._sequences = {name: last for name, last in self._sequences.items() if name in listed_revisions}
         self._unknown.clear()
         for message in answer.latest:
@@ -510,8 +553,10 @@ class EdgeConnection:
             self._rejects.add(error)
             return
         size = _count_bytes(answer)
-        others = sum(held.size for name, held in self.held.items() if name != character_id)
-        if others + size > _MAX_CHARACTER_BYTES:
+        other_bytes = sum(
+            held_character.size for name, held_character in self.held.items() if name != character_id
+        )
+        if other_bytes + size > _MAX_CHARACTER_BYTES:
             self._asked_at[answer.id] = time.monotonic() + _FULL_RETRY_INTERVAL_S
             self._report_full_memory()
             return
@@ -534,8 +579,8 @@ class EdgeConnection:
 
 
 def _count_bytes(message: CharacterMessage) -> int:
-    """Returns the bytes of a character's arrays and images."""
+    """Returns the number of bytes of a character's arrays and images."""
     parts = [*astuple(message)]
     if message.materials is not None:
-        parts += [*astuple(message.materials), *(each.image for each in message.materials.textures)]
+        parts += [*astuple(message.materials), *(texture.image for texture in message.materials.textures)]
     return sum(len(part) for part in parts if isinstance(part, bytes))

@@ -1,4 +1,4 @@
-"""A feed from an edge to a document: received messages are put onto the timeline."""
+"""A feed from an edge to a document: it puts received messages onto the timeline."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from enliven.arrays import Float
 from enliven.wire import BODIES, CALLS, CUES, POSE, Done, Look, Order, Topic, messages_to_health
 from enliven_viewer.link.edge_client import EdgeClient
-from enliven_viewer.link.received_data import ReceivedPose
+from enliven_viewer.link.frame_clock import FrameClock
+from enliven_viewer.link.placed_values import place_value
+from enliven_viewer.link.received_data import ReceivedBodies, ReceivedPose
 from enliven_viewer.link.topic_tracks import list_shown_topics, track_of
-from enliven_viewer.playback import Document, EdgeState
+from enliven_viewer.playback.document import Document, EdgeState
 
 _NOTICE_S = 5.0
-"""Seconds that a notice is shown: long enough to read two lines."""
+"""Seconds for which a notice is shown: long enough to read two lines."""
 _NO_CHARACTERS_TIMEOUT_S = 3.0
-"""Time without characters after which a wrong control port is suspected, in seconds. Fetching them takes
-less."""
+"""Time without characters after which a wrong control port is suspected, in seconds. Fetching characters
+takes less time.
+"""
 _RECEIVING_STATES = ("connected", "on rate", "ended")
 _LATENCY_SMOOTHING = 0.1
 """Smoothing factor of the displayed latency, which would flicker otherwise."""
@@ -29,12 +33,16 @@ class EdgeFeed:
         link: the sockets.
         on_message: called with the topic and value of every message, in timeline order.
         restarted: called when another process of the edge is detected, before its messages.
+        transform: (4, 4) rigid, into the world in which the values are shown; None leaves them unchanged.
+        frame_clock: converts the times of the edge's sensor.
     """
 
     def __init__(self, link: EdgeClient) -> None:
         self.link = link
         self.on_message: Callable[[Topic, Any], None] = lambda topic, value: None
         self.restarted: Callable[[], None] = lambda: None
+        self.transform: Float | None = None
+        self.frame_clock = FrameClock()
         self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
@@ -49,24 +57,31 @@ class EdgeFeed:
         self.link.poll()
         began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
-        arrived = [(topic, value) for topic in list_shown_topics() for value in self.link.take(topic)]
+        arrived_values = [(topic, value) for topic in list_shown_topics() for value in self.link.take(topic)]
         if not began_again:
-            # After a restart, the messages may contain times of two clocks, so do not sort them.
-            # After a slow frame, several seconds of one topic arrive before those of the next topic. So sort
-            # all of them by time.
-            arrived.sort(key=lambda arrival: _time_ns(arrival[1]))
-        for topic, value in arrived:
+            # After a restart, the messages may contain times of two different clocks, so do not sort them.
+            arrived_values.sort(key=lambda arrival: _time_ns(arrival[1]))
+        for topic, received in arrived_values:
+            self._add_times(received)
+            value = received if self.transform is None else place_value(received, self.transform)
             track_of(topic).put(document, value)
             self.on_message(topic, value)
         for call in self.link.take(CALLS):
             self.on_message(CALLS, call)
         self._forget_cues(document)
-        poses = [value for topic, value in arrived if topic is POSE]
+        poses = [value for topic, value in arrived_values if topic is POSE]
         if poses:
             self._update_latency(poses[-1])
         self._resend_view()
         document.edge = self._state()
-        return len(arrived)
+        return len(arrived_values)
+
+    def newest_local_ns(self, document: Document) -> int | None:
+        """Returns the time of the newest frame on this machine's monotonic clock; None if it is not known."""
+        probe = self.link.edges[0].probe
+        if probe is None or not probe.is_known or not self.frame_clock.is_known or not len(document.timeline):
+            return None
+        return self.frame_clock.local_ns(document.timeline.end_ns, probe.offset_ns())
 
     def ask(self, order: Order, then: Callable[[], None] | None = None) -> None:
         """Asks the edge to carry out an order. A viewing direction is sent again after the edge restarts."""
@@ -78,11 +93,19 @@ class EdgeFeed:
         """Closes the sockets."""
         self.link.close()
 
+    def _add_times(self, received: Any) -> None:
+        """Records the sensor's and the edge's time of a frame."""
+        if isinstance(received, ReceivedPose):
+            self.frame_clock.add(received.pose.time_ns, received.captured_ns)
+        elif isinstance(received, ReceivedBodies):
+            self.frame_clock.add(received.time_ns, received.captured_ns)
+
     def _watch_instance(self) -> bool:
         """Detects a restart of the edge and reports it. Returns whether it has restarted."""
         before, self._instance = self._instance, self.link.edges[0].instance
         began_again = before not in (None, self._instance)
         if began_again:
+            self.frame_clock = FrameClock()
             self.restarted()
         return began_again
 
@@ -102,7 +125,7 @@ class EdgeFeed:
                 self.link.ask(self._look)
 
     def _lacks_characters(self, connected: bool, now: float) -> bool:
-        """Returns True if the edge is alive but has not sent characters for a while.
+        """Returns True if the edge is connected but has not sent characters for a while.
 
         A wrong port is a common reason.
         """

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from enliven.wire import Order
-from enliven_viewer.playback import Document
+from enliven_viewer.playback.document import Document
 
 
 class Feed(Protocol):
@@ -17,7 +17,7 @@ class Feed(Protocol):
     """
 
     def poll(self, document: Document) -> int:
-        """Applies everything that has arrived since the last call, without waiting.
+        """Adds everything that has arrived since the last call to the document, without waiting.
 
         Returns the number of messages.
         """

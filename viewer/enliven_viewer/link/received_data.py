@@ -1,4 +1,4 @@
-"""The link's values: poses, bodies and cues with their times, notices, and an edge's health."""
+"""Values received by the link: poses, bodies and cues with their times, notices, and an edge's health."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class ReceivedPose:
     """A pose with the times at which it was captured, sent and received.
 
     Attributes:
-        pose: pose of a character that the link holds.
+        pose: pose of a character that the link has received.
         edge: name of the edge that sent it.
-        sequence: number of the pose among the character's, since the edge's start.
+        sequence: number of the pose among the character's poses since the edge's start.
         captured_ns: time on the edge's wall clock when the frame was read.
         published_ns: time on the edge's wall clock when the pose was sent.
         received_ns: time on this machine's wall clock when the pose was read from the socket.
@@ -80,8 +80,8 @@ class ReceivedCues:
         body: the performer's id, or the first of several; -1 for none.
         time_ns: time on the sensor's clock.
         owners: (K,) ids of the performers that control the nodes; empty if the edge does not send them.
-        held: number of attached nodes, which come first; the others are previewed. None: all, or none in a
-            preview.
+        held: number of attached nodes, which come first; the others are a preview. None means all, or none in
+            the state "preview".
     """
 
     character: str

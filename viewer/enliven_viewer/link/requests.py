@@ -11,7 +11,7 @@ from typing import Any
 
 import zmq
 
-from enliven.keys import ClientKeys
+from enliven.keys.client import ClientKeys
 from enliven.wire import (
     MAX_UNREAD_REPLIES,
     REPLY,
@@ -30,11 +30,11 @@ from enliven.wire import (
 _POLL_BUDGET_S = 0.005
 """Maximum time in seconds that one poll spends on replies; the rest waits for the next poll."""
 _MAX_LATE_REQUESTS = 256
-"""Maximum number of timed-out requests that are remembered, since they may still be answered."""
+"""Maximum number of timed-out requests that are stored, since they may still be answered."""
 _MAX_UNREQUESTED_BYTES = 4 * 1024 * 1024
 """Maximum bytes of unrequested replies before the connection is closed."""
 _RECONNECT_DELAY_S = 2.0
-"""Seconds until an edge that has sent such replies is connected again."""
+"""Seconds until the connection to an edge that has sent unrequested replies is opened again."""
 
 
 @dataclass
@@ -83,8 +83,8 @@ class Requests:
         """Calls back each answered request with its reply, and each timed-out request with None."""
         if self._socket is None and time.monotonic() >= self._reopen_at:
             self._open()
-        until = time.monotonic() + _POLL_BUDGET_S
-        while self._socket is not None and time.monotonic() < until:
+        deadline = time.monotonic() + _POLL_BUDGET_S
+        while self._socket is not None and time.monotonic() < deadline:
             try:
                 parts = self._socket.recv_multipart(zmq.DONTWAIT)
             except zmq.Again:
@@ -99,14 +99,14 @@ class Requests:
             self._pending.pop(number).on_reply(None)
 
     def forget(self) -> None:
-        """Drops every unanswered request, since the edge is gone."""
+        """Drops all unanswered requests, since the edge is gone."""
         pending, self._pending = self._pending, {}
         self._late.extend(pending)
-        for each in pending.values():
-            each.on_reply(None)
+        for request in pending.values():
+            request.on_reply(None)
 
     def reopen(self, keys: ClientKeys | None) -> None:
-        """Connects again, with other keys. Unanswered requests are dropped."""
+        """Connects again, with other keys. Drops unanswered requests."""
         self.close()
         self.forget()
         self._keys = keys
@@ -122,8 +122,8 @@ class Requests:
     def _open(self) -> None:
         """Connects to the edge."""
         self._unrequested_bytes = 0
-        most = REPLY.max_bytes + 64
-        self._socket = make_socket(self._context, zmq.DEALER, most, MAX_UNREAD_REPLIES, self._keys)
+        max_bytes = REPLY.max_bytes + 64
+        self._socket = make_socket(self._context, zmq.DEALER, max_bytes, MAX_UNREAD_REPLIES, self._keys)
         # Send only over an existing connection (IMMEDIATE). Otherwise a request would wait in a queue for an
         # edge that may start an hour later.
         self._socket.setsockopt(zmq.IMMEDIATE, 1)

@@ -1,6 +1,6 @@
 """Puts characters onto the stage of an edge.
 
-They are packed in the background and sent in parts. Identical content is sent only once.
+Characters are encoded in the background and sent in parts. Identical content is sent only once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Protocol
 
 from enliven.document import Project
 from enliven.errors import EnlivenError
-from enliven.formats.project import character_bytes
+from enliven.formats.project.one_character import character_bytes
 from enliven.wire import (
     MAX_PART_BYTES,
     MAX_TEXTURE_BYTES,
@@ -35,10 +35,10 @@ _MAX_PENDING_PARTS = 8
 _STATE_REQUEST_INTERVAL_S = 0.03
 """Seconds between two requests for the state of an upload: about a frame."""
 _ANSWER_TIMEOUT_S = 5.0
-"""Timeout in seconds of a request. An edge answers within a frame, a busy one within a few."""
+"""Timeout in seconds of a request. An edge answers within a frame, or within a few frames if it is busy."""
 _MAX_RESTARTS = 20
-"""Maximum number of refused parts in one upload, for example because of the edge's rate limit, before it is
-given up.
+"""Maximum number of refused parts in one upload, for example because of the edge's rate limit, before the
+upload is given up.
 """
 _REFUSAL_PAUSE_S = 0.25
 """Seconds to wait after a refused part. An edge counts requests per second."""
@@ -47,9 +47,9 @@ AnswerCallback = Callable[[Answer], None]
 
 
 def _pack_character(project: Project, character: str) -> bytes:
-    """Returns the packed bytes of a character.
+    """Returns the encoded bytes of a character.
 
-    Its textures are included if the wire can carry them back from the edge.
+    Textures are included if they are small enough for the edge to send them back.
     """
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
     return data if len(data) <= MAX_UPLOAD_BYTES else character_bytes(project, character)
@@ -73,11 +73,12 @@ class _Upload:
     """A character upload in progress.
 
     Attributes:
-        packed: its data, once packed.
+        packed: the character's encoded data, or None until it is ready.
         sent: number of bytes sent.
-        under_way: number of unanswered parts.
+        under_way: number of sent parts without an answer.
         ask_at: monotonic time of the next state request; infinite while parts are unanswered.
-        refused: whether one of these parts was refused. Then no more are sent before the next state request.
+        refused: whether one of these parts was refused. Then no more parts are sent before the next state
+            request.
     """
 
     name: str
@@ -94,7 +95,7 @@ class _Upload:
 
 
 class StageLink:
-    """The stage of one edge. Call :meth:`poll` as often as that of the link.
+    """The stage of one edge. Call :meth:`poll` as often as the link's ``poll``.
 
     If a character is put while an earlier revision is still being uploaded, it waits for that upload. Only
     the newest waiting revision is sent.
@@ -124,7 +125,7 @@ class StageLink:
         """Puts a character of a project onto the stage, replacing the one with its id.
 
         Args:
-            name: its id on the stage; empty for the id in the project.
+            name: the character's id on the stage; empty for the id in the project.
             fit: whether a possessed mesh is first scaled to a person's size, like a mesh from a file.
             then: called from a later :meth:`poll` with Done once it is on the stage, else with Refused.
         """
@@ -134,8 +135,8 @@ class StageLink:
             return
         if self._packer is None:
             self._packer = ThreadPoolExecutor(1, "packer")
-        packed = self._packer.submit(_pack_character, project, character)
-        self._sending[name] = _Upload(name, fit, then, packed)
+        packing = self._packer.submit(_pack_character, project, character)
+        self._sending[name] = _Upload(name, fit, then, packing)
 
     def remove(self, character: str, then: AnswerCallback | None = None) -> None:
         """Removes a character from the stage."""
@@ -162,7 +163,7 @@ class StageLink:
             self._packer.shutdown(wait=False, cancel_futures=True)
 
     def _announce(self, sending: _Upload) -> None:
-        """Announces a packed character to the edge."""
+        """Announces an encoded character to the edge."""
         try:
             sending.data = sending.packed.result()
         except EnlivenError as error:
@@ -206,7 +207,9 @@ class StageLink:
             self._ask(part, partial(self._handle_part_answer, sending))
 
     def _handle_part_answer(self, sending: _Upload, answer: Answer) -> None:
-        """Processes the answer to a part. After a refusal, asks where to continue."""
+        """Processes the answer to a part. After a refusal, requests the state to find out where to
+        continue.
+        """
         sending.under_way -= 1
         sending.refused |= not isinstance(answer, Awaited)
         if not sending.refused:
@@ -221,7 +224,7 @@ class StageLink:
             self._end(sending, answer)
 
     def _end(self, sending: _Upload, answer: Answer) -> None:
-        """Ends an upload, and starts the one that waits for it."""
+        """Ends an upload, and starts the next one that waits for it."""
         if self._sending.pop(sending.name, None) is None:
             return
         if isinstance(answer, Done):

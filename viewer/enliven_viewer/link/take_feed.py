@@ -25,18 +25,18 @@ from enliven.wire import (
     message_to_pose,
 )
 from enliven_viewer.link.topic_tracks import list_shown_topics, track_of
-from enliven_viewer.playback import Document, EdgeState
+from enliven_viewer.playback.document import Document, EdgeState
 
 log = logging.getLogger(__name__)
 
 _MESSAGES_PER_POLL = 96
-"""Number of messages that one poll applies: about a second of a take, so that the window can draw while
-reading.
+"""Number of messages that one poll applies: about a second of a take. So the window can draw while the take
+is read.
 """
 
 
 class TakeFeed:
-    """A :class:`~enliven_viewer.link.feed.Feed` that reads a part of a take with every poll.
+    """A :class:`~enliven_viewer.link.feed.Feed` that reads the next part of a take with every poll.
 
     A message that cannot be read is skipped; the first one is logged. A take contains copies of each
     character. If the first copy is damaged, poses are decoded with another copy of the same revision.
@@ -48,17 +48,17 @@ class TakeFeed:
     def __init__(self, path: Path) -> None:
         recording = Recording(path)
         topic_names = [CHARACTER.name, *(topic.name for topic in list_shown_topics())]
-        present = [name for name in topic_names if name in recording.info.topics]
-        if not {"character", "pose"} <= set(present):
+        present_topics = [name for name in topic_names if name in recording.info.topics]
+        if not {"character", "pose"} <= set(present_topics):
             raise InputError(
                 "it contains no performance (characters and poses)",
                 where=str(path),
-                mend="Drive a mesh with it: enliven run --recording FILE.",
+                remedy="Drive a mesh with it: enliven run --recording FILE.",
             )
         self.name = path.name
         self.unreadable = 0
         self._recording = recording
-        self._messages = _merge_by_time(recording, present)
+        self._messages = _merge_by_time(recording, present_topics)
         self._revisions: dict[str, int] = {}
         self._held: dict[tuple[str, int], tuple[Character, PoseCodec]] = {}
         self._searched: set[tuple[str, int]] = set()

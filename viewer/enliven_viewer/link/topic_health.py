@@ -12,11 +12,11 @@ from enliven.wire import Topic
 SILENCE_TIMEOUT_S = 2.0
 """Seconds without a message after which a topic or an edge counts as silent: four heartbeats."""
 RATE_WINDOW_S = 2.0
-"""Length in seconds of the window in which messages are counted: long enough for a steady value, short enough
-to react.
+"""Length in seconds of the window in which messages are counted. It gives a steady value, and still reacts
+quickly.
 """
 _MAX_ARRIVALS = 8000
-"""Maximum number of stored arrival times: two seconds of 130 characters."""
+"""Maximum number of stored arrival times: those of 130 characters in two seconds."""
 _MIN_RATE_FRACTION = 0.5
 """Minimum fraction of the expected rate for a topic to be on rate. Occasional lost messages are not a
 fault.

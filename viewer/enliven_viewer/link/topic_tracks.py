@@ -1,4 +1,4 @@
-"""The path of each topic's messages to the timeline, live and from a take."""
+"""The processing of each topic's messages on their way to the timeline, live and from a take."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ from enliven.wire import (
     message_to_props,
 )
 from enliven_viewer.link.received_data import ReceivedBodies, ReceivedCues, ReceivedPose
-from enliven_viewer.playback import CueFrame, Document
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.timeline import CueFrame
 
 _OBJECT_OVERHEAD_BYTES = 500
-"""Bytes that a value needs in addition to its numbers: for the object, arrays and strings."""
+"""Number of bytes that a value needs in addition to its numbers: for the object, arrays and strings."""
 
 
 @dataclass(frozen=True)
 class TopicTrack:
-    """The path of a topic's messages into the viewer.
+    """The processing of a topic's messages in the viewer.
 
     Attributes:
         read: converts (message, the edge's name) to the viewer's own value.

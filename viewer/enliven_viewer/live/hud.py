@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 from enliven.health import HealthState, Severity
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.match_cards import Card, draw_cards
-from enliven_viewer.playback import EdgeState
+from enliven_viewer.playback.document import EdgeState
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WAIT, Colour
 
 if TYPE_CHECKING:
-    from enliven_viewer.render.overlay import Pen
+    from enliven_viewer.render.overlay.canvas import Pen
 
 SEVERITY_COLOURS = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
 _NOTICEABLE_DELAY_MS = 150.0
-"""Delay in milliseconds above which people notice that the image follows them. Below it, it feels like a
+"""Delay in milliseconds above which people notice that the image is late. Below it, the image feels like a
 mirror.
 """
 _DISTURBING_DELAY_MS = 350.0
@@ -25,14 +25,14 @@ _DISTURBING_DELAY_MS = 350.0
 _MIN_SMOOTH_FPS = 20.0
 """Frame rate below which movement looks jerky, in frames per second. Below it, a hint is shown."""
 _NOTICE_TOP_PX = 84.0
-"""Distance in pixels from the top of a notice over characters: below the active tool's hint."""
+"""Distance in pixels of a notice over characters from the top of the image: below the active tool's hint."""
 SIGNAL_COLOURS: dict[str, Colour] = {
     later("live"): GOOD,
     later("ended"): QUIET,
     later("no edge"): BAD,
     later("silent"): BAD,
 }
-"""The colour of the dot next to the timeline by the state of the stream; other states have the colour of
+"""The colour of the dot next to the timeline for each state of the stream. Other states have the colour for
 waiting.
 """
 
@@ -49,9 +49,9 @@ class HudState:
         shown_s, length_s: seconds since the timeline's start, and the timeline's length.
         live, paused, speed: state of the playhead.
         notice: one line over the image, or empty.
-        among: whether characters are visible. Then the notice is small and at the top, so that it does not
-            cover them.
-        near: whether this window has started the edge on this machine.
+        among: whether characters are in the image. Then the notice is small and at the top, so that it does
+            not cover them.
+        near: whether this window started the edge on this machine.
         possession: description of the next possession, or empty.
         score: text about loose objects, or empty.
         cards: the match candidates of a pose.
@@ -81,7 +81,7 @@ def timeline_area(size: tuple[int, int], scale: float) -> tuple[float, float, fl
 
 
 def timeline_fraction(x: float, y: float, size: tuple[int, int], scale: float) -> float | None:
-    """Returns the position of a pixel on the timeline, 0..1; None if it is not near the track."""
+    """Returns the position of a pixel on the timeline, 0..1. None if the pixel is not near the track."""
     left, top, width, height = timeline_area(size, scale)
     reach = 14 * scale
     if not (left - reach <= x <= left + width + reach and top - reach <= y <= top + height + reach):
@@ -102,9 +102,9 @@ class Hud:
 
     def draw(self, size: tuple[int, int], state: HudState) -> None:
         """Draws everything into an area with a width and height in pixels."""
-        below = self._draw_state_panel(state)
+        panel_bottom = self._draw_state_panel(state)
         if state.edge is not None and state.edge.connected and state.edge.health:
-            self._draw_health_panel(size, below, state.edge.health)
+            self._draw_health_panel(size, panel_bottom, state.edge.health)
         if state.length_s > 0:
             self._draw_timeline(size, state)
         self.draw_choice(size, state.cards, state.notice, state.among)
@@ -124,9 +124,9 @@ class Hud:
         Returns the y coordinate of its lower end in pixels.
         """
         s, canvas, lines = self.scale, self._canvas, "\n".join(_list_state_lines(state))
-        widest, high = canvas.extent(lines, self._small)
-        height = 48 * s + high
-        canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + widest), height, GLASS, 10 * s)
+        max_width, text_height = canvas.extent(lines, self._small)
+        height = 48 * s + text_height
+        canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + max_width), height, GLASS, 10 * s)
         is_connected = state.edge is None or state.edge.connected
         canvas.disc(33 * s, 36 * s, 5 * s, GOOD if is_connected else WAIT)
         canvas.text(46 * s, 26 * s, _make_headline(state), self._normal, INK)
@@ -136,13 +136,13 @@ class Hud:
     def _draw_health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
         """Draws problems and advice below the state, most severe first.
 
-        If space runs out, shows how many are left.
+        If the space is too small, shows the number of the remaining ones.
         """
         s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)
         bottom, y, wrap = size[1] - 62 * s, top + gap, width - 42 * s
         for shown_count, state in enumerate(states):
-            texts = ((state.what, INK), (state.mend, QUIET))
+            texts = ((state.what, INK), (state.remedy, QUIET))
             height = 18 * s + sum(canvas.extent(text, self._small, wrap)[1] for text, _ in texts)
             if y + height > bottom:
                 if y + self._small < bottom:
@@ -209,7 +209,7 @@ def _signal_label(edge: EdgeState | None) -> str:
 
 
 def describe_delay(late_ms: float | None) -> str:
-    """Returns a text about the delay of the image; empty if it is too short to notice."""
+    """Returns a text about the delay of the image. Empty if the delay is too short to notice."""
     if late_ms is None or late_ms < _NOTICEABLE_DELAY_MS:
         return ""
     return tr("a little delayed") if late_ms < _DISTURBING_DELAY_MS else tr("delayed: move slowly")

@@ -1,4 +1,4 @@
-"""The idle loop: replays the last performance while the edge is lost, so that the image never freezes."""
+"""The idle loop: replays the last performance while the edge is lost, so that the image keeps moving."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from typing import Literal
 
 from enliven_viewer.language import later
 from enliven_viewer.live.live_stage import LiveStage
-from enliven_viewer.render import OrbitCamera
+from enliven_viewer.render.camera import OrbitCamera
 
 _START_DELAY_S = 1.5
 """Seconds without the edge before the loop begins. The image does not change during a short network gap."""
 _REPLAY_LENGTH_S = 30.0
 """Length in seconds of the replayed performance: long enough not to look like a loop."""
 _ORBIT_SPEED = 0.05
-"""Speed of the idle camera orbit in radians per second: a turn in two minutes, slow enough to be calm."""
+"""Speed of the idle camera orbit in radians per second: a turn in two minutes, slow enough to look calm."""
 
 LossReason = Literal["", "away", "silent", "ended", "waiting"]
-"""Reason why no new data arrive. "": they do arrive. "away": the edge is lost. "silent": its camera sends
+"""Reason why no new data arrives. "": new data arrives. "away": the edge is lost. "silent": its camera sends
 nothing. "ended": its recording has ended. "waiting": it has not started yet.
 """
 LOSS_TEXTS: dict[LossReason, str] = {
@@ -30,7 +30,7 @@ LOSS_TEXTS: dict[LossReason, str] = {
 
 
 def find_loss_reason(live: LiveStage) -> LossReason:
-    """Returns why nothing new arrives from a stage; "" if it does, and for takes."""
+    """Returns why nothing new arrives from a stage. Empty if new data arrives, and for takes."""
     edge, has_moments = live.document.edge, len(live.document.timeline) > 0
     if live.take:
         return ""
@@ -44,10 +44,10 @@ def find_loss_reason(live: LiveStage) -> LossReason:
 class IdleLoop:
     """The replay of the last performance while the edge is lost.
 
-    It returns to live mode once the edge is back.
+    The loop returns to live mode once the edge is back.
 
     Attributes:
-        loss: why nothing arrives, once that has lasted; "" while the stage is live.
+        loss: why nothing has arrived for :data:`_START_DELAY_S` seconds; "" while the stage is live.
     """
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ class IdleLoop:
         return LOSS_TEXTS[self.loss]
 
     def advance(self, live: LiveStage | None, camera: OrbitCamera, seconds: float, *, orbits: bool) -> None:
-        """Advances time: begins or ends the loop, and turns the camera.
+        """Advances time: starts or ends the loop, and rotates the camera.
 
         Args:
             orbits: whether the camera orbits; off if the user prefers less motion.

@@ -1,25 +1,31 @@
-"""A stage from an edge or a take, as a scene: polled once per frame, with playback and commands."""
+"""A live stage or a take as a scene: receives messages, plays them back, and sends commands."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import replace
 
-from enliven.wire import Browse, Lock, Mode, Possess, Release, Resize, Smooth
+from enliven.wire import Browse, LearnRoom, Lock, Mode, Possess, Release, Resize, Smooth
 from enliven_viewer.language import tr
-from enliven_viewer.link import Feed
+from enliven_viewer.link.feed import Feed
 from enliven_viewer.live.performer_numbers import PerformerNumbers
 from enliven_viewer.live.possession_choice import PossessionChoice
 from enliven_viewer.live.view_report import ViewReporter, is_end_on, turn_to_bones
-from enliven_viewer.playback import NS_PER_S, Document, Playhead, SolvedSurfaces
-from enliven_viewer.render import CameraView, OrbitCamera, OverlayVisibility, Scene, SceneStyle, make_scene
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.playhead import Playhead
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
+from enliven_viewer.playback.timeline import NS_PER_S
+from enliven_viewer.render.camera import CameraView, OrbitCamera
+from enliven_viewer.render.overlay_visibility import OverlayVisibility
+from enliven_viewer.render.scene import Scene, SceneStyle, make_scene
 from enliven_viewer.settings import ViewerSettings
 
 _SILENCE_TIMEOUT_S = 2.0
-"""Time without a message after which the window may idle, in seconds: four heartbeats of an edge."""
+"""Time in seconds without a message after which the window may idle: four heartbeats of an edge."""
 _LONG_WAIT_S = 12.0
-"""Waiting time for a local stage after which the reason is shown, in seconds. Kernels are compiled at the
-first start."""
+"""Waiting time for a local stage, in seconds, after which the window shows the reason. Kernels are compiled
+at the first start.
+"""
 
 
 class LiveStage:
@@ -62,9 +68,17 @@ class LiveStage:
 
     def advance(self, seconds: float) -> None:
         """Processes received messages, and advances the viewer's clock by ``seconds``."""
-        arrived = self.feed.poll(self.document)
+        self.receive(seconds)
+        self.compose(seconds)
+
+    def receive(self, seconds: float) -> None:
+        """Processes received messages. The scene stays the same until :meth:`compose`."""
+        arrived_count = self.feed.poll(self.document)
         playing = not (self.playhead.live or self.playhead.paused)
-        self._since = 0.0 if arrived or playing else self._since + seconds
+        self._since = 0.0 if arrived_count or playing else self._since + seconds
+
+    def compose(self, seconds: float) -> None:
+        """Advances the viewer's clock by ``seconds``, and creates the scene of the displayed time."""
         self.playhead.advance(seconds)
         moment = self.playhead.moment()
         style = self._showing.style(self.style, moment, self.playhead.time_ns / NS_PER_S)
@@ -80,12 +94,12 @@ class LiveStage:
     def present(self) -> tuple[str, ...]:
         """Returns the characters, and whether a person is present.
 
-        A camera reframes when these change.
+        The camera frames the scene again when these change.
         """
         return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
 
     def possess(self, mode: Mode = "alone") -> None:
-        """Asks the feed to let the chosen performer, or every free one, possess a character."""
+        """Requests that the chosen performer, or every free one, possesses a character."""
         for name in self._order_targets(self.target):
             self.feed.ask(self.order_to_possess(mode, name))
 
@@ -94,17 +108,17 @@ class LiveStage:
         return Possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Asks the feed to release the chosen character, or those of the chosen performer, or all."""
+        """Requests to release the chosen character, or those of the chosen performer, or all."""
         for name in [self.target] if self.target in self.held else self._order_targets(None):
             self.feed.ask(Release(name, self.possession.body))
 
     def scale_by_hands(self) -> None:
-        """Asks the feed to switch the gesture that scales a character by the distance between the hands."""
+        """Requests to start or end the gesture that scales a character by the distance between the hands."""
         for name in self._order_targets(self.target)[:1]:
             self.feed.ask(Resize("hands", name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
-        """Chooses the body parts of the next possession, and previews them."""
+        """Chooses the body parts of the next possession, and shows a preview."""
         self.possession.choose(number)
         self.possess("preview")
 
@@ -114,23 +128,27 @@ class LiveStage:
         self.possess("preview")
 
     def change_smoothing(self, step: int) -> None:
-        """Asks the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
-        present = [body.id for body in self.scene.bodies]
-        for body, amount in self.possession.change_smoothing(step, present).items():
+        """Requests more (1) or less (-1) smoothing of the chosen performer, or of all in view."""
+        present_ids = [body.id for body in self.scene.bodies]
+        for body, amount in self.possession.change_smoothing(step, present_ids).items():
             self.feed.ask(Smooth(body, amount))
 
     def toggle_lock(self) -> None:
-        """Asks the feed to allow only the present performers to step in, or to allow everyone again."""
-        wanted = not self.possession.locked
-        self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
+        """Requests that only the present performers may step in, or that everyone may again."""
+        is_locked = not self.possession.locked
+        self.feed.ask(Lock(is_locked), lambda: setattr(self.possession, "locked", is_locked))
+
+    def learn_room(self) -> None:
+        """Asks the feed to learn the background and the floor again."""
+        self.feed.ask(LearnRoom())
 
     def show_other_match(self, step: int) -> None:
-        """Asks the feed for another match, for every character that waits for a choice."""
+        """Requests another match for every character that waits for a choice."""
         for name in self.scene.boards:
             self.feed.ask(Browse(name, step))
 
     def show_bones(self, camera: OrbitCamera) -> None:
-        """Turns the camera to the direction that shows most of the characters' bones."""
+        """Rotates the camera to a direction in which most of the characters' bones are visible."""
         turn_to_bones(camera, self.scene)
 
     def report_view(self, view: CameraView) -> None:
@@ -147,7 +165,7 @@ class LiveStage:
         self.style = replace(self.style, **dict.fromkeys(names, new_strength))
 
     def words(self, view: CameraView) -> str:
-        """Returns the text about the next possession, or advice if bones point at the camera.
+        """Returns a text about the next possession, or advice if bones point at the camera.
 
         Returns an empty text for a take.
         """
@@ -172,8 +190,8 @@ class LiveStage:
     @property
     def preparation_text(self) -> str:
         """Returns the text about a local stage that is still starting."""
-        more = tr(": the first start takes some minutes") if self._since > _LONG_WAIT_S else ""
-        return tr("The stage is being prepared{0}", more)
+        hint = tr(": the first start takes some minutes") if self._since > _LONG_WAIT_S else ""
+        return tr("The stage is being prepared{0}", hint)
 
     def close(self) -> None:
         """Closes the feed."""
@@ -184,12 +202,12 @@ class LiveStage:
 
         Older edges send these for the next performer.
         """
-        shown = {
+        boards = {
             name: board
             for name, board in scene.boards.items()
             if board.state != "choosing" or name not in self.held
         }
-        return replace(scene, boards=shown)
+        return replace(scene, boards=boards)
 
     def _order_targets(self, character_id: str | None) -> list[str | None]:
         """Returns the character for an order. With several characters, None lets the edge choose."""

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching import MatchList
+from enliven.matching.match_list import MatchList
 from enliven_viewer.language import tr
-from enliven_viewer.render import CameraView, Scene, SceneCharacter
-from enliven_viewer.render.overlay import find_tints
+from enliven_viewer.render.camera import CameraView
+from enliven_viewer.render.overlay.match_lines import find_tints
+from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.theme import ACCENT, FAINT, GLASS, INK, QUIET
 
 if TYPE_CHECKING:
-    from enliven_viewer.render.overlay import Pen
+    from enliven_viewer.render.overlay.canvas import Pen
 
 CARD_WIDTH_PX = 124.0
 """Width of a card in pixels on a standard screen: nine fit side by side in 1280."""
@@ -37,10 +38,11 @@ class Card:
     Attributes:
         title: rank of the match, after the character's name if several characters choose.
         score: name of the match with its start and similarity.
-        meant: whether it is the one that would be accepted.
-        bones: (E, 2, 2) the whole skeleton; x is 0..PICTURE_ASPECT to the right, y is 0..1 down.
-        lines: (K, 2) for each branch of the source, in the same coordinates.
-        held: elapsed fraction, 0..1, of the time to hold still.
+        meant: whether it is the match that would be accepted.
+        bones: (E, 2, 2) the line segments of the whole skeleton; x is 0..PICTURE_ASPECT to the right, y is
+            0..1 down.
+        lines: for each branch of the source, a polyline (K, 2) in the same coordinates.
+        held: elapsed fraction, 0..1, of the time for which the performer must hold still.
         row: number of its character among those that choose.
         tints: for each branch of the source, the colour of its limb, as on the performer.
     """
@@ -59,9 +61,10 @@ def make_cards(scene: Scene, view: CameraView) -> tuple[Card, ...]:
     """Returns the cards of each character with match candidates, as seen by the camera."""
     boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
     choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
-    several = len(choosing) > 1
+    has_several = len(choosing) > 1
     card_rows = [
-        _make_character_cards(actor, board, view, row, several) for row, (actor, board) in enumerate(choosing)
+        _make_character_cards(actor, board, view, row, has_several)
+        for row, (actor, board) in enumerate(choosing)
     ]
     return tuple(card for cards in card_rows for card in cards)
 
@@ -71,16 +74,16 @@ def _make_character_cards(
 ) -> list[Card]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     pivots = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
-    seen = view.project(np.concatenate(pivots)) * [1.0, -1.0]
+    projected = view.project(np.concatenate(pivots)) * [1.0, -1.0]
     # Scale by the aspect ratio of the projection, because pixels are square on the card as on the screen.
-    seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
+    projected[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
     middle, reach = (
-        (seen.max(0) + seen.min(0)) / 2,
-        float((np.ptp(seen, axis=0) / [PICTURE_ASPECT, 1.0]).max()) or 1.0,
+        (projected.max(0) + projected.min(0)) / 2,
+        float((np.ptp(projected, axis=0) / [PICTURE_ASPECT, 1.0]).max()) or 1.0,
     )
-    seen = np.array([PICTURE_ASPECT / 2, 0.5]) + (seen - middle) / reach
+    projected = np.array([PICTURE_ASPECT / 2, 0.5]) + (projected - middle) / reach
     ends = np.cumsum([0, *(len(points) for points in pivots)])
-    parts = [seen[a:b] for a, b in itertools.pairwise(ends)]
+    parts = [projected[a:b] for a, b in itertools.pairwise(ends)]
     cards, part_start = [], 1
     for number, row in enumerate(board.rows):
         lines = tuple(parts[part_start : part_start + len(row.lines)])
@@ -105,10 +108,10 @@ def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, card
     step = (CARD_WIDTH_PX + CARD_GAP_PX) * scale
     max_cards = max(int((size[0] - 32 * scale) // step), 0)
     for row, row_cards in itertools.groupby(cards, lambda card: card.row):
-        shown = list(row_cards)[:max_cards]
-        left = (size[0] - step * len(shown) + CARD_GAP_PX * scale) / 2
+        shown_cards = list(row_cards)[:max_cards]
+        left = (size[0] - step * len(shown_cards) + CARD_GAP_PX * scale) / 2
         top = size[1] - (CARD_HEIGHT_PX + 66 + row * (CARD_HEIGHT_PX + CARD_GAP_PX)) * scale
-        for number, card in enumerate(shown if top > 0 else ()):
+        for number, card in enumerate(shown_cards if top > 0 else ()):
             _draw_card(canvas, left + number * step, top, scale, text, card)
 
 
@@ -127,7 +130,7 @@ def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card)
         canvas.line(bone, 1.2 * s, FAINT)
     limbs = zip(card.lines, card.tints, strict=True)
     for line, tint in ((line, tint) for line, tint in limbs if len(line)):
-        # Skip limbs that drive nothing, which have no line.
+        # Only limbs that drive something have a line.
         canvas.line(corner + side * line, 3.0 * s, (*tint, 1.0))
     if card.held > 0.0:
         canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, ACCENT, 1.5 * s)

@@ -1,4 +1,4 @@
-"""Numbers of performers: from 1 on, constant while they are present."""
+"""Displayed numbers of performers. They start at 1, and stay constant while a performer is present."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterable
 class PerformerNumbers:
     """Small numbers for the performers in view.
 
-    The ids of an edge only increase, and a performer that is found again gets a new id. So each new performer
-    in view gets the lowest free number instead.
+    The ids of an edge only increase, and a performer that is found again gets a new id. So people see numbers
+    instead of ids: each new performer in view gets the lowest free one.
     """
 
     def __init__(self) -> None:
@@ -26,8 +26,8 @@ class PerformerNumbers:
             self.number_of(body)
 
     def number_of(self, body: int) -> int:
-        """Returns the number of a performer, from 1 on."""
+        """Returns the number of a performer, starting at 1."""
         if body not in self._numbers:
-            taken = set(self._numbers.values())
-            self._numbers[body] = next(n for n in range(1, len(taken) + 2) if n not in taken)
+            taken_numbers = set(self._numbers.values())
+            self._numbers[body] = next(n for n in range(1, len(taken_numbers) + 2) if n not in taken_numbers)
         return self._numbers[body]

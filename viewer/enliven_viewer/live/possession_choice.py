@@ -42,11 +42,11 @@ class PossessionChoice:
         self._smoothing: dict[int, int] = {}
 
     def choose(self, number: int) -> None:
-        """Chooses the body parts of a key, counted from 0."""
+        """Chooses the body parts of a key. Keys are counted from 0."""
         self.parts = PART_CHOICES[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
-        """Chooses the next performer in view; after the last one, the next performer that appears."""
+        """Chooses the next performer in view. After the last one, chooses the next performer that appears."""
         order: list[int | None] = [None, *sorted(set(present))]
         position = order.index(self.body) if self.body in order else 0
         self.body = order[(position + 1) % len(order)]

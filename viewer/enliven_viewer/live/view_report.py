@@ -8,20 +8,23 @@ import numpy as np
 
 from enliven.matching import views
 from enliven.wire import Look
-from enliven_viewer.render import CameraView, OrbitCamera, Scene
+from enliven_viewer.render.camera import CameraView, OrbitCamera
+from enliven_viewer.render.scene import Scene
 
 _REPORT_INTERVAL_S = 0.1
 """Minimum time in seconds between two reports."""
 _MIN_VISIBLE_FRACTION = 0.3
 """A chain points at the camera if less than this fraction of its end-to-end vector is visible."""
 _ROTATION_TOLERANCE = 0.005
-"""Change of a rotation matrix entry, about radians, below which the ranking of matches stays the same."""
+"""Change of a rotation matrix entry (about radians) below which the ranking of matches is assumed to stay the
+same.
+"""
 _POSITION_TOLERANCE = 0.02
-"""Camera movement in metres below which the ranking stays the same."""
+"""Camera movement in metres below which the ranking is assumed to stay the same."""
 
 
 class ViewReporter:
-    """The last reported view, which detects changes."""
+    """Stores the last reported view, and detects changes."""
 
     def __init__(self) -> None:
         self._reported: CameraView | None = None
@@ -32,9 +35,11 @@ class ViewReporter:
         if seconds - self._report_time < _REPORT_INTERVAL_S:
             return None
         if self._reported is not None:
-            turned = np.abs(view.camera_from_world[:3, :3] - self._reported.camera_from_world[:3, :3]).max()
+            rotation_change = np.abs(
+                view.camera_from_world[:3, :3] - self._reported.camera_from_world[:3, :3]
+            ).max()
             if (
-                turned < _ROTATION_TOLERANCE
+                rotation_change < _ROTATION_TOLERANCE
                 and np.abs(view.eye - self._reported.eye).max() < _POSITION_TOLERANCE
             ):
                 return None
@@ -56,14 +61,14 @@ def is_end_on(scene: Scene, view: CameraView) -> bool:
         for row in board.rows if board.state == "choosing" else ():
             for line in row.lines:
                 ahead = line.mean(0) - view.eye if len(line) else rows[0]
-                seen = views.ScreenView(ahead, rows[1])
-                if len(line) and views.is_end_on(line[-1:] - line[:1], seen, _MIN_VISIBLE_FRACTION)[0]:
+                screen_view = views.ScreenView(ahead, rows[1])
+                if len(line) and views.is_end_on(line[-1:] - line[:1], screen_view, _MIN_VISIBLE_FRACTION)[0]:
                     return True
     return False
 
 
 def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
-    """Turns a camera to the view that shows most of all characters' bones (AniMesh, section 8)."""
+    """Rotates a camera to the view that shows most of all characters' bones (AniMesh, section 8)."""
     ends = [actor.pose.positions[actor.character.edges].astype(np.float64) for actor in scene.actors]
     vectors = np.concatenate([np.zeros((0, 3)), *(end[:, 1] - end[:, 0] for end in ends)])
     rows = camera.view(1.0).camera_from_world[:3, :3]

@@ -12,7 +12,7 @@ from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
 from enliven.logs import escape_text
-from enliven.matching import MatchList
+from enliven.matching.match_list import MatchList
 from enliven.person import Body
 from enliven.wire import Topic
 from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
@@ -61,7 +61,7 @@ class Document:
         self.characters[character.id] = character
 
     def remove_character(self, character_id: str) -> None:
-        """Removes a character; the timeline keeps its poses."""
+        """Removes a character. The timeline keeps its poses."""
         self.characters.pop(character_id, None)
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
@@ -69,7 +69,7 @@ class Document:
         self.timeline.add_pose(pose, character)
 
     def characters_at(self, moment: TimelineMoment | None) -> dict[str, Character]:
-        """Returns the characters by id, each in the revision that a moment's poses belong to."""
+        """Returns the characters by id, each in the revision of the moment's poses."""
         return {**self.characters, **(moment.characters if moment else {})}
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
@@ -91,7 +91,7 @@ class Document:
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Sets the cues of a character from a time on, or from the newest moment.
 
-        Without nodes, nothing is attached.
+        Empty nodes mean that nothing is attached.
         """
         self.timeline.set_cues(cues, time_ns)
 
@@ -105,9 +105,9 @@ def find_bounds(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None
 
     Returns None without a finite point.
     """
-    filled = [p for p in points if len(p)]
-    if not filled:
+    nonempty = [p for p in points if len(p)]
+    if not nonempty:
         return None
-    every = np.concatenate(filled).astype(np.float64)
+    every = np.concatenate(nonempty).astype(np.float64)
     every = every[np.isfinite(every).all(axis=1)]
     return (every.min(axis=0), every.max(axis=0)) if len(every) else None

@@ -12,12 +12,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Pose, Props
-from enliven.matching import MatchList, MatchRow
+from enliven.matching.match_list import MatchList, MatchRow
 from enliven.person import Body
 from enliven.rotation import from_matrix, slerp, to_matrix
 
 _MAX_FLIGHT_M = 0.6
-"""Distance in metres between two moments above which an object was moved instantly instead of flying."""
+"""Distance in metres between two moments above which an object was repositioned instead of moving
+continuously.
+"""
 
 
 def blend_poses(before: Pose, after: Pose, fraction: float, time_ns: int) -> Pose:
@@ -43,10 +45,10 @@ def blend_linear(before: Float, after: Float, fraction: float) -> Float:
     if not ok.any():
         return straight
     first, last = from_matrix(before[ok]), from_matrix(after[ok])
-    turn = to_matrix(slerp(first, last, np.full(len(first), fraction)))
+    rotation = to_matrix(slerp(first, last, np.full(len(first), fraction)))
     stretch_first = np.swapaxes(to_matrix(first), 1, 2) @ before[ok]
     stretch_last = np.swapaxes(to_matrix(last), 1, 2) @ after[ok]
-    straight[ok] = turn @ (stretch_first + (stretch_last - stretch_first) * fraction)
+    straight[ok] = rotation @ (stretch_first + (stretch_last - stretch_first) * fraction)
     return straight
 
 
@@ -56,14 +58,14 @@ def _blend_body(before: Body, after: Body, fraction: float) -> Body:
     Values that exist at only one moment are taken from the nearer moment.
     """
     nearer = before if fraction < 0.5 else after
-    turns, contacts = nearer.orientations, nearer.contacts
+    orientations, contacts = nearer.orientations, nearer.contacts
     if before.orientations is not None and after.orientations is not None:
-        turns = slerp(before.orientations, after.orientations, np.array(fraction))
+        orientations = slerp(before.orientations, after.orientations, np.array(fraction))
     if before.contacts is not None and after.contacts is not None:
         contacts = before.contacts + (after.contacts - before.contacts) * fraction
     joints = before.joints + (after.joints - before.joints) * fraction
     confidence = before.confidence + (after.confidence - before.confidence) * fraction
-    return Body(before.id, joints, confidence, turns, contacts, nearer.stature)
+    return Body(before.id, joints, confidence, orientations, contacts, nearer.stature)
 
 
 def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], fraction: float) -> tuple[Body, ...]:
@@ -71,15 +73,15 @@ def blend_bodies(before: tuple[Body, ...], after: tuple[Body, ...], fraction: fl
 
     A body that exists at only one moment is shown if that is the nearer moment.
     """
-    later = {body.id: body for body in after}
-    blended = []
+    bodies_after = {body.id: body for body in after}
+    blended_bodies = []
     for body in before:
-        other = later.pop(body.id, None)
-        if other is not None:
-            blended.append(_blend_body(body, other, fraction))
+        body_after = bodies_after.pop(body.id, None)
+        if body_after is not None:
+            blended_bodies.append(_blend_body(body, body_after, fraction))
         elif fraction < 0.5:
-            blended.append(body)
-    return tuple(blended) + (tuple(later.values()) if fraction >= 0.5 else ())
+            blended_bodies.append(body)
+    return tuple(blended_bodies) + (tuple(bodies_after.values()) if fraction >= 0.5 else ())
 
 
 def blend_props(before: Props | None, after: Props | None, fraction: float, time_ns: int) -> Props | None:
@@ -91,24 +93,26 @@ def blend_props(before: Props | None, after: Props | None, fraction: float, time
     """
     if before is None or after is None:
         return before or after
-    nearer, other = (before, after) if fraction < 0.5 else (after, before)
-    _, mine, theirs = np.intersect1d(nearer.ids, other.ids, return_indices=True)
-    step = other.positions[theirs] - nearer.positions[mine]
+    nearer, farther = (before, after) if fraction < 0.5 else (after, before)
+    _, nearer_indices, theirs = np.intersect1d(nearer.ids, farther.ids, return_indices=True)
+    step = farther.positions[theirs] - nearer.positions[nearer_indices]
     flown = np.linalg.norm(step, axis=1) <= _MAX_FLIGHT_M
-    mine, theirs, step = mine[flown], theirs[flown], step[flown]
+    nearer_indices, theirs, step = nearer_indices[flown], theirs[flown], step[flown]
     part = min(fraction, 1.0 - fraction)
-    positions, turns = nearer.positions.copy(), nearer.turns.copy()
-    positions[mine] += part * step
-    turns[mine] = slerp(nearer.turns[mine], other.turns[theirs], np.full(len(mine), part))
-    return replace(nearer, time_ns=time_ns, positions=positions, turns=turns)
+    positions, rotations = nearer.positions.copy(), nearer.turns.copy()
+    positions[nearer_indices] += part * step
+    rotations[nearer_indices] = slerp(
+        nearer.turns[nearer_indices], farther.turns[theirs], np.full(len(nearer_indices), part)
+    )
+    return replace(nearer, time_ns=time_ns, positions=positions, turns=rotations)
 
 
 def blend_boards(
     before: dict[str, MatchList], after: dict[str, MatchList], fraction: float
 ) -> dict[str, MatchList]:
-    """Returns the match lists between two moments: the earlier ones.
+    """Returns the match lists between two moments: those of the earlier one.
 
-    Their lines are interpolated if both moments have them.
+    Their lines are interpolated if both moments contain them.
     """
     boards = dict(before)
     for name, first in before.items():
@@ -121,7 +125,7 @@ def blend_boards(
 
 
 def _blend_row(first: MatchRow, last: MatchRow, fraction: float) -> MatchRow:
-    """Returns a match row between two moments; the earlier one if the limbs differ."""
+    """Returns a match between two moments, or the earlier one if the limbs differ."""
     if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
         return first
     pairs = list(zip(first.lines, last.lines, strict=True))

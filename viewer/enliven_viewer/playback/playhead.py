@@ -13,6 +13,9 @@ class Playhead:
 
     In live mode it follows the newest moment. Otherwise it keeps a time inside the timeline, which advances
     by ``speed`` seconds per second unless it is paused.
+
+    Attributes:
+        lag_ns: in live mode, the delay behind the newest moment, so that several edges show the same moment.
     """
 
     def __init__(self, timeline: Timeline, *, live: bool = True, loop: bool = False) -> None:
@@ -21,6 +24,7 @@ class Playhead:
         self.paused = False
         self.loop = self._loops = loop
         self.speed = 1.0
+        self.lag_ns = 0
         self._span_ns: int | None = None
         self._time = float(timeline.start_ns)
         self._generation = timeline.generation
@@ -30,7 +34,7 @@ class Playhead:
         """Returns the displayed sensor time, inside the timeline."""
         timeline = self.timeline
         if self.live:
-            return timeline.end_ns
+            return max(timeline.end_ns - self.lag_ns, timeline.start_ns)
         return min(max(int(self._time), timeline.start_ns), timeline.end_ns)
 
     @property
@@ -76,9 +80,9 @@ class Playhead:
         self._time = float(time)
 
     def faster(self, steps: int = 1) -> None:
-        """Switches to the next higher (or lower) speed in :data:`PLAYBACK_SPEEDS`.
+        """Switches to a higher (or lower) speed in :data:`PLAYBACK_SPEEDS`, ``steps`` entries away.
 
-        From live mode, starts playback.
+        In live mode, starts playback.
         """
         nearest = min(range(len(PLAYBACK_SPEEDS)), key=lambda k: abs(PLAYBACK_SPEEDS[k] - self.speed))
         self.speed = PLAYBACK_SPEEDS[min(max(nearest + steps, 0), len(PLAYBACK_SPEEDS) - 1)]
@@ -98,7 +102,9 @@ class Playhead:
 
     @property
     def _start_ns(self) -> int:
-        """Returns the start of playback: the timeline's start, or later while only its end is replayed."""
+        """Returns the start time of playback: the timeline's start, or later while only its end is
+        replayed.
+        """
         start = self.timeline.start_ns
         return start if self._span_ns is None else max(start, self.timeline.end_ns - self._span_ns)
 

@@ -22,17 +22,19 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh
 
 if TYPE_CHECKING:
-    from enliven.deformation.arap import PuppetSurface
+    from enliven.deformation.arap.control_point_surface import PuppetSurface
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _SOLVE_BUDGET_S = 0.012
-"""Maximum time in seconds of a solve within a frame. A mesh that takes longer is solved in the background."""
+"""Maximum time in seconds for solving a surface within a frame. A mesh that takes longer is solved in the
+background.
+"""
 _SOLVER_ERRORS = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
-"""Exceptions of solving a mesh. A mesh from another machine must not end the viewer."""
+"""Exceptions that solving a mesh may raise. A mesh from another machine must not end the viewer."""
 _SETTLING_FRAMES = 12
-"""Number of frames in which a surface is still solved after its control points have stopped, until it is at
+"""Number of frames for which solving continues after the control points have stopped, until the surface is at
 rest.
 """
 
@@ -43,7 +45,7 @@ class SolvedSurfaces:
     A mesh is prepared in a thread. Until then, or if preparation fails, it is drawn as one rigid piece.
 
     Args:
-        wait: if True, every frame has the surface of its own pose, however long that takes. For films.
+        wait: True waits for the surface of every frame's own pose, as films need.
     """
 
     def __init__(self, *, wait: bool = False) -> None:
@@ -144,19 +146,21 @@ class _SolvedSurface:
             self._solving = _run_in_thread(lambda: self._solve_surface(surface, places))
 
     def _solve_surface(self, surface: PuppetSurface, places: Float) -> Float32:
-        """Returns the surface in the mesh's frame; the last valid one if the positions are invalid."""
-        began = time.perf_counter()
+        """Returns the surface in the mesh's frame. If the positions are invalid, returns the last valid
+        surface.
+        """
+        started_at = time.perf_counter()
         try:
             vertices = surface.settle(places) if self._local is None else surface.solve(places)
         except _SOLVER_ERRORS as error:
             vertices = surface.pose
             log.debug("%s keeps its last shape: %s", self.character.id, error)
         if self._local is not None:
-            self._seconds = time.perf_counter() - began
+            self._seconds = time.perf_counter() - started_at
         return vertices.astype(np.float32)
 
     def _take(self) -> None:
-        """Takes the surface that a thread has solved, if it is ready."""
+        """Fetches the surface that a thread has solved, if it is ready."""
         if self._solving is not None and self._solving.done():
             self._local, self._solving = self._solving.result(), None
 
@@ -177,18 +181,22 @@ def _run_in_thread(work: Callable[[], T]) -> Future[T]:
 
 def _prepare_surface(character: Character) -> PuppetSurface:
     """Returns the solver of a character's surface."""
-    from enliven.deformation.arap import PuppetSurface
+    from enliven.deformation.arap.control_point_surface import PuppetSurface
 
     assert character.held is not None
     mesh = Mesh(character.vertices.astype(np.float64), character.faces)
-    held = character.held.tolist()
-    pulls = [None] * len(held) if character.pulls is None else [w or None for w in character.pulls.tolist()]
-    return PuppetSurface(mesh, held, pulls, character.surface)
+    held_vertices = character.held.tolist()
+    pulls = (
+        [None] * len(held_vertices)
+        if character.pulls is None
+        else [w or None for w in character.pulls.tolist()]
+    )
+    return PuppetSurface(mesh, held_vertices, pulls, character.surface)
 
 
 @njit(cache=True, nogil=True)
 def carry(local: Float32, by: Float, world: Float32) -> None:
-    """Kernel: transforms (V, 3) by linear | offset (3, 4)."""
+    """Transforms (V, 3) points by ``by`` (3, 4): a linear part and an offset (kernel)."""
     for v in range(len(local)):
         x, y, z = local[v, 0], local[v, 1], local[v, 2]
         for c in range(3):
@@ -196,7 +204,9 @@ def carry(local: Float32, by: Float, world: Float32) -> None:
 
 
 def _frame(pose: Pose) -> tuple[Float, Float] | None:
-    """Returns (3, 3) and (3,) of the first transform; None if it is not invertible."""
+    """Returns the linear part (3, 3) and the offset (3,) of the first transform, or None if it is not
+    invertible.
+    """
     linear, position = pose.linear[0].astype(np.float64), pose.positions[0].astype(np.float64)
-    whole = np.isfinite(linear).all() and np.isfinite(position).all()
-    return (linear, position) if whole and abs(np.linalg.det(linear)) > 1e-9 else None
+    is_finite = np.isfinite(linear).all() and np.isfinite(position).all()
+    return (linear, position) if is_finite and abs(np.linalg.det(linear)) > 1e-9 else None

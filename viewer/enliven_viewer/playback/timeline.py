@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float32, Int32
 from enliven.document import Character, Pose, Props
-from enliven.matching import MatchList
+from enliven.matching.match_list import MatchList
 from enliven.person import Body
 from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
@@ -26,7 +26,7 @@ class CueFrame:
 
     Attributes:
         character: id of the character.
-        nodes: (A,) int32 pivots that the body is attached to.
+        nodes: (A,) int32 indices of the pivots that are attached to a body.
         strengths: (A,) float32 in [0, 1], strength of the attachment.
         state: "possessed", or "preview" for the pivots that a possession would attach now.
         owners: (A,) ids of the performers that control the pivots; empty if one performer controls all.
@@ -43,7 +43,7 @@ class CueFrame:
 
     @property
     def firm(self) -> Bool:
-        """Returns (A,) whether each pivot is attached, and not only previewed."""
+        """Returns (A,) flags: True for attached pivots, False for previewed ones."""
         every = len(self.nodes) if self.state == "possessed" else 0
         return np.arange(len(self.nodes)) < (every if self.held is None else self.held)
 
@@ -76,7 +76,7 @@ class TimelineMoment:
 class Timeline:
     """Moments sorted by sensor time. The oldest ones beyond the configured length are dropped.
 
-    If the clock jumps far back (the edge was restarted, or the replay began again), a new timeline starts.
+    If the clock jumps far back, because the edge or a replay was restarted, a new timeline starts.
 
     Attributes:
         generation: number of timelines that were started.
@@ -107,10 +107,16 @@ class Timeline:
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
         """Adds one pose, for a revision of its character, at its time; replaces an earlier one."""
-        old = self._moment_near(pose.time_ns)
+        old_moment = self._moment_near(pose.time_ns)
         self.posed.add(pose.character)
-        characters = old.characters if character is None else {**old.characters, pose.character: character}
-        self._insert(replace(old, poses={**old.poses, pose.character: pose}, characters=characters))
+        characters = (
+            old_moment.characters
+            if character is None
+            else {**old_moment.characters, pose.character: character}
+        )
+        self._insert(
+            replace(old_moment, poses={**old_moment.poses, pose.character: pose}, characters=characters)
+        )
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Adds the bodies of one time; they replace earlier ones at the same time."""
@@ -122,14 +128,14 @@ class Timeline:
 
     def add_board(self, board: MatchList) -> None:
         """Adds a match list at its time."""
-        old = self._moment_near(board.time_ns)
-        self._insert(replace(old, boards={**old.boards, board.character: board}))
+        old_moment = self._moment_near(board.time_ns)
+        self._insert(replace(old_moment, boards={**old_moment.boards, board.character: board}))
 
     def add(self, topic: str, key: str, message: Any) -> None:
         """Adds a message of another topic at its time, and replaces one with the same key and time."""
-        old = self._moment_near(message.time_ns)
-        same = {**old.others.get(topic, {}), key: message}
-        self._insert(replace(old, others={**old.others, topic: same}))
+        old_moment = self._moment_near(message.time_ns)
+        topic_messages = {**old_moment.others.get(topic, {}), key: message}
+        self._insert(replace(old_moment, others={**old_moment.others, topic: topic_messages}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Sets the cues of a character from a time on, until they are set again.
@@ -170,7 +176,9 @@ class Timeline:
         return self._blend_moments(before, after, time_ns)
 
     def neighbour(self, time_ns: int, step: int) -> int:
-        """Returns the time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
+        """Returns the time of the moment that is ``step`` moments after (or before) a time. At the ends,
+        returns the first or last time.
+        """
         if not self._times:
             return time_ns
         if step >= 0:
@@ -189,21 +197,21 @@ class Timeline:
         fraction = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
         if after.time_ns - before.time_ns > self.settings.gap * NS_PER_S:
             return before if fraction < 0.5 else after
-        near, far = (before, after) if fraction < 0.5 else (after, before)
-        poses, characters = {**far.poses, **near.poses}, {**far.characters, **near.characters}
+        nearer, farther = (before, after) if fraction < 0.5 else (after, before)
+        poses, characters = {**farther.poses, **nearer.poses}, {**farther.characters, **nearer.characters}
         for name in before.poses.keys() & after.poses.keys():
             if before.characters.get(name) is after.characters.get(name):
                 poses[name] = blend_poses(before.poses[name], after.poses[name], fraction, time_ns)
         bodies = blend_bodies(before.bodies, after.bodies, fraction)
         props = blend_props(before.props, after.props, fraction, time_ns)
         boards = blend_boards(before.boards, after.boards, fraction)
-        bodies_ns = near.bodies_ns
+        bodies_ns = nearer.bodies_ns
         return TimelineMoment(
             time_ns, poses, bodies, bodies_ns, before.cues, props, boards, before.others, characters
         )
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
-        """Sets the cues of the newest moment and all later ones."""
+        """Sets the cues of the newest moment and of all later ones."""
         self._cues = cues
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)
@@ -220,10 +228,10 @@ class Timeline:
         # Match lists and bodies arrive later than the poses of the same time. Keep the previous ones until
         # then, so that they do not flicker.
         before = self._moments[index - 1]
-        held = replace(empty, props=self._previous_props(index, time_ns), boards=before.boards)
+        held_moment = replace(empty, props=self._previous_props(index, time_ns), boards=before.boards)
         if not self._is_fresh(before.bodies_ns, time_ns):
-            return held
-        return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
+            return held_moment
+        return replace(held_moment, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
     def _complete_moment(self, index: int) -> TimelineMoment:
         """Returns a moment, completed with the last poses of characters that have none in it.
@@ -232,19 +240,21 @@ class Timeline:
         """
         moment = self._moments[index]
         before = self._moments[index - 1] if index else moment
-        late = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
-        late = {name: pose for name, pose in late.items() if self._is_fresh(pose.time_ns, moment.time_ns)}
-        if not late:
+        missing_poses = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
+        missing_poses = {
+            name: pose for name, pose in missing_poses.items() if self._is_fresh(pose.time_ns, moment.time_ns)
+        }
+        if not missing_poses:
             return moment
         characters = {**before.characters, **moment.characters}
-        return replace(moment, poses={**late, **moment.poses}, characters=characters)
+        return replace(moment, poses={**missing_poses, **moment.poses}, characters=characters)
 
     def _is_fresh(self, time_ns: int, now_ns: int) -> bool:
         """Returns True if a time is recent enough that its values are shown until their successors arrive."""
         return 0 <= now_ns - time_ns <= self.settings.gap * NS_PER_S
 
     def _previous_props(self, index: int, time_ns: int) -> Props | None:
-        """Returns the previous moment's props, which stay visible until the moment's own props arrive."""
+        """Returns the previous moment's props. They stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
         return props if props is not None and self._is_fresh(props.time_ns, time_ns) else None
 
@@ -269,7 +279,7 @@ class Timeline:
             self._trim()
 
     def _trim(self) -> None:
-        """Limits the timeline to the configured minutes, in time and in number."""
+        """Limits the timeline to the configured duration and number of moments."""
         length = self.settings.minutes * 60
         oldest = self._times[-1] - int(length * NS_PER_S)
         count = max(

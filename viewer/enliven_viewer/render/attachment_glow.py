@@ -9,8 +9,8 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven.document import Character, SkinWeights
-from enliven_viewer.render.gl import TEXTURE_UNITS
-from enliven_viewer.render.overlay import find_cue_tints
+from enliven_viewer.render.gl.program import TEXTURE_UNITS
+from enliven_viewer.render.overlay.marks import find_cue_tints
 from enliven_viewer.render.scene import SceneCharacter
 
 _GLOW_SPREAD_EDGES = 3
@@ -22,7 +22,7 @@ _PREVIEW_GLOW_FRACTION = 0.4
 _GLOW_RADIUS = 0.16
 """Distance from a control point at which its glow has dropped to 1/e, as a fraction of the mesh's size."""
 TRANSFORMS_PER_ROW = 256
-"""Number of transforms in a row of the texture; shaders/mesh.vert has the same number."""
+"""Number of transforms in a row of the texture. It must equal the number in shaders/mesh.vert."""
 
 
 def compute_node_glow(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
@@ -54,7 +54,7 @@ def compute_node_glow(actor: SceneCharacter, strength: float, bodies: Sequence[i
 def compute_point_weights(character: Character) -> SkinWeights:
     """Returns the four control points with the strongest glow at each vertex, with their weights.
 
-    The influence decreases with the distance at rest.
+    The weights decrease with the distance at rest.
     """
     vertices, points = character.vertices, character.pivots[1:]
     distances = np.linalg.norm(vertices[:, None] - points[None], axis=2)

@@ -17,16 +17,19 @@ Box = tuple[Float, Float]
 INITIAL_AZIMUTH = math.radians(32)
 """Initial azimuth in radians about +Y from the front: a face and a side are visible."""
 INITIAL_ELEVATION = math.radians(13)
-"""Initial elevation of the camera above the horizon, in radians. From there, the floor shows where the feet
-stand."""
+"""Initial elevation of the camera above the horizon, in radians. From this elevation, the position of the
+feet on the floor is visible.
+"""
 MIN_VISIBLE_BOX_FRACTION = 0.96
-"""Fraction of the box that must be in view. It is below 1, since a subject does not reach the box corners."""
+"""Minimum fraction of a subject's bounding box that must be in view. It is below 1, since a subject does not
+reach the corners of its box.
+"""
 MIN_ELEVATION = math.radians(1.0)
 """Minimum elevation in radians above the horizon. From below, the floor is not visible."""
 MAX_ELEVATION = math.radians(88)
 """Maximum elevation in radians. Straight down, the camera's up direction would be undefined."""
 TURN_PER_PIXEL = 0.008
-"""Rotation of the camera per pixel of a drag, in radians: half a turn across 400 pixels."""
+"""Rotation of the camera in radians per pixel of a drag: half a turn for 400 pixels."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class CameraView:
 
     @property
     def clip_from_world(self) -> Float:
-        """Returns the (4, 4) matrix projection @ view."""
+        """Returns (4, 4) clip_from_camera @ camera_from_world."""
         return np.asarray(self.clip_from_camera @ self.camera_from_world)
 
     def project(self, points: Float) -> Float:
@@ -137,8 +140,8 @@ class OrbitCamera:
 
     def face(self, azimuth: float, elevation: float) -> None:
         """Sets the direction in radians: azimuth around the target from +Z towards +X, and elevation."""
-        turns = round((self._goal[3] - azimuth) / (2 * math.pi))
-        self._goal[3] = azimuth + 2 * math.pi * turns
+        full_turns = round((self._goal[3] - azimuth) / (2 * math.pi))
+        self._goal[3] = azimuth + 2 * math.pi * full_turns
         self._goal[4] = min(max(elevation, MIN_ELEVATION), MAX_ELEVATION)
 
     @property
@@ -148,7 +151,7 @@ class OrbitCamera:
         return x, y, z, azimuth, elevation, math.exp(distance)
 
     def go(self, target: Sequence[float], azimuth: float, elevation: float, distance: float) -> None:
-        """Moves to a target (metres), direction (radians) and distance (metres)."""
+        """Moves to a target point (metres), direction (radians) and distance (metres)."""
         self._goal[:3], self._goal[5] = target, math.log(distance)
         self.face(azimuth, elevation)
 
@@ -210,7 +213,7 @@ class OrbitCamera:
 class FilmCamera:
     """A camera that follows its subject smoothly and drifts slightly around it.
 
-    The centre and size of the subject are low-pass filtered. The lag is at most ``slack`` of the subject's
+    The centre and size of the subject are low-pass filtered. The lag is at most ``slack`` times the subject's
     radius, so that a walking subject stays in view.
     """
 
@@ -231,18 +234,18 @@ class FilmCamera:
 
     def follow(self, box: Box, seconds: float, aspect: float) -> None:
         """Advances the film by ``seconds`` with the subject in ``box``. The first box is used unfiltered."""
-        centre, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+        centre, half_size = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
         if self._centre is None:
-            self._centre, self._half = centre.copy(), half.copy()
+            self._centre, self._half = centre.copy(), half_size.copy()
         gain = 1 - math.exp(-seconds / self._delay)
         self._centre += gain * (centre - self._centre)
-        self._half += gain * (half - self._half)
-        behind = self._centre - centre
-        limit = self._slack * float(np.linalg.norm(half))
-        length = float(np.linalg.norm(behind))
+        self._half += gain * (half_size - self._half)
+        lag = self._centre - centre
+        limit = self._slack * float(np.linalg.norm(half_size))
+        length = float(np.linalg.norm(lag))
         if length > limit:
-            self._centre = centre + behind * (limit / length)
-        self._half = np.maximum(self._half, 0.9 * half)
+            self._centre = centre + lag * (limit / length)
+        self._half = np.maximum(self._half, 0.9 * half_size)
         self._seconds += seconds
         self._aim(aspect)
 

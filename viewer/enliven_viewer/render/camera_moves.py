@@ -14,7 +14,7 @@ _LAG_S = 0.5
 _MAX_LAG_FRACTION = 0.3
 """Maximum lag as a fraction of the subject's radius, so that a running subject stays in view."""
 _TURNTABLE_PERIOD_S = 16.0
-"""Seconds per turn of the turntable: slow enough to look at."""
+"""Seconds per turn of the turntable: slow enough to examine the subject."""
 
 
 class CameraMoves:
@@ -30,7 +30,7 @@ class CameraMoves:
         self._subject: Float | None = None
 
     def toggle_follow(self) -> None:
-        """Switches following on or off. The subject's current place in the image stays."""
+        """Switches following on or off. The subject stays at its current position in the image."""
         self.follow = not self.follow
         self._subject = None
 
@@ -39,7 +39,7 @@ class CameraMoves:
         self.turntable = not self.turntable
 
     def advance(self, camera: OrbitCamera, box: Box | None, seconds: float) -> None:
-        """Advances time with the subject in a box; without a box, only the turntable runs."""
+        """Advances time. ``box`` contains the subject. Without a box, only the turntable rotates."""
         if self.turntable:
             camera.orbit(2 * math.pi * seconds / _TURNTABLE_PERIOD_S, 0.0)
         if not self.follow or box is None:
@@ -49,8 +49,8 @@ class CameraMoves:
         if self._subject is None:
             self._subject = middle
         before = self._subject
-        behind = (before - middle) * math.exp(-seconds / _LAG_S)
+        lag = (before - middle) * math.exp(-seconds / _LAG_S)
         limit = _MAX_LAG_FRACTION * float(np.linalg.norm(box[1] - box[0])) / 2
-        behind *= min(limit / max(float(np.linalg.norm(behind)), 1e-9), 1.0)
-        self._subject = middle + behind
+        lag *= min(limit / max(float(np.linalg.norm(lag)), 1e-9), 1.0)
+        self._subject = middle + lag
         camera.move(self._subject - before)

@@ -10,13 +10,13 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.person import BONES, Body, Joint
-from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.theme import PERFORMER_COLOURS
 
 MAX_BONES = 64
-"""Maximum number of capsules in the mesh shader; shaders/mesh.frag has the same number."""
+"""Maximum number of capsules in the mesh shader. It must equal the number in shaders/mesh.frag."""
 REVEAL_RADIUS = 0.04
-"""Radius of a bone in metres, as in KinÊtre (section 4.3)."""
+"""Radius in metres around a bone within which the mesh is cut away, as in KinÊtre (section 4.3)."""
 
 _JOINT_RADIUS = 0.026
 """Radius in metres at most joints. All radii are for a person 1.75 m tall, slimmer than in reality."""
@@ -39,7 +39,7 @@ _RINGS = 5
 _SHADOW_SEGMENTS = 10
 """Number of faces around a shadow-casting capsule: the blur hides its corners."""
 _SHADOW_RINGS = 3
-"""Number of rings of a shadow-casting hemisphere, for the same reason."""
+"""Number of rings of a shadow-casting hemisphere: few, because the blur hides its corners."""
 
 
 def make_capsule_rows(
@@ -91,11 +91,11 @@ def make_bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32,
         for start, end in BONES:
             bone_strength = strength * float(min(body.confidence[start], body.confidence[end]))
             rows.append((*body.joints[start], radius, *body.joints[end], radius, bone_strength))
-    filled = np.array(rows[:MAX_BONES], np.float32).reshape(-1, 9)
-    block[0, : len(filled)] = filled[:, 0:4]
-    block[1, : len(filled)] = filled[:, 4:8]
-    block[2, : len(filled), 0] = filled[:, 8]
-    return block, len(filled)
+    bone_rows = np.array(rows[:MAX_BONES], np.float32).reshape(-1, 9)
+    block[0, : len(bone_rows)] = bone_rows[:, 0:4]
+    block[1, : len(bone_rows)] = bone_rows[:, 4:8]
+    block[2, : len(bone_rows), 0] = bone_rows[:, 8]
+    return block, len(bone_rows)
 
 
 class CapsulePass:
@@ -138,11 +138,11 @@ class CapsulePass:
     def load(self, rows: Float32) -> None:
         """Uploads the (N, 12) rows of :func:`make_capsule_rows`."""
         ball = (rows[:, 0:3] == rows[:, 4:7]).all(1)
-        for number, some in enumerate((rows[~ball], rows[ball])):
-            self._counts[number] = len(some)
-            if len(some):
-                self._instances[number].orphan(some.nbytes)
-                self._instances[number].write(np.ascontiguousarray(some))
+        for number, rows_of_kind in enumerate((rows[~ball], rows[ball])):
+            self._counts[number] = len(rows_of_kind)
+            if len(rows_of_kind):
+                self._instances[number].orphan(rows_of_kind.nbytes)
+                self._instances[number].write(np.ascontiguousarray(rows_of_kind))
 
     def render(self) -> None:
         """Draws the loaded rows."""
@@ -154,7 +154,7 @@ class CapsulePass:
 def make_capsule_template(
     segments: int = _SEGMENTS, rings: int = _RINGS, *, ball: bool = False
 ) -> tuple[Float32, Int32]:
-    """Returns (N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.
+    """Returns (N, 4) unit directions with the index of their end, and (F, 3) faces, of a capsule along +Y.
 
     Args:
         segments: number of faces around.
@@ -174,6 +174,6 @@ def make_capsule_template(
     c, d = a + segments, b + segments
     faces = np.stack([a, c, b, b, c, d], -1)
     if rings > 1:
-        # All vertices of a pole coincide, so half of the faces around it are degenerate. Drop these faces.
+        # All vertices at a pole coincide, so half of the faces around it are degenerate. Drop these faces.
         faces = np.concatenate([faces[0, :, 3:], faces[1:-1].reshape(-1, 3), faces[-1, :, :3]])
     return vertices.reshape(-1, 4).astype(np.float32), faces.reshape(-1, 3).astype(np.int32)

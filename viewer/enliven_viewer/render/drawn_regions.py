@@ -1,4 +1,4 @@
-"""The non-empty regions of the image, the shadow maps and the floor. Only these are drawn."""
+"""Finds the non-empty regions of the image, the shadow maps and the floor. Only these are drawn."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document import Props
-from enliven_viewer.render.gl import Region, full_region
-from enliven_viewer.render.overlay import CUE_RADIUS
+from enliven_viewer.render.gl.region import Region, full_region
+from enliven_viewer.render.overlay.marks import CUE_RADIUS
 from enliven_viewer.render.scene import Scene, find_corners
 
 REGION_MARGIN_PX = 6
@@ -30,7 +30,7 @@ def find_ball_corners(middles: Float | Float32, radii: Float | Float32 | float) 
 
 
 def find_shadow_casters(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
-    """Returns (N, 3) metres: points with a convex hull that contains all shadow casters of a scene.
+    """Returns (N, 3) points in metres with a convex hull that contains all shadow casters of a scene.
 
     Args:
         capsules: (C, 12) rows of the bodies.
@@ -44,7 +44,7 @@ def find_shadow_casters(scene: Scene, capsules: Float32, surfaces: list[Float]) 
 
 
 def find_mark_points(scene: Scene) -> Float:
-    """Returns (N, 3) metres: points with a convex hull that contains the marks of a scene."""
+    """Returns (N, 3) points in metres with a convex hull that contains the marks of a scene."""
     if scene.style.cues <= 0 and scene.style.graph <= 0:
         return np.zeros((0, 3))
     return np.concatenate(
@@ -55,7 +55,7 @@ def find_mark_points(scene: Scene) -> Float:
 def find_visible_region(
     points: Float, clip_from_world: Float, size: tuple[int, int], margin: int = REGION_MARGIN_PX
 ) -> Region:
-    """Returns the pixel region of the hull of (N, 3) points.
+    """Returns the pixel region that contains the convex hull of (N, 3) points.
 
     Returns the whole image if a point is next to or behind the camera.
 
@@ -76,7 +76,7 @@ def find_visible_region(
 
 
 def find_shadow_bounds(points: Float, to_key: Float, margin: float) -> tuple[Float, Float]:
-    """Returns the lowest and highest x and z, (2,) each, of the floor below points and their shadow.
+    """Returns the lowest and highest x and z, (2,) each, of the floor area below points and their shadow.
 
     The hull of the (N, 3) points casts the shadow.
 
@@ -88,9 +88,9 @@ def find_shadow_bounds(points: Float, to_key: Float, margin: float) -> tuple[Flo
         return np.zeros(2), np.zeros(2)
     if not np.isfinite(points).all():
         return np.full(2, -np.inf), np.full(2, np.inf)
-    thrown = points - np.maximum(points[:, 1:2], 0.0) / to_key[1] * to_key
-    both = np.concatenate([points, thrown])[:, [0, 2]]
-    return both.min(0) - margin, both.max(0) + margin
+    shadow_points = points - np.maximum(points[:, 1:2], 0.0) / to_key[1] * to_key
+    floor_points = np.concatenate([points, shadow_points])[:, [0, 2]]
+    return floor_points.min(0) - margin, floor_points.max(0) + margin
 
 
 def _find_prop_corners(props: Props | None) -> Float:

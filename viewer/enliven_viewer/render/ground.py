@@ -6,13 +6,13 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.render.gl import load_program
+from enliven_viewer.render.gl.program import load_program
 
 STAGE_RADIUS = 1.9
 """Radius of the pool of light in metres."""
 _FLOOR_RADIUS = (
     3.0 * STAGE_RADIUS
-)  # Beyond this distance, shaders/floor.frag has faded the ground into the horizon.
+)  # Beyond this distance, shaders/floor.frag fades the ground into the horizon.
 _CELL_CORNERS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
 """(3, 3) the first corner of each cell in a grid of 4 by 4 corners."""
 
@@ -33,9 +33,9 @@ class GroundPass:
         self.ctx = ctx
         self._corners = ctx.buffer(reserve=16 * 2 * 4, dynamic=True)
         self._floor = []
-        inside = np.zeros((3, 3), bool)
-        inside[1, 1] = True
-        for cells, defines in ((_CELL_CORNERS[~inside], ()), (_CELL_CORNERS[inside], ("SHADED",))):
+        is_inside = np.zeros((3, 3), bool)
+        is_inside[1, 1] = True
+        for cells, defines in ((_CELL_CORNERS[~is_inside], ()), (_CELL_CORNERS[is_inside], ("SHADED",))):
             faces = (cells[:, None] + [0, 1, 4, 4, 1, 5]).astype(np.int32)
             program = load_program(ctx, "floor.vert", "floor.frag", defines=defines)
             content = [(self._corners, "2f", "in_place")]

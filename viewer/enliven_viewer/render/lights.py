@@ -10,7 +10,7 @@ from enliven_viewer.render.scene import find_corners
 
 
 def light_from_world(box: Box, to_key: Float) -> Float:
-    """Returns (4, 4): the clip space of the key light's square shadow map around a box.
+    """Returns the (4, 4) projection from the world to the key light's square shadow map around a box.
 
     It includes a margin for the blur.
 
@@ -19,17 +19,17 @@ def light_from_world(box: Box, to_key: Float) -> Float:
     """
     centre = (box[0] + box[1]) / 2
     camera = look_at(centre + to_key, centre)
-    seen = find_corners(box) @ camera[:3, :3].T + camera[:3, 3]
-    middle, half = (seen.min(0) + seen.max(0)) / 2, (seen.max(0) - seen.min(0)) / 2
-    side = 1.12 * max(half[0], half[1]) + 0.05
-    extent = np.array([side, side, half[2] + 0.05])
+    corners = find_corners(box) @ camera[:3, :3].T + camera[:3, 3]
+    middle, half_size = (corners.min(0) + corners.max(0)) / 2, (corners.max(0) - corners.min(0)) / 2
+    side = 1.12 * max(half_size[0], half_size[1]) + 0.05
+    extent = np.array([side, side, half_size[2] + 0.05])
     return np.asarray(make_orthographic(middle - extent, middle + extent) @ camera)
 
 
 def contact_from_world(box: Box) -> Float:
-    """Returns (4, 4): the clip space of a map of the floor seen from below.
+    """Returns the (4, 4) projection from the world to a map of the floor seen from below.
 
-    x and z go across; height is the depth.
+    x and z are the map's axes, and height is the depth.
     """
     centre = (box[0] + box[1]) / 2
     side = float((box[1] - box[0])[[0, 2]].max()) / 2 + 0.5

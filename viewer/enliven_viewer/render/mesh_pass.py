@@ -10,13 +10,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_viewer.render.capsules import make_bone_block
-from enliven_viewer.render.gl import BLOCK_BINDINGS, TEXTURE_UNITS, RenderTarget, load_program, set_uniform
+from enliven_viewer.render.gl.program import BLOCK_BINDINGS, TEXTURE_UNITS, load_program, set_uniform
+from enliven_viewer.render.gl.targets import RenderTarget
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned_mesh import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
 ALPHA_TO_COVERAGE = 0x809E
-"""GL_SAMPLE_ALPHA_TO_COVERAGE, which has no name in moderngl."""
+"""GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl does not name."""
 
 _OUTLINE_WIDTH = 0.0056
 """Width of the outline around attached parts, as a fraction of the image height: four pixels of 720."""
@@ -67,7 +68,9 @@ class MeshPass:
             self._draw_clear(picture, transparent_parts, revealing, count)
 
     def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:
-        """Draws the shadows of parts with holes or transparency. Opaque parts are already drawn."""
+        """Draws the shadows of parts with holes or transparency. The shadows of opaque parts have already
+        been drawn.
+        """
         for mesh in meshes:
             for drawn_part in mesh.parts:
                 if drawn_part.part.alpha != "OPAQUE":
@@ -133,13 +136,13 @@ class MeshPass:
 
     def _render(self, mesh: SkinnedMesh, drawn_part: DrawnPart, program: moderngl.Program) -> None:
         """Draws a part with its textures."""
-        for name, held in drawn_part.textures.items():
-            held.texture.use(TEXTURE_UNITS[f"{name}_map"])
+        for name, texture in drawn_part.textures.items():
+            texture.texture.use(TEXTURE_UNITS[f"{name}_map"])
         set_uniform(program, "cutoff", drawn_part.part.cutoff)
         mesh.render(program, drawn_part)
 
     def _get_program(self, name: str, defines: tuple[str, ...]) -> moderngl.Program:
-        """Returns the program of two shaders with these defines; compiled once."""
+        """Returns the program of two shaders with these defines. Each program is compiled once."""
         if (name, defines) not in self._programs:
             program = load_program(self.ctx, f"{name}.vert", f"{name}.frag", defines=defines)
             set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))

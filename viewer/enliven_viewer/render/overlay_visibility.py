@@ -1,10 +1,12 @@
-"""Visibility of performance overlays: skeletons during a choice, then only the mesh."""
+"""Visibility of overlays during a performance: skeletons are shown during a choice, and later only the
+mesh.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from enliven_viewer.playback import TimelineMoment
+from enliven_viewer.playback.timeline import TimelineMoment
 from enliven_viewer.render.scene import SceneStyle
 from enliven_viewer.settings import RenderSettings
 
@@ -16,7 +18,7 @@ class OverlayVisibility:
     """The visibility of skeletons and attachment points, which fade out once a mesh is possessed.
 
     Args:
-        linger: seconds for which they stay before fading.
+        linger: seconds for which the overlays stay visible before they fade.
     """
 
     def __init__(self, settings: RenderSettings, linger: float) -> None:
@@ -24,11 +26,13 @@ class OverlayVisibility:
         self._since: float | None = None
 
     def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
-        """Returns the wanted style adjusted for a moment; ``second`` counts seconds from any start."""
+        """Returns the wanted style adjusted for a moment. ``second`` is a time in seconds from an arbitrary
+        start.
+        """
         overlay_strength = self._overlay_strength(moment, second)
         body = overlay_strength
         if moment is not None and moment.props is not None and self._when != "never":
-            # A performer that plays along without a mesh is visible only as a skeleton, so always show it.
+            # A performer without a mesh is visible only as a skeleton, so always show it.
             holding = sum(cues.state == "possessed" for cues in moment.cues.values())
             body = 1.0 if len(moment.bodies) > holding else overlay_strength
         return replace(

@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.document import BALL, BOX, Props
-from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.render.materials.paint import linear_from_srgb
 
 _BEVEL_FRACTION = 0.07
 """Bevel of a box's edges as a fraction of its smallest half edge: enough to catch the light."""
@@ -25,16 +25,16 @@ def make_prop_rows(props: Props | None, shape: int) -> Float32:
     if props is None:
         return np.zeros((0, 14), np.float32)
     is_drawn = (props.shapes == shape) & np.isfinite(props.positions).all(1)
-    half = np.asarray(props.sizes[is_drawn], np.float64)
+    half_sizes = np.asarray(props.sizes[is_drawn], np.float64)
     rows = np.empty((int(is_drawn.sum()), 14), np.float32)
     rows[:, :3] = props.positions[is_drawn]
     rows[:, 3] = (
-        half[:, 0]
+        half_sizes[:, 0]
         if shape == BALL
-        else np.minimum(_BEVEL_FRACTION * half.min(1, initial=np.inf), _MAX_BEVEL_M)
+        else np.minimum(_BEVEL_FRACTION * half_sizes.min(1, initial=np.inf), _MAX_BEVEL_M)
     )
     rows[:, 4:8] = np.roll(props.turns[is_drawn], -1, 1)
-    rows[:, 8:11] = half
+    rows[:, 8:11] = half_sizes
     rows[:, 11:] = linear_from_srgb(props.colours[is_drawn])
     return rows
 
@@ -55,8 +55,8 @@ class PropPass:
             names = [n for n in ("in_place", "in_turn", "in_half", "in_albedo") if n in program]
             sizes = {"in_place": "4f", "in_turn": "4f", "in_half": "3f", "in_albedo": "3f"}
             # Skip attributes that the program does not use: a shadow has no colour.
-            skipped = "" if "in_albedo" in program else " 12x"
-            layout = " ".join(sizes[n] for n in names) + skipped + "/i"
+            padding = "" if "in_albedo" in program else " 12x"
+            layout = " ".join(sizes[n] for n in names) + padding + "/i"
             points = "3f 3f" if "in_direction" in program else "12x 3f"
             self._arrays[shape] = ctx.vertex_array(
                 program,
@@ -69,7 +69,7 @@ class PropPass:
             )
 
     def load(self, props: Props | None) -> None:
-        """Uploads the props; None for no props."""
+        """Uploads the props. None uploads none."""
         for shape, buffer in self._rows.items():
             rows = make_prop_rows(props, shape)
             self._counts[shape] = len(rows)
@@ -91,11 +91,11 @@ def make_block_template(fineness: int) -> tuple[Float32, Int32]:
     along the three planes between the corners. If the corners are moved apart, the cuts become the flat sides
     of a box.
     """
-    out = np.tan(np.linspace(0.0, np.pi / 4, fineness))
-    across = np.concatenate([-out[::-1], out])
+    half_grid = np.tan(np.linspace(0.0, np.pi / 4, fineness))
+    grid = np.concatenate([-half_grid[::-1], half_grid])
     corner = np.concatenate([-np.ones(fineness), np.ones(fineness)])
     count = 2 * fineness
-    u, v = np.meshgrid(across, across, indexing="ij")
+    u, v = np.meshgrid(grid, grid, indexing="ij")
     cu, cv = np.meshgrid(corner, corner, indexing="ij")
     i, j = np.meshgrid(np.arange(count - 1), np.arange(count - 1), indexing="ij")
     a, b = (i * count + j).ravel(), ((i + 1) * count + j).ravel()
@@ -104,11 +104,11 @@ def make_block_template(fineness: int) -> tuple[Float32, Int32]:
     faces: list[Int] = []
     for axis in range(3):
         for side in (-1.0, 1.0):
-            direction, which = np.empty((count * count, 3)), np.empty((count * count, 3))
-            for put, values in ((direction, (u, v, side)), (which, (cu, cv, side))):
+            direction, corners = np.empty((count * count, 3)), np.empty((count * count, 3))
+            for put, values in ((direction, (u, v, side)), (corners, (cu, cv, side))):
                 put[:, (axis + 1) % 3], put[:, (axis + 2) % 3] = values[0].ravel(), values[1].ravel()
                 put[:, axis] = values[2]
             direction /= np.linalg.norm(direction, axis=1, keepdims=True)
             faces.append(len(rows) * count * count + (quads if side > 0 else quads[:, ::-1]))
-            rows.append(np.concatenate([direction, which], 1))
+            rows.append(np.concatenate([direction, corners], 1))
     return np.concatenate(rows).astype(np.float32), np.concatenate(faces).astype(np.int32)

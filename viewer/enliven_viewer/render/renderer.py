@@ -17,21 +17,15 @@ from enliven_viewer.render.drawn_regions import (
     find_shadow_casters,
     find_visible_region,
 )
-from enliven_viewer.render.gl import (
-    BLOCK_BINDINGS,
-    TEXTURE_UNITS,
-    RenderTarget,
-    Size,
-    SoftMap,
-    count_spread_texels,
-    load_program,
-    set_uniform,
-)
+from enliven_viewer.render.gl.program import BLOCK_BINDINGS, TEXTURE_UNITS, load_program, set_uniform
+from enliven_viewer.render.gl.targets import RenderTarget, Size, SoftMap, count_spread_texels
 from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
 from enliven_viewer.render.lights import contact_from_world, light_from_world
-from enliven_viewer.render.materials import Textures
+from enliven_viewer.render.materials.textures import Textures
 from enliven_viewer.render.mesh_pass import ALPHA_TO_COVERAGE, MeshPass
-from enliven_viewer.render.overlay import Marks, Tubes, find_limb_tints, make_match_rows
+from enliven_viewer.render.overlay.marks import Marks
+from enliven_viewer.render.overlay.match_lines import find_limb_tints, make_match_rows
+from enliven_viewer.render.overlay.tubes import Tubes
 from enliven_viewer.render.props import PropPass
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned_mesh import SkinnedMesh
@@ -93,7 +87,7 @@ class Renderer:
         """Changes the image size. Sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
-            # use() binds the previous framebuffer once more. So release that one only afterwards.
+            # use() binds the previous framebuffer once more. So release the previous one only after it.
             self.picture.drawn.use()
             before.release()
 
@@ -116,8 +110,8 @@ class Renderer:
         self._shadow.texture.use(TEXTURE_UNITS["shadow_map"])
         self._contact.texture.use(TEXTURE_UNITS["contact_map"])
         self._ground.draw(self.picture.ground, stage, self._find_shadow_patch(casters))
-        filled = np.concatenate([casters, find_mark_points(scene)])
-        self.picture.begin(find_visible_region(filled, view.clip_from_world, self.size))
+        drawn_points = np.concatenate([casters, find_mark_points(scene)])
+        self.picture.begin(find_visible_region(drawn_points, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
         self._mesh_pass.draw(self.picture, meshes, scene, view.eye)
@@ -178,7 +172,7 @@ class Renderer:
     def _write_frame(self, box: Box, view: CameraView) -> Float:
         """Fills the uniform block shared by all shaders. Returns (3,) the centre of the pool of light.
 
-        The centre follows the scene slowly.
+        The centre of the pool of light follows the scene slowly.
         """
         centre = (box[0] + box[1]) / 2
         centre[1] = 0.0
@@ -254,7 +248,9 @@ class Renderer:
         self.ctx.disable_direct(ALPHA_TO_COVERAGE)
 
     def _draw_hidden_bodies(self, scene: Scene) -> None:
-        """Draws occluded bodies faintly. The brighter value wins, so that overlaps do not add up."""
+        """Draws occluded bodies faintly. Overlapping ones do not add up, because the brighter value is
+        used.
+        """
         if scene.style.body <= 0:
             return
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)

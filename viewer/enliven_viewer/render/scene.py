@@ -8,16 +8,18 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document import BOX, Character, Pose, Props
-from enliven.matching import MatchList
+from enliven.matching.match_list import MatchList
 from enliven.person import Body
-from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, find_bounds
+from enliven_viewer.playback.document import Document, find_bounds
+from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
+from enliven_viewer.playback.timeline import CueFrame, TimelineMoment
 from enliven_viewer.render.camera import Box
 
 _LOOSE_VIEW_DISTANCE = 0.7
 """Distance in metres from characters and bodies within which the camera keeps loose boxes in view."""
 _LOOSE_SHADOW_DISTANCE = 1.4
-"""Distance in metres from characters and bodies within which loose objects have shadows: twice the
-camera's.
+"""Distance in metres from characters and bodies within which loose objects have shadows: twice
+:data:`_LOOSE_VIEW_DISTANCE`.
 """
 
 
@@ -66,7 +68,7 @@ class SceneCharacter:
 
 @dataclass(frozen=True)
 class Scene:
-    """The contents of one image."""
+    """The contents of one rendered image."""
 
     actors: tuple[SceneCharacter, ...] = ()
     bodies: tuple[Body, ...] = ()
@@ -110,7 +112,8 @@ def make_scene(
     style: SceneStyle,
     surfaces: SolvedSurfaces | None = None,
 ) -> Scene:
-    """Returns the scene at one time. A character without any pose, or with one that does not fit, is at rest.
+    """Returns the scene at one time. A character without any pose, or with a pose that does not match it, is
+    at rest.
 
     A character that has poses only at other times is not drawn: it had not appeared yet, or was removed.
 
@@ -131,21 +134,22 @@ def make_scene(
     if surfaces is not None:
         surfaces.keep_only(characters.values())
     bodies = moment.bodies if moment else ()
-    present = tuple(b for b in bodies if np.isfinite(b.joints).all())
+    present_bodies = tuple(b for b in bodies if np.isfinite(b.joints).all())
     boards = {name: b for name, b in moment.boards.items() if name in characters} if moment else {}
-    return Scene(tuple(actors), present, style, moment.props if moment else None, boards)
+    return Scene(tuple(actors), present_bodies, style, moment.props if moment else None, boards)
 
 
 def _pull_towards(positions: Float, box: Box, reach: float) -> Float:
     """Returns (N, 3) positions. Those farther from the box than ``reach`` are pulled towards it.
 
-    So the camera follows an object that rolls away less and less, and not at all beyond twice the reach.
+    So the camera follows an object that rolls away more and more weakly, and not at all beyond twice the
+    reach.
     """
-    inside = np.clip(positions, box[0], box[1])
-    out = positions - inside
-    length = np.linalg.norm(out, axis=1, keepdims=True)
+    clipped = np.clip(positions, box[0], box[1])
+    offsets = positions - clipped
+    length = np.linalg.norm(offsets, axis=1, keepdims=True)
     fraction = np.clip(2 * reach / np.maximum(length, 1e-9) - 1, 0.0, 1.0)
-    return np.asarray(inside + fraction * out)
+    return np.asarray(clipped + fraction * offsets)
 
 
 def find_corners(box: Box) -> Float:

@@ -13,8 +13,10 @@ from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose
 from enliven.meshes import Texture, longest_edge
 from enliven_viewer.render.attachment_glow import AttachmentGlow, compute_point_weights
-from enliven_viewer.render.gl import TEXTURE_UNITS
-from enliven_viewer.render.materials import Part, SharedTexture, Textures, paint_keys, paint_surface
+from enliven_viewer.render.gl.program import TEXTURE_UNITS
+from enliven_viewer.render.materials.paint import paint_keys, paint_surface
+from enliven_viewer.render.materials.parts import Part
+from enliven_viewer.render.materials.textures import SharedTexture, Textures
 from enliven_viewer.render.normals import make_solved_rows
 from enliven_viewer.render.scene import find_corners
 from enliven_viewer.render.surface import (
@@ -25,9 +27,11 @@ from enliven_viewer.render.surface import (
 )
 
 _TRANSFORMS_PER_ROW = 256
-"""Number of transforms in a row of the texture; shaders/skin.vert has the same number."""
+"""Number of transforms in a row of the texture. It must equal the number in shaders/skin.vert."""
 _MAX_FINE_EDGE_M = 0.07
-"""Maximum edge length in metres of a fine mesh: shorter than the detail of soft shadows and cutaways."""
+"""Maximum edge length in metres of a fine mesh. Such edges are shorter than the detail of soft shadows and
+cutaways.
+"""
 _CONTACT_DETAIL_M = 0.03
 """Level of detail in metres of the mesh drawn for the contact map."""
 _PAINT_ATTRIBUTES = (("in_uv", "4f"), ("in_albedo", "4f"), ("in_finish", "2f"), ("in_emission", "3f"))
@@ -46,7 +50,7 @@ class DrawnPart(NamedTuple):
 class SkinnedMesh:
     """One character's buffers.
 
-    The transforms are passed in a float texture, which in OpenGL 3.3 can be far larger than a uniform block.
+    The transforms are stored in a float texture, which in OpenGL 3.3 can be far larger than a uniform block.
     So a graph may have thousands of nodes. Transform feedback stores the skinned vertices for the shadow map,
     the contact map and the image.
 
@@ -73,9 +77,9 @@ class SkinnedMesh:
         self._staged = np.zeros((rows * _TRANSFORMS_PER_ROW, 3, 4), np.float32)
         self._transforms = ctx.texture((3 * _TRANSFORMS_PER_ROW, rows), 4, dtype="f4")
         self._transforms.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        rest = character.vertices[surface.source].astype("f4")
+        rest_vertices = character.vertices[surface.source].astype("f4")
         self._inputs = [
-            ctx.buffer(np.hstack([rest, surface.normals]).astype("f4").tobytes()),
+            ctx.buffer(np.hstack([rest_vertices, surface.normals]).astype("f4").tobytes()),
             ctx.buffer(np.ascontiguousarray(character.skin.indices[surface.source], "u2").tobytes()),
             ctx.buffer(np.ascontiguousarray(character.skin.weights[surface.source], "f4").tobytes()),
         ]
@@ -90,12 +94,12 @@ class SkinnedMesh:
         )
         faces = np.concatenate(
             [
-                neighbours_in_turn(rest, surface.faces[paint.order[start : start + count]])
+                neighbours_in_turn(rest_vertices, surface.faces[paint.order[start : start + count]])
                 for _, start, count in paint.parts
             ]
         )
         self._faces = ctx.buffer(faces.tobytes())
-        self._coarse_faces = ctx.buffer(cluster_faces(rest, faces, _CONTACT_DETAIL_M).tobytes())
+        self._coarse_faces = ctx.buffer(cluster_faces(rest_vertices, faces, _CONTACT_DETAIL_M).tobytes())
         self._paint = ctx.buffer(paint.rows.tobytes())
         self._textures = textures
         self._boxes = find_transform_boxes(character)
@@ -126,7 +130,7 @@ class SkinnedMesh:
         self._placed = vertices
 
     def hull(self) -> Float:
-        """Returns (K, 3) metres: points with a convex hull that contains every current vertex.
+        """Returns (K, 3) points in metres with a convex hull that contains every current vertex.
 
         A skinned vertex lies between the positions to which each of its transforms alone would move it.
         """
@@ -158,7 +162,7 @@ class SkinnedMesh:
         if coarse:
             self._get_array(program, self._coarse_faces).render(moderngl.TRIANGLES)
         else:
-            solid = sum(each.count for each in self.parts if each.part.alpha == "OPAQUE")
+            solid = sum(drawn_part.count for drawn_part in self.parts if drawn_part.part.alpha == "OPAQUE")
             self._get_array(program, self._faces).render(moderngl.TRIANGLES, vertices=3 * solid)
         if self.closed:
             self._ctx.disable(moderngl.CULL_FACE)
@@ -204,8 +208,8 @@ class SkinnedMesh:
         if self.character.kind == "points" and "_grip" in vars(self):
             for buffer in self._glow_buffers:
                 buffer.release()
-        for each in self.parts:
-            for name, number, _ in each.part.maps:
+        for drawn_part in self.parts:
+            for name, number, _ in drawn_part.part.maps:
                 self._textures.give_back(self._sources[number], name)
 
     @property
@@ -222,37 +226,39 @@ class SkinnedMesh:
         return self._drawn[key]
 
     def _create_array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
-        whole = "in_normal" in program
-        layout = ("3f 3f", "in_position", "in_normal") if whole else ("3f 12x", "in_position")
+        has_normals = "in_normal" in program
+        layout = ("3f 3f", "in_position", "in_normal") if has_normals else ("3f 12x", "in_position")
         content = [(self._skinned, *layout)]
         if "in_nodes" in program:
             content += [
                 (self._glow_buffers[0], "4u2", "in_nodes"),
                 (self._glow_buffers[1], "4f", "in_weights"),
             ]
-        named = [name for name, _ in _PAINT_ATTRIBUTES if name in program]
-        if named:
-            formats = [size if name in named else _make_padding(size) for name, size in _PAINT_ATTRIBUTES]
-            content.append((self._paint, " ".join(formats), *named))
+        used_attributes = [name for name, _ in _PAINT_ATTRIBUTES if name in program]
+        if used_attributes:
+            formats = [
+                size if name in used_attributes else _make_padding(size) for name, size in _PAINT_ATTRIBUTES
+            ]
+            content.append((self._paint, " ".join(formats), *used_attributes))
         return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
 
 
 def find_transform_boxes(character: Character) -> Float32:
     """Returns (J, 8, 3) metres: the corners of the rest box around the vertices of each transform.
 
-    The values are NaN if it has none.
+    The values are NaN for a transform without vertices.
     """
-    moves = character.skin.weights.reshape(-1) > 0
-    nodes = character.skin.indices.reshape(-1)[moves]
+    has_weight = character.skin.weights.reshape(-1) > 0
+    nodes = character.skin.indices.reshape(-1)[has_weight]
     order = np.argsort(nodes, kind="stable")
-    vertices = np.repeat(character.vertices, character.skin.weights.shape[1], axis=0)[moves][order]
-    used, starts = np.unique(nodes[order], return_index=True)
+    vertices = np.repeat(character.vertices, character.skin.weights.shape[1], axis=0)[has_weight][order]
+    used_nodes, starts = np.unique(nodes[order], return_index=True)
     boxes = np.full((len(character.pivots), 8, 3), np.nan, np.float32)
     lows, highs = np.minimum.reduceat(vertices, starts), np.maximum.reduceat(vertices, starts)
-    boxes[used] = [find_corners((low, high)) for low, high in zip(lows, highs, strict=True)]
+    boxes[used_nodes] = [find_corners((low, high)) for low, high in zip(lows, highs, strict=True)]
     return boxes
 
 
 def _make_padding(size: str) -> str:
-    """Returns the padding in place of floats that a program does not use."""
+    """Returns the padding in moderngl's buffer format for floats that a program does not use."""
     return f"{4 * int(size[0])}x"

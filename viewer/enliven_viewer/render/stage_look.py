@@ -11,9 +11,9 @@ from enliven.arrays import Float
 from enliven_viewer.settings import LookName, RenderSettings
 
 Light = tuple[float, float, float]
-"""Linear red, green and blue; 1 is a white wall in the sun."""
+"""A light colour in linear red, green and blue; 1 is a white wall in the sun."""
 _MAX_BACKDROP_WHITE = 0.97
-"""Maximum fraction of white in a backdrop: the filmic curve never quite reaches white."""
+"""Maximum value of white in a backdrop, because the filmic tone curve never quite reaches 1."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def make_look_rows(look: StageLook, settings: RenderSettings) -> Float:
 def light_from_colour(colour: str) -> Float:
     """Returns (3,) the linear light that is displayed as a colour such as "#22334a".
 
-    It inverts the filmic curve of shaders/develop.glsl.
+    It inverts the filmic tone curve of shaders/develop.glsl.
     """
     srgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     y = np.minimum(srgb, _MAX_BACKDROP_WHITE)

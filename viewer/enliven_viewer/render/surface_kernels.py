@@ -1,4 +1,4 @@
-"""Hashed single passes over meshes of any size for :mod:`enliven_viewer.render.surface`."""
+"""Hash-based kernels that pass once over a mesh of any size, for :mod:`enliven_viewer.render.surface`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SORTED_ABOVE = 64
 def _room(count):
     """Returns keys and values of a hash table for ``count`` keys.
 
-    The size is a power of two with spare room.
+    The table's size is a power of two with spare room.
     """
     size = 16
     while size < 1.4 * count:
@@ -37,7 +37,7 @@ def _slot(keys, key):
 
 @njit(cache=True, nogil=True)
 def places_of(bits):
-    """Returns (V,) a number per row; rows with the same int32 bits (V, C) get the same number."""
+    """Returns (V,) a number for each row of bits (V, C) int32. Equal rows get the same number."""
     count, columns = bits.shape
     size = 16
     while size < 1.4 * count:
@@ -146,7 +146,7 @@ def _low(place, half):
 
 @njit(cache=True, nogil=True, inline="always")
 def _high(place, half):
-    """Returns the higher vertex of that edge."""
+    """Returns the higher vertex of the edge that begins at a corner."""
     return max(place[half // 3, half % 3], place[half // 3, (half % 3 + 1) % 3])
 
 
@@ -186,7 +186,8 @@ def _numbered(parents):
 def drawn_of(group, faces, vertices):
     """Returns (3 F,) the drawn vertex of every corner, and (N,) the first corner of each drawn vertex.
 
-    There is one drawn vertex per group and vertex, or per group and other number (F, 3) below ``vertices``.
+    There is one drawn vertex per pair of group and number. ``faces`` (F, 3) contains the numbers, below
+    ``vertices``: usually vertex indices.
     """
     keys, number = _room(len(group))
     corner, first, drawn_count = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
@@ -214,7 +215,7 @@ def sum_normals(group, count, normals, angles):
 
 @njit(cache=True, nogil=True)
 def bounds_something(faces, vertices):
-    """Returns True if every edge exists once in each direction."""
+    """Returns True if the mesh is closed: every edge exists once in each direction."""
     keys, _ = _room(3 * len(faces))
     for f in range(len(faces)):
         for k in range(3):

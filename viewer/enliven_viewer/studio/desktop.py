@@ -15,7 +15,7 @@ from imgui_bundle import ImVec2, imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
 from enliven_viewer.studio.pointer_path import PointerPath
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _MIN_LAYOUT_SIZE = (640.0, 360.0)
 """Minimum layout size in logical pixels, so that large text in a small window stays usable."""

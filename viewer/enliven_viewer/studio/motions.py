@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from enliven.document import Clip
-from enliven.formats.project import read_project
+from enliven.formats.project.file import read_project
 
 MOTIONS_FILE = Path(__file__).resolve().parent / "motions.enliven"
 """The file of the motions: a project that contains only takes."""

@@ -5,23 +5,22 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from enliven_viewer.studio.panel_layout import TIMELINE_HEIGHT, PanelLayout, lay_out_panels
-from enliven_viewer.studio.panels import (
-    draw_curves,
-    draw_menu,
-    draw_overlay,
-    draw_side,
-    draw_source,
-    draw_timeline,
-    draw_toolbar,
-    split_side,
-)
-from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
-from enliven_viewer.studio.panels.files import draw_progress_box
-from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
-from enliven_viewer.studio.panels.stage import draw_perform, draw_scan, draw_workspace_tabs
-from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.panels.examples.panel import draw_examples
+from enliven_viewer.studio.panels.examples.performer import draw_performer
+from enliven_viewer.studio.panels.examples.strip import draw_strip
+from enliven_viewer.studio.panels.files.progress_box import draw_progress_box
+from enliven_viewer.studio.panels.menu import draw_menu
+from enliven_viewer.studio.panels.outliner.outliner import draw_outliner, split_outliner
+from enliven_viewer.studio.panels.side import draw_side
+from enliven_viewer.studio.panels.source import draw_source, split_side
+from enliven_viewer.studio.panels.stage.perform import draw_perform
+from enliven_viewer.studio.panels.stage.workspace_tabs import draw_workspace_tabs
+from enliven_viewer.studio.panels.timeline import draw_timeline
+from enliven_viewer.studio.panels.toolbar import draw_toolbar
+from enliven_viewer.studio.panels.viewport_overlay import draw_overlay
+from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.window_pictures import WindowPictures, edits_puppet
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
     "Perform": ("tools",),
@@ -41,7 +40,7 @@ def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
         without = (*without, "timeline")
     options = {
         "puppet": edits_puppet(workspace),
-        "curves": workspace.curves.on,
+        "curves": workspace.find_panel(active_workspace, "above timeline") is not None,
         "hinted": not bare and has_tool(active_workspace),
     }
     height = workspace.preferences.timeline_height or TIMELINE_HEIGHT
@@ -60,16 +59,18 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
     draw_workspace_tabs(workspace)
     if places.tools.width:
         draw_toolbar(workspace, places.tools)
-    if active_workspace == "Perform" and workspace.scan.shown:
-        draw_scan(workspace, places.side)
+    panel = workspace.find_panel(active_workspace)
+    if panel is not None and places.side.width:
+        panel.draw(places.side)
     elif active_workspace == "Perform":
         draw_perform(workspace, places.side)
     elif places.side.width:
         _draw_side(workspace, places, pictures)
     if places.timeline.height:
         draw_timeline(workspace, places.timeline)
-    if places.curves is not None:
-        draw_curves(workspace, places.curves)
+    above = workspace.find_panel(active_workspace, "above timeline")
+    if above is not None and places.curves is not None:
+        above.draw(places.curves)
     draw_progress_box(workspace, places.viewport)
     draw_overlay(workspace, places.viewport, tool=has_tool(active_workspace), hint=places.hint)
 

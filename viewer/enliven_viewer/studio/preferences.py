@@ -180,5 +180,5 @@ class Preferences:
         except OSError as error:
             problem = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
             self.refusal = ResourceError(
-                problem, where=str(self.path), mend=tr("Check that you may read the file.")
+                problem, where=str(self.path), remedy=tr("Check that you may read the file.")
             )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from enliven.outputs.settings import LiveOutputSettings
 from enliven.settings import setting
 from enliven_viewer.settings import RenderSettings
 
@@ -49,5 +50,8 @@ class StudioSettings:
     )
     trail: float = setting(
         1.0, "Length of motion trails on each side of the playhead.", unit="seconds", low=0.05, high=30
+    )
+    outputs: dict[str, LiveOutputSettings] = field(
+        default_factory=dict, metadata={"doc": "Other programs that receive the shown motion live, by name."}
     )
     matches: int = setting(6, "Maximum number of thumbnails of matches.", low=1, high=24)

@@ -10,31 +10,25 @@ from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 
 from enliven.arrays import UInt8
-from enliven.commands import parent_is_gone
 from enliven.errors import ResourceError
-from enliven_viewer.live import IdleLoop
+from enliven.supervision.lifetime import parent_is_gone
+from enliven_viewer.live.idle_loop import IdleLoop
 from enliven_viewer.settings import WindowStart
-from enliven_viewer.studio.actions import KEYS, held_keys
+from enliven_viewer.studio.actions.imgui_keys import KEYS, held_keys
+from enliven_viewer.studio.app.style import apply_colours, apply_style, load_fonts
 from enliven_viewer.studio.desktop import Desktop
+from enliven_viewer.studio.live_outputs import WindowOutputs
 from enliven_viewer.studio.panel_drawing import draw_panels, make_panel_layout
 from enliven_viewer.studio.panel_layout import Area, PanelLayout
-from enliven_viewer.studio.panels import (
-    apply_colours,
-    apply_style,
-    draw_dialogs,
-    draw_tour,
-    load_fonts,
-)
-from enliven_viewer.studio.panels.stage import (
-    draw_audience,
-    draw_camera_previews,
-    draw_live,
-    draw_scan_overlay,
-    draw_side_view,
-)
-from enliven_viewer.studio.perform import PreviewPlacement
+from enliven_viewer.studio.panels.dialogs import draw_dialogs
+from enliven_viewer.studio.panels.stage.audience import draw_audience
+from enliven_viewer.studio.panels.stage.camera_preview import draw_camera_previews
+from enliven_viewer.studio.panels.stage.live import draw_live
+from enliven_viewer.studio.panels.stage.side_view import draw_side_view
+from enliven_viewer.studio.panels.start.tour import draw_tour
+from enliven_viewer.studio.perform.preview_placement import PreviewPlacement
 from enliven_viewer.studio.window_pictures import WindowPictures, hides_live
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import get_theme
 from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_screen
 
@@ -70,12 +64,18 @@ class StudioWindow:
         workspace: the workspace to edit.
         step: fixed duration of each frame in seconds, for films. None uses the clock.
         opening: the start options.
+        outputs: other programs that receive the shown motion. None: there are none. The caller closes them.
     """
 
     def __init__(
-        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _DEFAULT_START
+        self,
+        workspace: Workspace,
+        step: float | None = None,
+        opening: WindowStart = _DEFAULT_START,
+        outputs: WindowOutputs | None = None,
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
+        self._outputs = outputs
         self.pace = 0.0  # This is the number of frames per second, smoothed.
         # Remember the place that F11 restores. A window that starts in full screen does not have one yet.
         settings = workspace.editor.settings
@@ -159,14 +159,15 @@ class StudioWindow:
             self.workspace.store.autosave_now()
             if self.pictures:
                 raise
-            mend = "Use --film out.mp4 to render without a window, or start where there is a display."
-            raise ResourceError(str(error).rstrip("."), where="window", mend=mend) from None
+            remedy = "Use --film out.mp4 to render without a window, or start where there is a display."
+            raise ResourceError(str(error).rstrip("."), where="window", remedy=remedy) from None
         except BaseException:
             self.workspace.perform.recording.stop()
             self.workspace.store.autosave_now()
             raise
         finally:
-            self.workspace.sound.stop()
+            for stop in self.workspace.closing_tasks:
+                stop()
             # Disconnecting turns a running recording into an edit.
             self.workspace.perform.disconnect()
             if not self.workspace.ended:
@@ -239,11 +240,13 @@ class StudioWindow:
         if self.opening.audience and (self.opening.bare or self.audience):
             orbits = not workspace.preferences.less_motion
             self._idle_loop.advance(workspace.perform.live, editor.camera, elapsed, orbits=orbits)
-        workspace.sound.follow()
-        workspace.scan.advance()
+        for task in workspace.frame_tasks:
+            task()
         workspace.watch_tour(elapsed, (area.x, area.y))
         assert self._pictures is not None
         self._pictures.draw(area)
+        if self._outputs is not None:
+            self._outputs.send()
 
     def _draw_gui(self) -> None:
         """Draws the panels, and passes input outside of them to the viewport."""
@@ -259,7 +262,8 @@ class StudioWindow:
                 texture = pictures.source.renderer.picture.texture.glo
                 draw_side_view(self.workspace, places.viewport, texture)
             draw_live(self.workspace, places.viewport, self.pace)
-            draw_scan_overlay(self.workspace, places.viewport)
+            for overlay in self.workspace.overlays:
+                overlay.draw(places.viewport)
         # Read this before the dialogue is drawn, so that Escape closes only the dialogue and nothing behind
         # it.
         asking = self.workspace.asking

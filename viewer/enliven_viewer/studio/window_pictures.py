@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from imgui_bundle import imgui
 
 from enliven.arrays import UInt8
-from enliven_viewer.render import Scene
-from enliven_viewer.render.gl import get_window_context
+from enliven_viewer.render.gl.context import get_window_context
+from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.stage import find_side_view_area
-from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
-from enliven_viewer.studio.picture import PreviewTextures, Viewport
-from enliven_viewer.studio.tools import MapTool, PaintTool
-from enliven_viewer.studio.viewport import StageCharacter
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.panels.stage.side_view import find_side_view_area
+from enliven_viewer.studio.performer.performer_picture import PerformerPicture
+from enliven_viewer.studio.performer.thumbnails import Thumbnails
+from enliven_viewer.studio.picture.preview_textures import PreviewTextures
+from enliven_viewer.studio.picture.viewport import Viewport
+from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import look_in_theme
 
 
@@ -39,7 +42,8 @@ class WindowPictures:
         settings, context = workspace.editor.settings, get_window_context()
         # Detect the framebuffer now, while the window's own one is bound.
         self._screen: Any = context.detect_framebuffer()
-        self.viewport = Viewport(context, (64, 64), settings.render)
+        passes = [layer.make_pass(context) for layer in workspace.view_layers]
+        self.viewport = Viewport(context, (64, 64), settings.render, passes)
         self.viewport.renderer.textures.decodes_in_background = not films
         self.source = Viewport(context, (64, 64), settings.render)
         self.performer = PerformerPicture(self.source.renderer)
@@ -57,18 +61,13 @@ class WindowPictures:
     def draw(self, area: Area) -> None:
         """Draws the stage in an area of the window, and the images of the panels."""
         workspace = self.workspace
-        editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
+        editor, perform = workspace.editor, workspace.perform
+        stage, live = find_shown_characters(workspace), find_shown_scene(workspace)
         self.source.renderer.look = look_in_theme("studio")
         self._draw_source()
         renderer = self.viewport.renderer
         renderer.look = look_in_theme(editor.look)
         renderer.resize(_to_screen_pixels(area.width, area.height))
-        stage = [
-            character
-            for character in editor.visible_characters
-            if character.id not in perform.hidden and not scan.active
-        ]
-        live = None if hides_live(workspace) else scan.live_scene(perform.scene)
         self._draw_side(area, stage, live)
         tool = workspace.input.tool
         self.viewport.draw(
@@ -77,11 +76,9 @@ class WindowPictures:
             editor.selection,
             tool.overlay(),
             over=tool.picture(),
-            ghosts=workspace.ghosts.picture(),
             meshes=editor.show_meshes,
             bones=editor.show_bones and perform.active_workspace in ("Animate", "Model"),
             live=live,
-            growing=scan.surface,
         )
         width, height = _find_framebuffer_size()
         scale = imgui.get_io().display_framebuffer_scale.y
@@ -127,12 +124,33 @@ class WindowPictures:
             self.performer.draw(figure, view.lens, view.paired(), view.hovered)
 
 
+def find_shown_characters(workspace: Workspace) -> list[StageCharacter]:
+    """Returns the characters of the project that are visible on the stage."""
+    if _hides_characters(workspace):
+        return []
+    hidden = workspace.perform.hidden
+    return [character for character in workspace.editor.visible_characters if character.id not in hidden]
+
+
+def find_shown_scene(workspace: Workspace) -> Scene | None:
+    """Returns the scene of an edge or a take if it is visible."""
+    live = None if hides_live(workspace) else workspace.perform.scene
+    if live is None or not _hides_characters(workspace):
+        return live
+    return replace(live, actors=(), boards={})
+
+
+def _hides_characters(workspace: Workspace) -> bool:
+    """Returns True if a feature shows something in place of the characters, such as a growing scan."""
+    return any(layer.hides_characters() for layer in workspace.view_layers)
+
+
 def edits_puppet(workspace: Workspace) -> bool:
     """Returns True if a puppet is being edited, so that its performer and key poses are shown."""
     return (
         workspace.puppets.puppet is not None
         and workspace.perform.active_workspace in ("Animate", "Model")
-        and not isinstance(workspace.input.tool, (MapTool, PaintTool))
+        and not workspace.input.tool.hides_performer
         and not workspace.editor.selection.several
     )
 

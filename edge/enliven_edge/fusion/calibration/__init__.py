@@ -3,7 +3,3 @@
 Joints that two sensors see simultaneously give the transform between them. A pose graph combines the pairs.
 The quality is reported in words.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

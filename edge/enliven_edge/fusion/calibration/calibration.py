@@ -14,12 +14,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
+from enliven.space.space_file import Place, Space, nested_tuples
 from enliven_edge.fusion.calibration.matching import BodyMatch, generate_guesses, match_bodies
 from enliven_edge.fusion.calibration.pose_graph import SensorPlacement, solve_pose_graph
 from enliven_edge.fusion.calibration.quality import Quality, Verdict, evaluate_fit, no_match_quality
 from enliven_edge.fusion.calibration.refinement import Fit, are_different, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
-from enliven_edge.fusion.placement import Place, Space, nested_tuples
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MISSED_BODY_COST_M = 0.5
@@ -52,9 +52,9 @@ class Calibration:
 
     Attributes:
         sensors: their identities; the first one's frame is the world.
-        world_from_sensor: by sensor, (4, 4) from its own level frame, which its bodies are in.
+        world_from_sensor: by sensor, (4, 4) world from its own level frame, in which its bodies are given.
         clock_offset_ns: by sensor, nanoseconds to add to its clock to get the first one's.
-        pairs: the result of every two of them.
+        pairs: the result of every pair of sensors.
         loop_cm, loop_deg: maximum loop closure error, in position and rotation, of chains of sensors that
             form a loop.
     """
@@ -147,14 +147,14 @@ def calibrate(
 def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> SensorPair:
     """Finds the pose of sensor b relative to sensor a, from the best of all first guesses."""
     known_lag = (b.first_ns - a.first_ns) * 1e-9
-    ranked: list[tuple[float, Fit]] = []
+    ranked_fits: list[tuple[float, Fit]] = []
     for guess in generate_guesses(a, b, known_lag, settings):
         quick_fit = refine(guess.matches, guess.a_from_b, guess.lag, settings, steps=4, frames=120)
         if quick_fit is not None:
-            ranked.append((_compute_score(a, b, quick_fit, guess.matches, settings), quick_fit))
-    ranked.sort(key=lambda entry: entry[0])
+            ranked_fits.append((_compute_score(a, b, quick_fit, guess.matches, settings), quick_fit))
+    ranked_fits.sort(key=lambda entry: entry[0])
     refined: list[tuple[float, Fit, tuple[BodyMatch, ...]]] = []
-    for _, quick_fit in _select_distinct(ranked):
+    for _, quick_fit in _select_distinct(ranked_fits):
         final = _refine_guess(a, b, quick_fit, settings)
         if final is not None:
             refined.append((_compute_score(a, b, *final, settings), *final))
@@ -171,15 +171,15 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
     return SensorPair(a.sensor, b.sensor, fit, evaluate_fit(fit, matches, equal_fits, b.sensor, settings))
 
 
-def _select_distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
+def _select_distinct(ranked_fits: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
     """Returns the best few guesses that differ from every better one."""
-    kept: list[tuple[float, Fit]] = []
-    for score, fit in ranked:
-        if all(are_different(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in kept):
-            kept.append((score, fit))
-        if len(kept) == _MAX_REFINED_PLACEMENTS:
+    distinct: list[tuple[float, Fit]] = []
+    for score, fit in ranked_fits:
+        if all(are_different(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in distinct):
+            distinct.append((score, fit))
+        if len(distinct) == _MAX_REFINED_PLACEMENTS:
             break
-    return kept
+    return distinct
 
 
 def _refine_guess(
@@ -189,7 +189,7 @@ def _refine_guess(
     fit = quick
     matches: tuple[BodyMatch, ...] = ()
     for _ in range(2):
-        matches = match_bodies(a, b, fit.a_from_b, fit.lag, settings)
+        matches = match_bodies(a, b, fit.a_from_b, fit.lag)
         better = refine(matches, fit.a_from_b, fit.lag, settings)
         if better is None:
             return None
@@ -205,13 +205,13 @@ def _compute_score(
     Short overlaps agree by chance more easily, so they must agree better.
     """
     times = np.arange(0.0, a.duration + 1e-9, 0.1)
-    both = np.minimum(_count_people(a, times), _count_people(b, times - fit.lag)).sum()
-    have = min(float(both), sum(10 * _shared_duration(m, b, fit.lag) for m in matches))
-    if both < 1:
+    common_people = np.minimum(_count_people(a, times), _count_people(b, times - fit.lag)).sum()
+    have = min(float(common_people), sum(10 * _shared_duration(m, b, fit.lag) for m in matches))
+    if common_people < 1:
         return np.inf
-    cost = (have * fit.cost + (both - have) * _MISSED_BODY_COST_M) / both
+    cost = (have * fit.cost + (common_people - have) * _MISSED_BODY_COST_M) / common_people
     # If all else is equal, prefer the assignment that exchanges left and right in fewer bodies.
-    return float(cost * (max(len(times), 1) / both) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
+    return float(cost * (max(len(times), 1) / common_people) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
 
 
 def _count_people(stream: BodyStream, times: Float) -> Float:
@@ -228,18 +228,18 @@ def _count_people(stream: BodyStream, times: Float) -> Float:
 
 
 def _shared_duration(match: BodyMatch, b: BodyStream, lag: float) -> float:
-    """Returns the seconds in which both sensors see a match's moments."""
+    """Returns the duration in seconds for which both sensors see the person of a match."""
     times = match.times[_count_people(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
 def _check_names(names: Sequence[str]) -> None:
     if len(names) < 2:
-        raise InputError("there is one sensor only", where="calibration", mend="Give two or more.")
+        raise InputError("there is one sensor only", where="calibration", remedy="Give two or more.")
     duplicates = [name for name in names if names.count(name) > 1]
     if duplicates:
         raise InputError(
             f"two sensors are called {duplicates[0]!r}",
             where="calibration",
-            mend="Name them: left=FIRST right=SECOND.",
+            remedy="Name them: left=FIRST right=SECOND.",
         )

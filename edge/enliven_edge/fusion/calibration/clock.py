@@ -13,14 +13,14 @@ from scipy.signal import correlate
 from enliven.arrays import Float
 from enliven.person import Joint
 from enliven_edge.fusion.calibration.tracks import BodyTrack
-from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 
 _SAMPLE_RATE_HZ = 50.0
 """Sampling rate of the signals in hertz: above every sensor's frame rate."""
 _MAX_CANDIDATES = 5
 """Number of lags that are tried. A walk that repeats itself has a few peaks of equal height."""
 _MIN_PEAK_DISTANCE_S = 0.15
-"""Minimum distance of two peaks in seconds. Nearer ones are the same peak."""
+"""Minimum distance of two peaks in seconds. Closer peaks count as the same peak."""
 _SPEED_WINDOW_S = 0.12
 """Seconds over which speeds are computed, so that noise of the joints does not hide them."""
 
@@ -33,11 +33,11 @@ def find_likely_lags(
     Args:
         a, b: the tracks.
         settings: the settings.
-        known: the lag if both clocks are synchronised. It is also tried if the tracks then overlap; None:
-            unknown.
+        known: the lag (seconds) according to synchronised clocks. It is also tried if the tracks overlap with
+            it. None if the clocks are not synchronised.
     """
-    signal_a, seen_a = _compute_signals(a, settings)
-    signal_b, seen_b = _compute_signals(b, settings)
+    signal_a, seen_a = _compute_signals(a)
+    signal_b, seen_b = _compute_signals(b)
     score, common_samples = _correlate(signal_a, seen_a, signal_b, seen_b)
     lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _SAMPLE_RATE_HZ + a.times[0] - b.times[0]
     score = np.where(common_samples >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
@@ -56,11 +56,15 @@ def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettin
     return bool(stop - start >= settings.overlap)
 
 
-def _compute_signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Float]:
-    """Returns (N, 4) standardised signals at the common rate, 0 where unseen, and (N,) whether seen."""
+def _compute_signals(track: BodyTrack) -> tuple[Float, Float]:
+    """Resamples a person's motion to the common rate.
+
+    Returns (N, 4) standardised signals, 0 where the person is not visible, and (N,) whether the person is
+    visible.
+    """
     times = np.arange(track.times[0], track.times[-1], 1.0 / _SAMPLE_RATE_HZ)
-    joints, _, confidence = track.at(times, settings.longest_gap)
-    before, _, seen_before = track.at(times - _SPEED_WINDOW_S, settings.longest_gap)
+    joints, _, confidence = track.at(times, MAX_TRACK_GAP_S)
+    before, _, seen_before = track.at(times - _SPEED_WINDOW_S, MAX_TRACK_GAP_S)
     hips = joints[:, Joint.HIP_CENTER] - before[:, Joint.HIP_CENTER]
     distances = [
         np.linalg.norm(joints[:, left] - joints[:, right], axis=1)

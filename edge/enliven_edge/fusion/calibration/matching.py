@@ -9,11 +9,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Bool, Float
+from enliven.space.rigid_transform import fit_rigid, transform_points
 from enliven_edge.fusion.calibration.clock import find_likely_lags
 from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack
-from enliven_edge.fusion.live import OTHER_SIDE, middle_weights, middles
-from enliven_edge.fusion.placement import fit_rigid, transform_points
-from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 
 _MAX_FRAMES = 240
 """Number of frames in a first guess. More cost time and do not add accuracy, because refinement follows."""
@@ -28,11 +28,11 @@ _SAME_PERSON_M = 0.35
 
 @dataclass(frozen=True)
 class BodyMatch:
-    """A body of each sensor that are the same person at some moments.
+    """The bodies of one person as seen by two sensors.
 
     Attributes:
-        a, b: the tracks.
-        times: (N,) seconds of the first sensor's stream.
+        a, b: the person's track by each sensor.
+        times: (N,) the moments of the match, seconds of the first sensor's stream.
     """
 
     a: BodyTrack
@@ -52,7 +52,9 @@ class InitialTransform:
 def generate_guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
 ) -> Iterator[InitialTransform]:
-    """Yields every plausible start: pairs of people, lags of their clocks, and both orders of the sides."""
+    """Yields every plausible first estimate: pairs of people, lags of their clocks, and both assignments of
+    left and right.
+    """
     upright = settings.floor_known
     for track_a in a.tracks[:_MAX_TRACKS]:
         for track_b in b.tracks[:_MAX_TRACKS]:
@@ -60,24 +62,26 @@ def generate_guesses(
                 continue
             for lag in find_likely_lags(track_a, track_b, settings, known_lag):
                 times = track_a.times[:: max(1, len(track_a.times) // _MAX_FRAMES)]
-                q, _, seen = track_b.at(times - lag, settings.longest_gap)
-                p, _, seen_a = track_a.at(times, settings.longest_gap)
-                weights = seen * seen_a
-                good = weights.sum(1) > 0
-                if good.sum() < 3:
+                q, _, is_seen_b = track_b.at(times - lag, MAX_TRACK_GAP_S)
+                p, _, is_seen_a = track_a.at(times, MAX_TRACK_GAP_S)
+                weights = is_seen_b * is_seen_a
+                is_seen = weights.sum(1) > 0
+                if is_seen.sum() < 3:
                     continue
                 match = (BodyMatch(track_a, track_b, track_a.times),)
-                for start in _estimate_transforms(p[good], q[good], weights[good], upright):
+                for start in _estimate_transforms(p[is_seen], q[is_seen], weights[is_seen], upright):
                     yield InitialTransform(start, lag, match)
 
 
 def _estimate_transforms(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
     """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of the sides."""
-    free = _ransac_transform(middles(p), middles(q), middle_weights(w), upright)
-    flat = w.reshape(-1)
-    named = fit_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
-    swapped = fit_rigid(q[:, OTHER_SIDE].reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
-    return [free, named, swapped]
+    by_midline = _ransac_transform(middles(p), middles(q), middle_weights(w), upright)
+    flat_weights = w.reshape(-1)
+    by_sides = fit_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat_weights, upright=upright)
+    by_swapped_sides = fit_rigid(
+        q[:, OTHER_SIDE].reshape(-1, 3), p.reshape(-1, 3), flat_weights, upright=upright
+    )
+    return [by_midline, by_sides, by_swapped_sides]
 
 
 def _ransac_transform(p: Float, q: Float, w: Float, upright: bool) -> Float:
@@ -104,17 +108,15 @@ def _ransac_transform(p: Float, q: Float, w: Float, upright: bool) -> Float:
     return best
 
 
-def match_bodies(
-    a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
-) -> tuple[BodyMatch, ...]:
+def match_bodies(a: BodyStream, b: BodyStream, a_from_b: Float, lag: float) -> tuple[BodyMatch, ...]:
     """Matches people at every moment, once the sensors are roughly placed (Hungarian algorithm, gated)."""
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     distances: list[list[Float]] = []
     for track_a in a.tracks:
-        p, _, seen_a = track_a.at(times, settings.longest_gap)
+        p, _, seen_a = track_a.at(times, MAX_TRACK_GAP_S)
         track_index = []
         for track_b in b.tracks:
-            q, _, seen_b = track_b.at(times - lag, settings.longest_gap)
+            q, _, seen_b = track_b.at(times - lag, MAX_TRACK_GAP_S)
             track_index.append(_trunk_distances(p, transform_points(a_from_b, q), seen_a * seen_b))
         distances.append(track_index)
     assignment = _assign(np.array(distances))
@@ -127,7 +129,7 @@ def match_bodies(
 
 
 def _trunk_distances(p: Float, q: Float, w: Float) -> Float:
-    """Returns (N,) the mean distance of the midline points, inf if both see none."""
+    """Returns (N,) the mean distance of the midline points in metres, inf if both see none."""
     weights = middle_weights(w)
     total = weights.sum(1)
     distances = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)

@@ -14,14 +14,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from enliven.arrays import Float
-from enliven_edge.fusion.calibration.refinement import Fit
-from enliven_edge.fusion.placement import (
+from enliven.space.rigid_transform import (
     compose_transform,
     invert,
     rotation_from_vector,
     rotation_vector,
     transform_points,
 )
+from enliven_edge.fusion.calibration.refinement import Fit
 
 Edge = tuple[str, str, Fit, bool]
 """Sensor a, sensor b, their measured fit, and whether it was judged good."""
@@ -43,13 +43,13 @@ class SensorPlacement:
 
 def solve_pose_graph(names: Sequence[str], edges: list[Edge]) -> SensorPlacement:
     """Computes the placements from all good edges. Other edges only connect sensors that were unconnected."""
-    used = _select_edges(names, edges)
-    places, lags = _place_along_tree(names[0], used)
-    loose = [name for name in names[1:] if name in places]
-    if len(used) > len(loose):
-        places = _optimise_poses(names[0], loose, places, used)
-        lags = _solve_lags(names[0], loose, used)
-    errors = [_error(places[a], places[b], fit) for a, b, fit, _ in used]
+    used_edges = _select_edges(names, edges)
+    places, lags = _place_along_tree(names[0], used_edges)
+    free_names = [name for name in names[1:] if name in places]
+    if len(used_edges) > len(free_names):
+        places = _optimise_poses(names[0], free_names, places, used_edges)
+        lags = _solve_lags(names[0], free_names, used_edges)
+    errors = [_error(places[a], places[b], fit) for a, b, fit, _ in used_edges]
     loop_error_m = max((float(np.linalg.norm(e[3:6])) for e in errors), default=0.0)
     return SensorPlacement(
         places, lags, loop_error_m, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0)
@@ -88,7 +88,7 @@ def _place_along_tree(root: str, edges: list[Edge]) -> tuple[dict[str, Float], d
 def _optimise_poses(
     root: str, free: list[str], places: dict[str, Float], edges: list[Edge]
 ) -> dict[str, Float]:
-    """Returns the placements with the smallest residuals, each pair weighted by its precision."""
+    """Returns the placements with the smallest residuals. Each pair is weighted by its precision."""
     factors = [np.linalg.cholesky(fit.precision[:6, :6] + 1e-9 * np.eye(6)).T for _, _, fit, _ in edges]
 
     def poses_after(x: Float) -> dict[str, Float]:

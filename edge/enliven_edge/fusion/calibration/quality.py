@@ -9,10 +9,17 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.person import Joint
+from enliven.space.rigid_transform import angle_between, invert, transform_points
 from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.calibration.refinement import Fit, refine
-from enliven_edge.fusion.placement import angle_between, invert, transform_points
-from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
+
+_MAX_RESIDUAL_M = 0.15
+"""Largest root mean square distance between the sensors' joints that is accepted."""
+_MAX_POSITION_SIGMA_CM = 5.0
+"""Largest accepted uncertainty of a sensor's position."""
+_MAX_DIRECTION_SIGMA_DEG = 2.0
+"""Largest accepted uncertainty of a sensor's direction."""
 
 _JACKKNIFE_BLOCKS = 8
 """Number of jackknife blocks, both of the walk and of facing directions. Each still contains seconds of
@@ -78,7 +85,7 @@ def evaluate_fit(
     length, breadth, narrow_axis = _measure_walk(fit.hips)
     seconds = _count_seconds(fit.times)
     verdict, advice = Verdict.GOOD, ""
-    if fit.rms > settings.worst_residual:
+    if fit.rms > _MAX_RESIDUAL_M:
         verdict = Verdict.NO_MATCH
         advice = (
             f"the joints that {name} sees do not fit ({100 * fit.rms:.0f} cm apart): "
@@ -97,7 +104,7 @@ def evaluate_fit(
         verdict = Verdict.AMBIGUOUS
         rival = _describe_rival(fit, rivals[0])
         advice = f"{name} could also stand {rival}: walk in a curve, lift one arm, turn about"
-    elif position_cm > settings.doubt_cm or direction_deg > settings.doubt_deg:
+    elif position_cm > _MAX_POSITION_SIGMA_CM or direction_deg > _MAX_DIRECTION_SIGMA_DEG:
         verdict = Verdict.WALK_ON
         accuracy = f"{position_cm:.1f} cm and {direction_deg:.1f} deg"
         advice = f"{name} is known to {accuracy} only: walk on, and turn about"
@@ -113,7 +120,7 @@ def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
 
     Args:
         a, b: the names of the sensors.
-        blind: the sensor that saw no person at all, if there is one.
+        blind: the sensor that saw no person at all, if any.
     """
     nan = float("nan")
     advice = f"{a} and {b} never saw a performer at the same time: walk where both see you, for longer"
@@ -137,7 +144,7 @@ def _estimate_uncertainty(
     edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _JACKKNIFE_BLOCKS + 1))[1:-1]
     spread = np.maximum(
         _jackknife(fit, matches, [np.digitize(m.times, edges) for m in matches], settings),
-        _jackknife(fit, matches, [_facing_octants(m, settings) for m in matches], settings),
+        _jackknife(fit, matches, [_facing_octants(m) for m in matches], settings),
     )
     direction = max(float(np.linalg.norm(formal[:3])), float(spread[1]))
     position = float(np.hypot(max(float(np.linalg.norm(formal[3:6])), float(spread[0])), direction * radius))
@@ -147,12 +154,13 @@ def _estimate_uncertainty(
 def _jackknife(
     fit: Fit, matches: tuple[BodyMatch, ...], blocks: list[Int], settings: CalibrationSettings
 ) -> Float:
-    """Returns (3,) metres, radians and seconds of one standard deviation, with each block left out in turn.
+    """Returns (3,) one standard deviation in metres, radians and seconds, by the jackknife: each block is
+    left out once.
 
     Args:
         fit: the fit to all blocks.
         matches: the matched bodies.
-        blocks: by match, (N,) the block of each of its moments, from 0.
+        blocks: by match, (N,) the block number of each of its moments, from 0.
         settings: the settings.
     """
     block_index = transform_points(invert(fit.a_from_b), fit.centre)
@@ -160,20 +168,22 @@ def _jackknife(
     for block in range(_JACKKNIFE_BLOCKS):
         if not any((b == block).any() for b in blocks):
             continue
-        kept = tuple(BodyMatch(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
-        other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
-        if other is not None:
-            shift = np.linalg.norm(transform_points(other.a_from_b, block_index) - fit.centre)
-            changes.append((shift, angle_between(fit.a_from_b, other.a_from_b), other.lag - fit.lag))
+        kept_matches = tuple(
+            BodyMatch(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True)
+        )
+        refitted = refine(kept_matches, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
+        if refitted is not None:
+            shift = np.linalg.norm(transform_points(refitted.a_from_b, block_index) - fit.centre)
+            changes.append((shift, angle_between(fit.a_from_b, refitted.a_from_b), refitted.lag - fit.lag))
     if len(changes) < 2:
         return np.zeros(3)
     own_blocks = (len(changes) - 1) / len(changes)
     return np.asarray(np.sqrt(own_blocks * (np.array(changes) ** 2).sum(0)))
 
 
-def _facing_octants(match: BodyMatch, settings: CalibrationSettings) -> Int:
+def _facing_octants(match: BodyMatch) -> Int:
     """Returns (N,) the person's facing direction, one of eight, by the first sensor."""
-    joints, _, _ = match.a.at(match.times, settings.longest_gap)
+    joints, _, _ = match.a.at(match.times, MAX_TRACK_GAP_S)
     left_axis = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     angles = np.arctan2(left_axis[:, 2], left_axis[:, 0]) / (2 * np.pi)
     return np.asarray(np.floor(_JACKKNIFE_BLOCKS * (angles % 1.0)).clip(0, _JACKKNIFE_BLOCKS - 1), np.int64)
@@ -181,15 +191,18 @@ def _facing_octants(match: BodyMatch, settings: CalibrationSettings) -> Int:
 
 def _measure_walk(hips: Float) -> tuple[float, float, Float]:
     """Returns length and breadth of the walked floor in metres, and (3,) the unit vector of its breadth."""
-    flat = hips[:, [0, 2]]
-    _, axes = np.linalg.eigh(np.cov((flat - flat.mean(0)).T) if len(flat) > 1 else np.eye(2))
-    low, high = np.quantile(flat @ axes, [0.03, 0.97], axis=0)
+    floor_points = hips[:, [0, 2]]
+    _, axes = np.linalg.eigh(
+        np.cov((floor_points - floor_points.mean(0)).T) if len(floor_points) > 1 else np.eye(2)
+    )
+    low, high = np.quantile(floor_points @ axes, [0.03, 0.97], axis=0)
     return float(high[1] - low[1]), float(high[0] - low[0]), np.array([axes[0, 0], 0.0, axes[1, 0]])
 
 
 def _count_seconds(times: Float) -> float:
-    """Returns the observed time in seconds: the number of tenths of a second that contain at least one of
-    ``times``, divided by ten."""
+    """Returns the observed time in seconds: the number of tenths of a second that contain an element of
+    ``times``, divided by ten.
+    """
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 

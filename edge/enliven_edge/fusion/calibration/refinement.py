@@ -13,9 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.fusion.calibration.matching import BodyMatch
-from enliven_edge.fusion.live import OTHER_SIDE
-from enliven_edge.fusion.placement import (
+from enliven.space.rigid_transform import (
     UP,
     angle_between,
     compose_transform,
@@ -25,7 +23,16 @@ from enliven_edge.fusion.placement import (
     rotation_from_vector,
     transform_points,
 )
-from enliven_edge.fusion.settings import CalibrationSettings
+from enliven_edge.fusion.calibration.matching import BodyMatch
+from enliven_edge.fusion.live.side_assignment import OTHER_SIDE
+from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
+
+_ROBUST_WIDTH_M = 0.15
+"""Robust width: joints that differ by more than this between sensors have little influence."""
+_FLOOR_TILT_SIGMA_DEG = 1.5
+"""Standard deviation of the tilt of a sensor's floor."""
+_FLOOR_HEIGHT_SIGMA_M = 0.04
+"""Standard deviation of the height of a sensor's floor."""
 
 _MAX_FRAMES = 900
 """Maximum number of frames. Neighbouring frames contain the same information."""
@@ -67,7 +74,7 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Returns the mean truncated disagreement in metres."""
+        """Returns the mean truncated distance between the joints of both sensors in metres."""
         total = self.weights.sum()
         return float((self.weights * np.minimum(self.residuals, 0.5)).sum() / total) if total else np.inf
 
@@ -90,17 +97,17 @@ def refine(
     """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
     thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
-    joints_of_a = [match.a.at(match.times, settings.longest_gap) for match in thinned]
+    joints_of_a = [match.a.at(match.times, MAX_TRACK_GAP_S) for match in thinned]
     fit = None
     for _ in range(steps):
-        samples = _sample_joints(thinned, joints_of_a, a_from_b, lag, settings)
+        samples = _sample_joints(thinned, joints_of_a, a_from_b, lag)
         if samples is None:
             return fit
         fit, step = _compute_step(samples, a_from_b, lag, settings)
         a_from_b, lag = _apply_step(a_from_b, lag, step, fit.centre)
         if np.abs(step).max() < 1e-7:
             break
-    samples = _sample_joints(thinned, joints_of_a, a_from_b, lag, settings)
+    samples = _sample_joints(thinned, joints_of_a, a_from_b, lag)
     return fit if samples is None else _compute_step(samples, a_from_b, lag, settings)[0]
 
 
@@ -121,7 +128,6 @@ def _sample_joints(
     joints_of_a: list[tuple[Float, Float, Float]],
     a_from_b: Float,
     lag: float,
-    settings: CalibrationSettings,
 ) -> _JointPairs | None:
     """Returns the joints of both sensors at the matches' moments.
 
@@ -129,16 +135,25 @@ def _sample_joints(
     """
     samples = []
     for match, (p, _, seen_a) in zip(matches, joints_of_a, strict=True):
-        q, velocity, seen_b = match.b.at(match.times - lag, settings.longest_gap)
-        swapped = _find_swapped(match.times, p, transform_points(a_from_b, q), seen_a, seen_b, settings.width)
+        q, velocity, seen_b = match.b.at(match.times - lag, MAX_TRACK_GAP_S)
+        swapped = _find_swapped(
+            match.times, p, transform_points(a_from_b, q), seen_a, seen_b, _ROBUST_WIDTH_M
+        )
         if swapped.any():
             order = np.where(swapped[:, None], OTHER_SIDE, np.arange(20))
             q, velocity = (np.take_along_axis(x, order[..., None], 1) for x in (q, velocity))
             seen_b = np.take_along_axis(seen_b, order, 1)
         weights = seen_a * seen_b
-        good = weights.sum(1) > 0
+        is_used = weights.sum(1) > 0
         samples.append(
-            _JointPairs(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good])
+            _JointPairs(
+                match.times[is_used],
+                p[is_used],
+                q[is_used],
+                velocity[is_used],
+                weights[is_used],
+                swapped[is_used],
+            )
         )
     if not samples or not sum(len(sample.times) for sample in samples):
         return None
@@ -149,8 +164,8 @@ def _sample_joints(
 def _find_swapped(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
     """Returns (N,) flags: True if exchanged sides agree better, over a few neighbouring frames."""
     same_cost, swapped_cost = (
-        (seen_a * seen * np.minimum(_vector_lengths(p - there), 2 * width)).sum(1)
-        for seen, there in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
+        (seen_a * seen * np.minimum(_vector_lengths(p - joints_b), 2 * width)).sum(1)
+        for seen, joints_b in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
     )
     gain = same_cost - swapped_cost
     if len(gain) < 3:
@@ -168,7 +183,7 @@ def _compute_step(
     placed_b = transform_points(a_from_b, samples.q)
     error = placed_b - samples.p
     residuals = _vector_lengths(error)
-    width = _robust_width(residuals, samples.weights, settings.width)
+    width = _robust_width(residuals, samples.weights, _ROBUST_WIDTH_M)
     robust_weights = 1.0 / (1.0 + (residuals / width) ** 2) ** 2
     trust = samples.weights * robust_weights
     centre = np.tensordot(trust, placed_b, 2) / max(trust.sum(), 1e-12)
@@ -205,8 +220,10 @@ def _compute_step(
 
 def _robust_width(residuals: Float, weights: Float, widest: float) -> float:
     """Returns the robust width in metres: three times the median disagreement, within bounds."""
-    seen = residuals[weights > 0]
-    return float(np.clip(3.0 * np.median(seen), _NOISE_M, widest)) if len(seen) else widest
+    seen_residuals = residuals[weights > 0]
+    return (
+        float(np.clip(3.0 * np.median(seen_residuals), _NOISE_M, widest)) if len(seen_residuals) else widest
+    )
 
 
 def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) -> tuple[Float, Float]:
@@ -219,11 +236,11 @@ def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) 
         arm, velocity, error: (N, 20, 3) metres from the centre, m/s, metres of disagreement.
         weights: (N, 20).
     """
-    flat = weights.reshape(-1)
-    columns = np.empty((len(flat), 10))
+    flat_weights = weights.reshape(-1)
+    columns = np.empty((len(flat_weights), 10))
     columns[:, :3], columns[:, 3:6], columns[:, 6:9] = (x.reshape(-1, 3) for x in (arm, velocity, error))
     columns[:, 9] = 1.0
-    sums = columns.T @ (flat[:, None] * columns)
+    sums = columns.T @ (flat_weights[:, None] * columns)
     aa, av, ae, vv, ve = sums[:3, :3], sums[:3, 3:6], sums[:3, 6:9], sums[3:6, 3:6], sums[3:6, 6:9]
     h, g = np.empty((7, 7)), np.empty(7)
     h[:3, :3] = np.trace(aa) * np.eye(3) - aa
@@ -249,13 +266,13 @@ def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: Ca
     """Adds the priors that both floors are level and at y = 0, with the precision of each sensor's floor."""
     if not settings.floor_known:
         return
-    tilt = 1.0 / (2 * np.deg2rad(settings.tilt) ** 2)
+    tilt = 1.0 / (2 * np.deg2rad(_FLOOR_TILT_SIGMA_DEG) ** 2)
     up = a_from_b[:3, :3] @ UP
     lean = np.cross(UP, up)
     for axis in (0, 2):
         h[axis, axis] += tilt
         g[axis] += tilt * lean[axis]
-    floor = 1.0 / (2 * settings.floor_height**2)
+    floor = 1.0 / (2 * _FLOOR_HEIGHT_SIGMA_M**2)
     # Compute the height of b's floor at the point below the people.
     height = float(a_from_b[1, 3] + (a_from_b[:3, :3] @ _floor_point_below(a_from_b, centre))[1])
     h[4, 4] += floor
@@ -277,5 +294,7 @@ def _apply_step(a_from_b: Float, lag: float, step: Float, centre: Float) -> tupl
 
 def are_different(a: Fit, b: Fit) -> bool:
     """Returns True if two fits place the people differently, beyond noise."""
-    apart = transform_points(b.a_from_b, transform_points(invert(a.a_from_b), a.centre)) - a.centre
-    return angle_between(a.a_from_b, b.a_from_b) > np.deg2rad(15.0) or bool(np.linalg.norm(apart) > 0.4)
+    displacement = transform_points(b.a_from_b, transform_points(invert(a.a_from_b), a.centre)) - a.centre
+    return angle_between(a.a_from_b, b.a_from_b) > np.deg2rad(15.0) or bool(
+        np.linalg.norm(displacement) > 0.4
+    )

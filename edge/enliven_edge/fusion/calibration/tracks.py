@@ -13,10 +13,11 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven_edge.fusion.live import READ_TIMEOUT_S, SensorThread, transform_bodies
-from enliven_edge.fusion.placement import invert
+from enliven.space.rigid_transform import invert
+from enliven_edge.fusion.live.merge import transform_bodies
+from enliven_edge.fusion.live.sensor_thread import READ_TIMEOUT_S, SensorThread
 from enliven_edge.sensors import Sensor, SensorFault
-from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.tracker import Tracker
 
 _MAX_INTERPOLATION_GAP_S = 0.35
 """Maximum frame interval in seconds at which linear interpolation of a walking person is valid."""
@@ -42,8 +43,8 @@ class BodyTrack:
         """Returns joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
         It interpolates linearly between neighbouring frames. The confidence is 0 if they are farther apart
-        than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 if there is no
-        frame on one side.
+        than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 before the first
+        and after the last frame.
         """
         longest_gap = max(longest_gap, min(1.6 * self.step, _MAX_INTERPOLATION_GAP_S))
         if len(self.times) < 2:
@@ -56,8 +57,8 @@ class BodyTrack:
         is_between = (fraction >= -1e-9) & (fraction <= 1 + 1e-9) & (step <= longest_gap)
         fraction = np.clip(fraction, 0.0, 1.0)[:, None, None]
         start, change = self.joints[before], self.joints[after] - self.joints[before]
-        seen = np.minimum(self.confidence[before], self.confidence[after]) * is_between[:, None]
-        return start + fraction * change, self._velocities[before], seen
+        confidence = np.minimum(self.confidence[before], self.confidence[after]) * is_between[:, None]
+        return start + fraction * change, self._velocities[before], confidence
 
     @cached_property
     def step(self) -> float:
@@ -99,13 +100,13 @@ class BodyStream:
 
 def stream_from_frames(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
     """Returns the tracks of a sensor's body frames, without frames out of order or with equal times."""
-    ordered: list[BodyFrame] = []
+    ordered_frames: list[BodyFrame] = []
     for frame in frames:
-        if not ordered or frame.time_ns > ordered[-1].time_ns:
-            ordered.append(frame)
-    first_ns = ordered[0].time_ns if ordered else 0
+        if not ordered_frames or frame.time_ns > ordered_frames[-1].time_ns:
+            ordered_frames.append(frame)
+    first_ns = ordered_frames[0].time_ns if ordered_frames else 0
     people: dict[int, list[tuple[float, AnyArray, AnyArray]]] = {}
-    for frame in ordered:
+    for frame in ordered_frames:
         seconds = (frame.time_ns - first_ns) * 1e-9
         for body in frame.bodies:
             people.setdefault(body.id, []).append((seconds, body.joints, body.confidence))
@@ -149,16 +150,16 @@ class Collector(SensorThread):
     def stream(self) -> BodyStream:
         """Returns all bodies up to now, in the present estimate of the level frame.
 
-        A sensor may find its floor only after some frames, or know it better later. Earlier bodies are then
+        A sensor may detect its floor only after some frames, or refine it later. Earlier bodies are then
         corrected.
         """
         return stream_from_frames(self.name, self.frames_in_level())
 
     def frames_in_level(self) -> list[BodyFrame]:
-        """Returns the same bodies as frames."""
-        recorded = list(self._kept)
+        """Returns the same bodies as body frames."""
+        recorded_frames = list(self._kept)
         final_mount = self.level_from_camera
-        return [_correct_mounting(frame, mount, final_mount) for frame, mount in recorded]
+        return [_correct_mounting(frame, mount, final_mount) for frame, mount in recorded_frames]
 
     def _read(self) -> None:
         first: int | None = None

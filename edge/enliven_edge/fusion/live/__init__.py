@@ -2,7 +2,3 @@
 
 The fused set is read like one sensor that tracks bodies itself.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,4 @@
-"""Compiled blending of one joint from several sensors, without jumps when sensors appear or disappear.
-
-A sensor that errs does not cause a jump either.
+"""Compiled blending of one joint from several sensors, without jumps when sensors appear, disappear or err.
 
 Every sensor s reports x_s for a joint with the weight w_s. The weighted mean m jumps when weights change. So
 every sensor has an offset d_s, a low-pass of x_s - m. The joint is
@@ -36,7 +34,7 @@ def blend(x, w, predicted, known, before, d, share, out):
         predicted: (20, D) the predicted values; known: whether they are valid.
         before: (S, 20) bool, in and out: whether the sensor had a value last time.
         d: (S, 20, D) offsets, in and out.
-        share: weight of this step in the low-pass, 0..1.
+        share: weight of the new value in the low-pass, 0..1.
         out: (20, D) receives the result.
     """
     count, joints, width = x.shape
@@ -100,7 +98,7 @@ def doubt_outliers(x, w, predicted):
 
 @njit(cache=True, nogil=True)
 def fuse_confidence(x, w, told, joints, out):
-    """Computes (20,) the confidence of fused joints from their positions by S sensors.
+    """Computes (20,) the confidence of fused joints from the agreement of S sensors.
 
     Args:
         x: (S, 20, 3) metres.
@@ -126,7 +124,7 @@ def fuse_confidence(x, w, told, joints, out):
 
 @njit(cache=True, nogil=True)
 def bones_within(joints, bones, shortest, longest):
-    """Returns True if the length of every one of the bones (B, 2) is between two limits (B,) in metres."""
+    """Returns True if the length of every bone (B, 2) is between the given limits (B,) in metres."""
     for b in range(len(bones)):
         squared = _apart(joints[bones[b, 0]], joints[bones[b, 1]])
         if not shortest[b] ** 2 < squared < longest[b] ** 2:
@@ -142,7 +140,8 @@ def _apart(a, b):
 
 @njit(cache=True, nogil=True)
 def trunk_distances(a, a_sure, b, b_sure, pairs, out):
-    """Computes (A, B) mean distances of bodies by the 12 points that do not depend on the names of the sides.
+    """Computes (A, B) mean distances of bodies in metres, by the 12 midpoints that stay in place if left and
+    right are exchanged.
 
     Args:
         a: (A, 20, 3), b: (B, 20, 3) joints; a_sure, b_sure: (A, 20), (B, 20) confidence.
@@ -165,9 +164,8 @@ def trunk_distances(a, a_sure, b, b_sure, pairs, out):
 
 @njit(cache=True, nogil=True)
 def side_costs(x, sure, expected, other):
-    """Returns mean distances of the limb joints from their expectation, with present and exchanged sides.
-
-    They are in metres.
+    """Returns the mean distances (metres) of the limb joints from the expected ones, with the present and
+    with exchanged sides.
     """
     plain, crossed, weight = 0.0, 0.0, 0.0
     for j in range(len(other)):

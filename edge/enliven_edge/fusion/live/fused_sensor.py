@@ -10,15 +10,15 @@ from collections.abc import Mapping
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, sort_by_severity
+from enliven.space.space_file import Space
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, sensor_positions
 from enliven_edge.fusion.live.sensor_thread import SensorBodies, TrackingThread
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
-from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
-from enliven_edge.sensors import Sensor, is_device
-from enliven_edge.tracking import Tracker
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.sensors import Sensor
+from enliven_edge.tracking.health.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ class FusedSensors(Sensor):
     """One sensor made of several. A thread for each reads and tracks it, and ``read`` fuses their bodies.
 
     Bodies of live sensors are fused as they arrive. Recordings wait for one another, so that they stay
-    synchronised by the common clock at any pace. The stream ends when the last sensor ends.
+    synchronised at any playback speed. The stream ends when the last sensor ends.
 
     Args:
         sensors: the opened sensors by identity; they are closed with this one.
@@ -59,7 +59,7 @@ class FusedSensors(Sensor):
         once: bool = False,
     ) -> None:
         health = health or {name: HealthMonitor(name=name) for name in sensors}
-        self._devices = {name for name, sensor in sensors.items() if is_device(sensor)}
+        self._devices = {name for name, sensor in sensors.items() if sensor.is_device}
         for name, monitor in health.items():
             monitor.follow_device(name in self._devices)
         _check_space(sensors, space)
@@ -93,11 +93,16 @@ class FusedSensors(Sensor):
         health_states = [state for thread in self._threads for state in thread.health_states]
         for warning in self._last.values():
             if warning.state in _SEVERITY:
-                kind, gravity, mend = _SEVERITY[warning.state]
+                kind, gravity, remedy = _SEVERITY[warning.state]
                 if warning.sensor not in self._devices and warning.state is SensorState.SILENT:
-                    mend = _SEVERITY[SensorState.LOST][2]
-                health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
+                    remedy = _SEVERITY[SensorState.LOST][2]
+                health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", remedy))
         return sort_by_severity(health_states)
+
+    @property
+    def is_waiting(self) -> bool:
+        """True if each sensor waits, or has ended."""
+        return all(thread.ended or thread.sensor.is_waiting for thread in self._threads)
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
         if not self._started:
@@ -114,12 +119,17 @@ class FusedSensors(Sensor):
             if frame is not None:
                 return frame
 
+    def learn_room(self) -> None:
+        """Makes all sensors that measure depth learn the room again. Returns at once."""
+        for thread in self._threads:
+            thread.learn_room()
+
     def close(self) -> None:
         for thread in self._threads:
             thread.stop()
 
     def _take(self, deadline: float | None) -> SensorBodies | None:
-        """Returns the next bodies of any sensor, or None when all have ended."""
+        """Returns the next bodies of any sensor, or None when all sensors have ended."""
         with self._changed:
             while True:
                 self._report_ended()
@@ -137,13 +147,13 @@ class FusedSensors(Sensor):
 
     def _next_thread(self) -> TrackingThread | None:
         """Returns the sensor with the oldest bodies. Recordings count only when each of them has some."""
-        live = [w for w in self._threads if w.seen and not w.recorded]
+        live_threads = [w for w in self._threads if w.seen and not w.recorded]
         recordings = [w for w in self._threads if w.recorded and w.name not in self._gone]
-        turn = live + (recordings if all(w.seen for w in recordings) else [])
-        return min(turn, key=lambda w: self._to_common_clock(w.seen[0]), default=None)
+        candidates = live_threads + (recordings if all(w.seen for w in recordings) else [])
+        return min(candidates, key=lambda w: self._to_common_clock(w.seen[0]), default=None)
 
     def _report_ended(self) -> None:
-        """Reports sensors that have ended to the fuser, once all their bodies were fused."""
+        """Reports sensors that have ended to the fuser, once all their bodies have been fused."""
         for thread in self._threads:
             if thread.ended and not thread.seen and thread.name not in self._gone:
                 self._gone.add(thread.name)
@@ -151,7 +161,9 @@ class FusedSensors(Sensor):
                 self.fuser.end(thread.name, state, self._now_ns)
                 self._log_warnings(thread.failure)
                 if self._once and thread.failure:
-                    raise ResourceError(thread.failure, where=self.name, mend="Fix it, or leave out --once.")
+                    raise ResourceError(
+                        thread.failure, where=self.name, remedy="Fix it, or leave out --once."
+                    )
 
     def _fuse(self, sensor_bodies: SensorBodies) -> BodyFrame | None:
         """Passes a sensor's bodies to the fuser. Returns the fused bodies when they are due."""
@@ -179,7 +191,7 @@ class FusedSensors(Sensor):
     def _check_all_lost(self) -> None:
         failures = [w.failure for w in self._threads if w.failure]
         if len(failures) == len(self._threads):
-            raise ResourceError("every sensor was lost", where=self.name, mend=failures[0])
+            raise ResourceError("every sensor was lost", where=self.name, remedy=failures[0])
 
 
 def _check_space(sensors: Mapping[str, Sensor], space: Space) -> None:
@@ -187,7 +199,7 @@ def _check_space(sensors: Mapping[str, Sensor], space: Space) -> None:
     for name in sensors:
         if name not in space.sensors:
             raise InputError(
-                f"the space does not know the sensor {name!r}",
+                f"the space has no pose for the sensor {name!r}",
                 where="fusion",
-                mend=f"Known: {', '.join(space.sensors)}. Calibrate them together: enliven calibrate.",
+                remedy=f"Known: {', '.join(space.sensors)}. Calibrate them together: enliven calibrate.",
             )

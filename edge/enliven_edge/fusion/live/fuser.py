@@ -13,8 +13,13 @@ from enliven.rotation import IDENTITY
 from enliven_edge.fusion.live.grouping import FORBIDDEN_COST, Group, assign, distances, group_by_person
 from enliven_edge.fusion.live.person import FusedPerson
 from enliven_edge.fusion.live.sensor_view import STATE_SENTENCES, SensorState, SensorView, SensorWarning
-from enliven_edge.fusion.settings import FusionSettings
-from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
+from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
+from enliven_edge.tracking.body_model.model import lengths_for_height
+from enliven_edge.tracking.body_model.posture import Posture
+
+_MAX_SAME_PERSON_DISTANCE_M = 0.45
+"""Bodies farther apart than this are different people."""
 
 _GATE_GROWTH = 1.5
 """Growth of the gate of an unseen person in metres per second, because people may walk on."""
@@ -32,7 +37,7 @@ person."""
 class Fuser:
     """Tracks all people in a space that several sensors watch.
 
-    Bodies enter in the common world and on the common clock, whenever their sensor delivers them. Fused
+    Bodies are given in world coordinates with times of the common clock, in any order of sensors. Fused
     bodies are available for any moment, usually that of the newest frame. Identities are the fuser's own.
 
     Args:
@@ -68,7 +73,7 @@ class Fuser:
         """Returns all people at a time of the common clock, by identity."""
         s = self.settings
         self._drop_silent_sensors(time_ns)
-        groups = group_by_person(self.views, time_ns, s.patience, s.gate, s.loyalty)
+        groups = group_by_person(self.views, time_ns, MAX_BODY_AGE_S, _MAX_SAME_PERSON_DISTANCE_M, s.loyalty)
         bodies = []
         assign = self._assign_people(groups, time_ns)
         for group, person in assign:
@@ -92,14 +97,14 @@ class Fuser:
         """Assigns each group to a known person, or to a new one (data association)."""
         pairs = assign(self._compute_costs(groups, time_ns)) if groups and self.people else []
         people_by_group = {g: self.people[p] for g, p in pairs}
-        recognised = []
+        recognised_people = []
         for number, group in enumerate(groups):
             person = people_by_group.get(number)
             if person is None:
                 person = self._new_person(group)
                 self.people.append(person)
-            recognised.append((group, person))
-        return recognised
+            recognised_people.append((group, person))
+        return recognised_people
 
     def _new_person(self, group: Group) -> FusedPerson:
         """Returns a new person, or one that has returned if the sensors of the group agree on an identity."""
@@ -118,7 +123,9 @@ class Fuser:
         return person
 
     def _compute_costs(self, groups: list[Group], time_ns: int) -> Float:
-        """Returns (G, P) metres between groups and people, less for groups with the same person before."""
+        """Returns (G, P) distances in metres between groups and people, reduced for groups that were the same
+        person before.
+        """
         s = self.settings
         cost = distances(
             np.array([g.mean for g in groups]),
@@ -126,9 +133,14 @@ class Fuser:
             np.array([p.expected(time_ns) for p in self.people]),
             np.array([p.confidence for p in self.people]),
         )
-        gates = np.array([s.gate + _GATE_GROWTH * min(max(p.unseen(time_ns), 0.0), 1.0) for p in self.people])
+        gates = np.array(
+            [
+                _MAX_SAME_PERSON_DISTANCE_M + _GATE_GROWTH * min(max(p.unseen(time_ns), 0.0), 1.0)
+                for p in self.people
+            ]
+        )
         votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
-        # If two people turn out to be the same, keep the oldest identity.
+        # If two tracked people turn out to be one person, keep the older identity.
         age = 1e-3 * np.arange(len(self.people))
         max_distance = (cost < gates) | (votes > 0.5)
         return np.where(max_distance, np.minimum(cost, 10.0) - s.loyalty * votes + age, FORBIDDEN_COST)
@@ -139,7 +151,7 @@ class Fuser:
         self.people = [
             p
             for p in self.people
-            if p.unseen(time_ns) <= (s.remember if p.hits >= s.sure_after else s.patience)
+            if p.unseen(time_ns) <= (s.remember if p.hits >= s.sure_after else MAX_BODY_AGE_S)
         ]
 
     def _drop_silent_sensors(self, time_ns: int) -> None:
@@ -161,8 +173,8 @@ class Fuser:
         median = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
         for number, trunk in trunks.items():
             # With three or more sensors, compare with the median, which is right whichever sensor was moved.
-            other = median if median is not None else next(t for n, t in trunks.items() if n != number)
-            displacement = trunk - other
+            other_trunk = median if median is not None else next(t for n, t in trunks.items() if n != number)
+            displacement = trunk - other_trunk
             view = self.views[number]
             view.displacement_m = view.displacement_m + gain * (displacement - view.displacement_m)
             before = view.state
@@ -182,7 +194,7 @@ class Fuser:
 
 
 def _is_duplicate(group: Group, others: list[Group]) -> bool:
-    """Returns True if a body of some sensors is a duplicate of another person: half a body, or a ghost.
+    """Returns True if a group is a duplicate of another person: a partial body, or a false detection.
 
     This is so if other sensors that see the same place see only one person there. A confirmed person is never
     dropped for it, because people do stand close and occlude each other.
@@ -200,13 +212,15 @@ def _is_duplicate(group: Group, others: list[Group]) -> bool:
 def warm_up_fusion() -> None:
     """Fuses a few frames of a standing person from two sensors, with orientations, to compile the kernels."""
     fuser = Fuser({"a": np.zeros(3), "b": np.ones(3)})
-    turns = np.tile(IDENTITY, (20, 1))
+    rotations = np.tile(IDENTITY, (20, 1))
     for n in range(3):
         for sensor in ("a", "b"):
-            fuser.update(sensor, [Body(1, standing_person() + 1e-3 * n, np.ones(20), turns)], n * 33_333_333)
+            fuser.update(
+                sensor, [Body(1, standing_person() + 1e-3 * n, np.ones(20), rotations)], n * 33_333_333
+            )
         fuser.bodies(n * 33_333_333)
 
 
 def standing_person() -> Float:
     """Returns (20, 3) metres: a standing person."""
-    return Posture(np.array([0.0, 0.95, -2.0]), standing(elbow=0.5), lengths_for_height(1.75)).joints()
+    return Posture(np.array([0.0, 0.95, -2.0]), standing_pose(elbow=0.5), lengths_for_height(1.75)).joints()

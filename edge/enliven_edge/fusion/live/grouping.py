@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching import least_cost
+from enliven.matching.assignment import least_cost
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
@@ -41,29 +41,31 @@ class Group:
 
     @property
     def mean(self) -> Float:
-        """Returns (20, 3) the plain mean of the joints."""
+        """Returns (20, 3) the unweighted mean of the joints."""
         return np.asarray(sum(self.joints.values()) / len(self.joints))
 
     @property
     def sure(self) -> Float:
-        """Returns (20,) the maximum confidence."""
+        """Returns (20,) the maximum confidence of each joint over the sensors."""
         return np.max([s.body.confidence for s in self.sightings.values()], axis=0)
 
     def votes(self, person: int) -> float:
-        """Returns the fraction of its bodies that were this person in the last update."""
+        """Returns the fraction of the group's bodies that belonged to this person in the last update."""
         return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
 
 
 def is_plausible(body: Body) -> bool:
-    """Returns True if a body may be a person's. A tracker that lost a person may deliver a heap of joints."""
+    """Returns True if a body may be a person's. A tracker that lost a person may deliver collapsed joints."""
     return bool(bones_within(body.joints, _BONES, _MIN_BONE_LENGTHS_M, _MAX_BONE_LENGTHS_M))
 
 
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
-    """Returns (A, B) metres between bodies (A, 20, 3) and (B, 20, 3). The side names do not matter."""
-    out = np.empty((len(a), len(b)))
-    trunk_distances(a, a_sure, b, b_sure, MIDDLES, out)
-    return out
+    """Returns (A, B) distances in metres between bodies (A, 20, 3) and (B, 20, 3). Exchanged sides do not
+    matter.
+    """
+    result = np.empty((len(a), len(b)))
+    trunk_distances(a, a_sure, b, b_sure, MIDDLES, result)
+    return result
 
 
 def group_by_person(
@@ -109,8 +111,8 @@ def group_by_person(
 def _find_partners(
     groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
-    """Returns the group of each body of one sensor, if one is near enough."""
-    apart = distances(
+    """Returns the group of each body of one sensor, or None if none is near enough."""
+    group_distances = distances(
         np.array([g.mean for g in groups]),
         np.array([g.sure for g in groups]),
         np.array([joints for _, joints in seen]),
@@ -119,14 +121,16 @@ def _find_partners(
     previous_group = np.array([[g.votes(s.person) if s.person else 0.0 for s, _ in seen] for g in groups])
     return {
         n: groups[g]
-        for g, n in assign(np.where(apart < gate, apart - loyalty * previous_group, FORBIDDEN_COST))
+        for g, n in assign(
+            np.where(group_distances < gate, group_distances - loyalty * previous_group, FORBIDDEN_COST)
+        )
     }
 
 
 def assign(cost: Float) -> list[tuple[int, int]]:
     """Returns the cheapest assignment of rows to columns (Hungarian algorithm).
 
-    Entries of NEVER stay unassigned.
+    Entries of :data:`FORBIDDEN_COST` stay unassigned.
     """
     if not cost.size:
         return []

@@ -16,8 +16,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body
 from enliven.rotation import from_matrix, multiply
-from enliven_edge.fusion.placement import Space, transform_points
-from enliven_edge.tracking import TrackerSettings
+from enliven.space.rigid_transform import transform_points
+from enliven.space.space_file import Space
+from enliven_edge.tracking.settings import TrackerSettings
 
 log = logging.getLogger(__name__)
 
@@ -58,8 +59,8 @@ class ArrivalClocks:
 
         Args:
             sensor: the sensor's identity.
-            time_ns: of the frame, by the calibration's clock.
-            read_ns: wall clock.
+            time_ns: time of the frame, by the clock of the calibration.
+            read_ns: time of its arrival, by the monotonic clock.
         """
         age = read_ns - time_ns
         ages = self._ages.setdefault(sensor, _Ages(read_ns, age))
@@ -99,7 +100,7 @@ class OutputSchedule:
         self._last_sent_ns: int | None = None
 
     def due(self, sensor: str, time_ns: int) -> bool:
-        """Returns True if fused bodies are sent with this frame of a sensor, on the common clock."""
+        """Returns True if fused bodies are due with this frame of a sensor (time of the common clock)."""
         previous_ns = self._last.get(sensor, time_ns)
         if time_ns > previous_ns:
             step = (time_ns - previous_ns) * 1e-9
@@ -113,7 +114,9 @@ class OutputSchedule:
         return True
 
     def _leads_better(self, sensor: str, time_ns: int) -> bool:
-        """Returns True if a sensor is faster than the leading one, or the leading one is late."""
+        """Returns True if a sensor should lead: it is faster than the leading one, or the leading one is
+        late.
+        """
         assert self._leader is not None
         if self._leader not in self._steps:
             return time_ns - self._last[self._leader] > 1e8
@@ -154,5 +157,5 @@ def transform_bodies(bodies: list[Body], world_from_sensor: Float) -> list[Body]
 
 
 def sensor_positions(space: Space) -> dict[str, Float]:
-    """Returns by sensor (3,) metres: its optical centre in the world."""
+    """Returns by sensor (3,) the position of its optical centre in the world, in metres."""
     return {name: place.eye for name, place in space.sensors.items()}

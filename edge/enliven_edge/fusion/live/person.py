@@ -11,11 +11,21 @@ from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confid
 from enliven_edge.fusion.live.grouping import Group
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
 from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment, walks_backward
-from enliven_edge.fusion.settings import FusionSettings
+from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
+
+_SIDE_SWAP_S = 1.0
+"""Time for which a majority must disagree before left and right are exchanged."""
+_NUMBER_TRUST_S = 30.0
+"""Time after an absence for which a sensor's own number still identifies a person."""
+_NEAR_SIGMA_M = 0.015
+"""Standard deviation of a joint close to its sensor."""
+_SIGMA_GROWTH_PER_M = 0.004
+"""Increase of this standard deviation with the squared distance to the sensor, in 1/m."""
 
 _MAX_GLIDE_S = 0.5
-"""Maximum seconds unseen after which joints continue smoothly from their last position instead of jumping to
-the new one."""
+"""Maximum seconds unseen after which joints blend smoothly from their last position to the new one instead of
+jumping.
+"""
 _MOVED_SENSOR_WEIGHT = 0.02
 """Relative weight of a sensor that was moved."""
 _CONFIDENCE_RISE_RATE = 3.0
@@ -40,7 +50,7 @@ class FusedPerson:
         self.seen_by: frozenset[int] = frozenset()
         self._turns = np.zeros((20, 4))
         self._has_orientation = False
-        self._sides = SideAssignment(sensors, settings.turn_over)
+        self._sides = SideAssignment(sensors, _SIDE_SWAP_S)
         self._had_value = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
         self._surprise = np.zeros(sensors)
@@ -53,7 +63,7 @@ class FusedPerson:
 
     def expected(self, time_ns: int) -> Float:
         """Returns (20, 3) the predicted joints."""
-        return self.joints + min(max(self.unseen(time_ns), 0.0), self.settings.patience) * self.velocity
+        return self.joints + min(max(self.unseen(time_ns), 0.0), MAX_BODY_AGE_S) * self.velocity
 
     def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
         """Returns the body of this person, fused from all sensors of the group."""
@@ -72,12 +82,14 @@ class FusedPerson:
         joints = np.empty((20, 3))
         blend(x, w, expected, has_prediction, self._had_value, self._offsets, gain, joints)
         confidence = _fuse_confidence(x, w, bodies, joints)
-        turns = self._fuse_orientations(bodies, w, has_prediction, gain)
+        orientations = self._fuse_orientations(bodies, w, has_prediction, gain)
         self._move(joints, time_ns, seconds, has_prediction)
         self.confidence, self.seen_by = confidence, frozenset(bodies)
         for sensor, sighting in group.sightings.items():
-            views[sensor].bind(sighting, self.id, self.settings.believe_ids)
-        return Body(self.id, joints, confidence, turns, _fuse_contacts(bodies, w), _fuse_stature(bodies, w))
+            views[sensor].bind(sighting, self.id, _NUMBER_TRUST_S)
+        return Body(
+            self.id, joints, confidence, orientations, _fuse_contacts(bodies, w), _fuse_stature(bodies, w)
+        )
 
     def _down_weight_unsteady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
         """Lowers the weights (S, 20) of sensors with large prediction errors over the last seconds.
@@ -112,10 +124,7 @@ class FusedPerson:
         bodies, has_prediction = group_bodies(group), bool(self.hits)
         reference = expected if has_prediction else next(iter(bodies.values())).joints
         self._sides.compare(bodies, reference, np.asarray(self._had_value.any(1)), has_prediction)
-        weights = {
-            s: float(b.confidence.mean()) / _joint_noise(b, views[s], self.settings) ** 2
-            for s, b in bodies.items()
-        }
+        weights = {s: float(b.confidence.mean()) / _joint_noise(b, views[s]) ** 2 for s, b in bodies.items()}
         if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, has_prediction):
             self._swap_sides()
             expected = expected[OTHER_SIDE]
@@ -147,9 +156,7 @@ class FusedPerson:
                 body.confidence, self._sure[sensor] + _CONFIDENCE_RISE_RATE * seconds
             )
             x[sensor] = body.joints
-            w[sensor] = (confidences[sensor] + _UNSEEN_WEIGHT) / _joint_noise(
-                body, views[sensor], self.settings
-            ) ** 2
+            w[sensor] = (confidences[sensor] + _UNSEEN_WEIGHT) / _joint_noise(body, views[sensor]) ** 2
             if views[sensor].state is SensorState.MOVED:
                 w[sensor] *= _MOVED_SENSOR_WEIGHT
         self._sure = confidences
@@ -169,10 +176,10 @@ class FusedPerson:
         for sensor, turns in available.items():
             x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
             weights[sensor] = w[sensor]
-        fused = np.empty((20, 4))
+        mean = np.empty((20, 4))
         has_prediction = has_prediction and self._has_orientation
-        blend(x, weights, reference, has_prediction, self._had_orientation, self._turn_habit, share, fused)
-        self._turns, self._has_orientation = normalized(fused), True
+        blend(x, weights, reference, has_prediction, self._had_orientation, self._turn_habit, share, mean)
+        self._turns, self._has_orientation = normalized(mean), True
         return self._turns.copy()
 
 
@@ -187,19 +194,19 @@ def _replace_joints(body: Body, joints: Float) -> Body:
     return Body(body.id, joints, body.confidence, body.orientations, body.contacts, body.stature)
 
 
-def _joint_noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
+def _joint_noise(body: Body, view: SensorView) -> float:
     """Returns the noise in metres of a sensor's joints at the distance of a body."""
     distance = body.joints[Joint.HIP_CENTER] - view.eye
-    return float(settings.near_noise + settings.far_noise * (distance @ distance))
+    return float(_NEAR_SIGMA_M + _SIGMA_GROWTH_PER_M * (distance @ distance))
 
 
 def _fuse_confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
     """Returns (20,) the confidence of the most trusted sensor, lower if sensors contradict each other."""
-    confidences, fused = np.zeros(w.shape), np.empty(len(joints))
+    confidences, result = np.zeros(w.shape), np.empty(len(joints))
     for sensor, body in bodies.items():
         confidences[sensor] = body.confidence
-    fuse_confidence(x, w, confidences, joints, fused)
-    return fused
+    fuse_confidence(x, w, confidences, joints, result)
+    return result
 
 
 def _fuse_contacts(bodies: dict[int, Body], w: Float) -> Float | None:

@@ -14,11 +14,11 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.person import Body
+from enliven.space.space_file import Place
 from enliven_edge.fusion.live.merge import transform_bodies
-from enliven_edge.fusion.placement import Place
-from enliven_edge.sensors import Sensor, SensorFault, condition_of
-from enliven_edge.tracking import Tracker
-from enliven_edge.tracking.health import HealthMonitor
+from enliven_edge.sensors import Sensor, SensorFault
+from enliven_edge.tracking.health.health import HealthMonitor
+from enliven_edge.tracking.tracker import Tracker
 
 log = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ READ_TIMEOUT_S = 0.1
 class SensorThread(ABC):
     """A worker thread that runs :meth:`_read` for one sensor.
 
-    A failure is kept for the user, and the other sensors continue.
+    A failure is stored for the user, and the other sensors continue.
 
     Attributes:
         ended: whether no more frames will come.
@@ -40,7 +40,7 @@ class SensorThread(ABC):
     def __init__(self, name: str, sensor: Sensor) -> None:
         self.name, self.sensor = name, sensor
         self.ended, self.failure = False, ""
-        self.recorded = bool(getattr(sensor, "recorded", False))
+        self.recorded = sensor.recorded
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
 
@@ -80,9 +80,9 @@ class SensorBodies:
 
     Attributes:
         bodies: in the world.
-        time_ns: the common clock.
-        read_ns: wall clock when the frame was read.
-        frozen: whether its frames have been identical for a while, bit by bit.
+        time_ns: time of the bodies on the common clock.
+        read_ns: monotonic clock when the frame was read.
+        frozen: whether the sensor's frames have been bitwise identical for a while.
     """
 
     sensor: str
@@ -125,6 +125,11 @@ class TrackingThread(SensorThread):
         self.health_states: list[HealthState] = []
         self._tracker, self._health, self._changed = tracker, health, changed
         self._once = once
+        self._learns_room = threading.Event()
+
+    def learn_room(self) -> None:
+        """Makes the tracker learn the room again from the next frame on. Returns at once."""
+        self._learns_room.set()
 
     def stop(self) -> None:
         self._stopped.set()
@@ -155,8 +160,8 @@ class TrackingThread(SensorThread):
                 continue
             if frame is None:
                 return
-            last_frame_at, read_ns = time.monotonic(), time.time_ns()
-            accepted = self._health.admit(frame, getattr(self.sensor, "fps", None))
+            last_frame_at, read_ns = time.monotonic(), time.monotonic_ns()
+            accepted = self._health.admit(frame, self.sensor.fps)
             self._end_at_fault()
             if accepted:
                 bodies = self._bodies(frame)
@@ -188,9 +193,12 @@ class TrackingThread(SensorThread):
             raise InputError(
                 "it sends depth, but was calibrated by bodies",
                 where=f"sensor {self.name}",
-                mend="Calibrate again with this sensor: enliven calibrate.",
+                remedy="Calibrate again with this sensor: enliven calibrate.",
             )
+        if self._learns_room.is_set():
+            self._learns_room.clear()
+            self._tracker.learn_room()
         bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
         self._health.judge(frame, bodies, camera, self._tracker.state)
-        self._health.judge_device(condition_of(self.sensor), camera, floor_known=True)
+        self._health.judge_device(self.sensor.condition(), camera, floor_known=True)
         return bodies

@@ -120,9 +120,9 @@ class SensorView:
 
         Args:
             bodies: in the world.
-            time_ns: the common clock.
+            time_ns: time of the bodies on the common clock.
             silence: seconds of unchanged bodies after which the sensor counts as frozen.
-            frozen: its images are known to repeat.
+            frozen: whether the sensor is known to repeat the same image.
         """
         if self.last_ns is not None and time_ns <= self.last_ns:
             return False
@@ -140,12 +140,12 @@ class SensorView:
         return True
 
     def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
-        """Remembers the person of a body, in case the sensor loses and finds it again.
+        """Stores the person of a body, in case the sensor loses and finds the body again.
 
         Args:
             sighting: the body.
             person: the identity.
-            believed: seconds after which it is forgotten.
+            believed: seconds for which the person is stored.
         """
         sighting.person = person
         self._person_by_body[sighting.body.id] = (person, sighting.time_ns)
@@ -154,7 +154,7 @@ class SensorView:
             self._person_by_body = {body: b for body, b in self._person_by_body.items() if b[1] >= oldest}
 
     def _repeats(self, bodies: list[Body]) -> bool:
-        """Returns True if there are people and all their joints equal the last ones bit for bit."""
+        """Returns True if there are people and all their joints equal the previous ones bit for bit."""
         previous, self._last_bodies = self._last_bodies, bodies
         return (
             bool(bodies)

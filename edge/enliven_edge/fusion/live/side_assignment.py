@@ -13,9 +13,11 @@ from enliven.rotation import multiply
 from enliven_edge.fusion.live.blending import side_costs
 
 OTHER_SIDE = np.array(MIRROR)
-"""(20,) the joint of the other side. The trunk's joints are mapped to themselves."""
+"""(20,) the mirrored joint of each joint, such as the right hand for the left hand. Joints of the trunk are
+mapped to themselves.
+"""
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
-"""(12, 2) pairs of joints with a midpoint that does not depend on the names of the sides."""
+"""(12, 2) pairs of joints with a midpoint that stays in place if left and right are exchanged."""
 _HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
 """(4,) the quaternion of half a turn about a bone's length."""
 
@@ -26,7 +28,9 @@ def middles(joints: Float) -> Float:
 
 
 def middle_weights(weights: Float) -> Float:
-    """Returns (..., 12) from (..., 20): the smaller of the two joints' weights."""
+    """Returns (..., 12) weights of the midpoints from (..., 20) weights of joints: the smaller of the two
+    joints' weights.
+    """
     return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
 
 
@@ -55,11 +59,11 @@ _SETTLED_AFTER_S = 3.0
 
 
 class SideAssignment:
-    """The record for one person of the sensors that currently exchange the sides.
+    """The sensors that currently exchange left and right of one person.
 
     Args:
         sensors: number of sensors.
-        turn_over: seconds for which a majority must vote before the sides are exchanged for all.
+        turn_over: seconds for which a majority must vote before the sides are exchanged for all sensors.
     """
 
     def __init__(self, sensors: int, turn_over: float) -> None:
@@ -77,7 +81,7 @@ class SideAssignment:
         If two sensors contradict each other after that, the one with the smaller margin is exchanged.
 
         Args:
-            bodies: by sensor, its body of this person.
+            bodies: by sensor, its body for this person.
             expected: (20, 3); for a new person, the joints of any of the sensors.
             spoke: (S,) whether a sensor saw this person in the last update; then the margin must be clear.
             known: whether this person was seen before.
@@ -124,6 +128,7 @@ class SideAssignment:
         return float(kept_cost - swapped_cost if self._is_swapped[sensor] else swapped_cost - kept_cost)
 
     def _restore_names(self, sensor: int, body: Body) -> Body:
+        """Returns a sensor's body with the sides as the sensor named them."""
         return swap_sides(body) if self._is_swapped[sensor] else body
 
 

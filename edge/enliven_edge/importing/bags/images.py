@@ -19,7 +19,7 @@ _MAX_IMAGE_SIDE_PX = 8192
 _PNG_OFFSET = 12
 """Number of bytes that ROS writes before the PNG of a compressed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
-"""The makers' names of images with 16-bit distances."""
+"""Names of image encodings with 16-bit distances."""
 
 
 def read_image(fields: Fields) -> UInt16:
@@ -34,7 +34,7 @@ def read_image(fields: Fields) -> UInt16:
     pixels = fields.block()
     if encoding not in _DEPTHS:
         problem = f"its depth is packed as {encoding!r}"
-        raise InputError(problem, where=fields.where, mend="Record it again with depth of 16 bits (Y16).")
+        raise InputError(problem, where=fields.where, remedy="Record it again with depth of 16 bits (Y16).")
     shape = 0 < width <= _MAX_IMAGE_SIDE_PX and 0 < height <= _MAX_IMAGE_SIDE_PX
     if not shape or step < 2 * width or len(pixels) != step * height:
         raise fields.damaged()
@@ -75,18 +75,20 @@ def check_step(millimetres: float, where: str) -> float:
         InputError: if it is implausible.
     """
     if not (math.isfinite(millimetres) and 0.0 < millimetres <= 1000.0):
-        raise InputError(f"its step of depth is {millimetres} mm", where=where, mend="Record it again.")
+        raise InputError(f"its step of depth is {millimetres} mm", where=where, remedy="Record it again.")
     return float(f"{millimetres:.6g}")
 
 
 def check_time(time_ns: int, where: str) -> int:
-    """Returns a plausible time of a recording, nanoseconds.
+    """Returns a plausible time of a recording in nanoseconds.
 
     Raises:
         InputError: if it is beyond all calendars.
     """
     if abs(time_ns) >= TIME_LIMIT_NS:
-        raise InputError(f"an image has the time {time_ns} ns", where=where, mend="Copy the recording again.")
+        raise InputError(
+            f"an image has the time {time_ns} ns", where=where, remedy="Copy the recording again."
+        )
     return time_ns
 
 
@@ -106,8 +108,8 @@ def intrinsics_from_lens(
     if not any(distortion):
         distortion = (0.0,) * 5
     elif model.lower().replace("_", " ") not in ("brown conrady", "plumb bob"):
-        mend = "Record depth that is rectified."
-        raise InputError(f"its images have the distortion model {model!r}", where=where, mend=mend)
+        remedy = "Record depth that is rectified."
+        raise InputError(f"its images have the distortion model {model!r}", where=where, remedy=remedy)
     (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, distortion
     return Intrinsics(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
@@ -115,7 +117,8 @@ def intrinsics_from_lens(
 def undistortion_map(camera: Intrinsics, distortion: tuple[float, ...]) -> Int:
     """Returns (H*W,) the pixel of a distorted image (OpenCV's rational model) for each undistorted pixel.
 
-    The nearest pixel is used, because depths must not be averaged. H*W stands for none.
+    The nearest pixel is used, because depths must not be averaged. The value H*W means that there is no
+    source pixel.
 
     Args:
         camera: the intrinsics without distortion.
@@ -133,7 +136,7 @@ def undistortion_map(camera: Intrinsics, distortion: tuple[float, ...]) -> Int:
             np.rint(distorted_x * camera.fx + camera.cx),
             np.rint(distorted_y * camera.fy + camera.cy),
         )
-        inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    source_pixels = np.full(inside.shape, inside.size, np.int64)
-    source_pixels[inside] = (row[inside] * camera.width + column[inside]).astype(np.int64)
+        is_inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    source_pixels = np.full(is_inside.shape, is_inside.size, np.int64)
+    source_pixels[is_inside] = (row[is_inside] * camera.width + column[is_inside]).astype(np.int64)
     return source_pixels.ravel()

@@ -42,7 +42,7 @@ _PRECISION = 75
 _UNIT = 176
 """Orbbec's property number of the depth step in millimetres."""
 _DEPTH_IN_DEVICE = 85
-"""Orbbec's property number that shows if the camera itself computed depth from its disparities."""
+"""Orbbec's property number that states whether the camera itself computed depth from its disparities."""
 _STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
 """Depth step for each of Orbbec's levels of precision, in millimetres."""
 _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fisheye")
@@ -50,12 +50,15 @@ _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fis
 _MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
 """USB product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
 _DEPTH_COMPUTING_CAMERAS = re.compile(r"Gemini [3-9]\d\d|Astra 2")
-"""Cameras that can compute depth from disparities themselves; a property of the recording reports it. The
-depth steps are those above. The library plays those of a Gemini 2 with a quarter of the recorded numbers;
-older ones were not tried."""
-_PLAY_HINT = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
+"""Cameras that can compute depth from disparities themselves. A property of the recording states if they did.
+Their depth steps are those above. Orbbec's library plays recordings of a Gemini 2 with a quarter of the
+recorded numbers. Older cameras were not tested.
+"""
+_PLAY_HINT = "Let Orbbec's library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
-"""Orbbec's number of the distortion model with six radial coefficients. With three it equals ours."""
+"""Orbbec's number of the distortion model with six radial coefficients. With three of them, it equals
+enliven's model.
+"""
 _NONE = (0.0,) * 5
 """Distortion coefficients k1, k2, p1, p2, k3 of an image without distortion."""
 
@@ -86,7 +89,7 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
         device: the name to give the sensor. None for a name with its serial number.
 
     Raises:
-        InputError: if it has none, or has an unsupported format.
+        InputError: if it contains no depth images, or has an unsupported format.
     """
     contents = _read_contents(path)
     assert contents.camera is not None
@@ -113,7 +116,7 @@ def check_playback(path: Path) -> None:
 
 
 def _read_contents(path: Path) -> _BagContents:
-    """Reads the small messages."""
+    """Reads the messages that describe the camera and its images."""
     contents = _BagContents()
     for topic, fields in messages(path, lambda topic: topic in (_STREAM, _DEVICE, _PROPERTY)):
         fields.numbers("III")
@@ -127,11 +130,13 @@ def _read_contents(path: Path) -> _BagContents:
             contents.properties[number] = fields.block()
     version = _read_property(contents, _VERSION, "d", 1.0)
     if int(version) != 2:
-        mend = "Record it again with OrbbecSDK 2.4 or later."
-        raise InputError(f"it is of version {version}, only version 2 is known", where=str(path), mend=mend)
+        remedy = "Record it again with OrbbecSDK 2.4 or later."
+        raise InputError(
+            f"it is of version {version}, only version 2 is known", where=str(path), remedy=remedy
+        )
     if contents.camera is None:
-        problem = "it does not say what its depth camera is: it was not closed, or has no depth"
-        raise InputError(problem, where=str(path), mend="Record it again with the depth stream on.")
+        problem = "it does not describe its depth camera: the recording was not closed, or has no depth"
+        raise InputError(problem, where=str(path), remedy="Record it again with the depth stream on.")
     return contents
 
 
@@ -140,13 +145,13 @@ def _check_depth(contents: _BagContents, path: Path) -> None:
     in_device = contents.properties.get(_DEPTH_IN_DEVICE)
     if in_device is not None and not any(in_device):
         problem = "it holds the camera's disparities in place of depth"
-        raise InputError(problem, where=str(path), mend=_PLAY_HINT.format(path))
+        raise InputError(problem, where=str(path), remedy=_PLAY_HINT.format(path))
     if contents.product not in _MEASURES_DEPTH and (
         in_device is None or not _DEPTH_COMPUTING_CAMERAS.search(contents.name)
     ):
         camera = contents.name or "without a name"
         problem = f"only Orbbec's library understands the images of its camera ({camera})"
-        raise InputError(problem, where=str(path), mend=_PLAY_HINT.format(path))
+        raise InputError(problem, where=str(path), remedy=_PLAY_HINT.format(path))
 
 
 def _read_property(contents: _BagContents, number: int, kind: str, default: float) -> float:
@@ -166,7 +171,7 @@ def _read_camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
     """Reads ``custom_msg/OBStreamProfileInfo``: the intrinsics, and the undistortion of an unsupported
     model."""
     fields.numbers("BB12f")
-    width, height, _fps = (int(each) for each in fields.numbers("HHH"))
+    width, height, _fps = (int(value) for value in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")
     model, lens_values = int(fields.number("B")), (fx, fy, cx, cy)
     if model == _RATIONAL and any((k4, k5, k6)):

@@ -34,5 +34,5 @@ class BagReader(FileReader):
             if realsense.TOPIC.match(topic):
                 yield from realsense.frames(path, ros1.messages, options.device)
                 return
-        mend = "Only those of RealSense and Orbbec are known."
-        raise InputError("it is a ROS bag of no known camera", where=str(path), mend=mend)
+        remedy = "Only those of RealSense and Orbbec are known."
+        raise InputError("it is a ROS bag of no known camera", where=str(path), remedy=remedy)

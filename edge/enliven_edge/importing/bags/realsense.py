@@ -57,21 +57,21 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
     camera, step = contents.cameras[stream], contents.steps.get(sensor, _DEFAULT_STEP_MM)
     serial = contents.serials.get(stream_of_topic, "")
     name = device if device and device != serial else "-".join(word for word in ("realsense", serial) if word)
-    pending: DepthFrame | None = None
+    pending_frame: DepthFrame | None = None
     for topic, fields in read(path, lambda topic: topic.startswith(f"{stream}/image/")):
         if topic.endswith(("/data", "/compressedDepth")):
-            if pending is not None:
-                yield pending
-            pending = _read_frame(topic, fields, camera, step, name)
-        elif topic.endswith("/metadata") and isinstance(fields, AlignedFields) and pending is not None:
-            yield _add_number(pending, dict(_pairs(fields)))
-            pending = None
-    if pending is not None:
-        yield pending
+            if pending_frame is not None:
+                yield pending_frame
+            pending_frame = _read_frame(topic, fields, camera, step, name)
+        elif topic.endswith("/metadata") and isinstance(fields, AlignedFields) and pending_frame is not None:
+            yield _add_number(pending_frame, dict(_pairs(fields)))
+            pending_frame = None
+    if pending_frame is not None:
+        yield pending_frame
 
 
 def _read_frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: str) -> DepthFrame:
-    """Reads an image of a recording. Its number precedes it in a .bag, and follows it in a .db3."""
+    """Reads an image of a recording. The image's number precedes it in a .bag, and follows it in a .db3."""
     number = None if isinstance(fields, AlignedFields) else fields.count()
     seconds, rest = fields.numbers("II")
     fields.text()
@@ -81,7 +81,7 @@ def _read_frame(topic: str, fields: Fields, camera: Intrinsics, step: float, nam
 
 
 def _add_number(frame: DepthFrame, fields: dict[str, str]) -> DepthFrame:
-    """Returns an image of a .db3 with the number and the camera's own time that follow it."""
+    """Returns an image of a .db3 with its number and the camera's own time, which follow it in the file."""
     try:
         time_ns = check_time(round(1e6 * float(fields["timestamp"])), frame.sensor)
         return replace(frame, sequence=int(fields["Frame number"]), time_ns=time_ns)
@@ -152,7 +152,7 @@ def _depth_step_mm(fields: Fields) -> float:
 
 
 def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
-    """Reads keys and values: one pair in a .bag, ``key=value;`` in a .db3."""
+    """Reads key-value pairs: one pair per message in a .bag, ``key=value;`` in a .db3."""
     if not isinstance(fields, AlignedFields):
         yield fields.text(), fields.text()
         return
@@ -165,12 +165,12 @@ def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
 def _choose_stream(contents: _BagContents, device: str | None, path: Path) -> str:
     """Returns the stream of the chosen camera."""
     if not contents.cameras:
-        mend = "Record depth: in the RealSense Viewer the stereo module must be on."
-        raise InputError("it holds no depth of a RealSense camera", where=str(path), mend=mend)
+        remedy = "Record depth: in the RealSense Viewer the stereo module must be on."
+        raise InputError("it holds no depth of a RealSense camera", where=str(path), remedy=remedy)
     streams = sorted(contents.cameras)
     serials = {stream: contents.serials.get("/" + stream.split("/")[1], "") for stream in streams}
     matching = [stream for stream in streams if serials[stream] == device]
     if len(streams) > 1 and not matching:
-        mend = f"Choose one: --device {' or '.join(filter(None, serials.values()))}"
-        raise InputError(f"it holds {len(streams)} depth cameras", where=str(path), mend=mend)
+        remedy = f"Choose one: --device {' or '.join(filter(None, serials.values()))}"
+        raise InputError(f"it holds {len(streams)} depth cameras", where=str(path), remedy=remedy)
     return (matching or streams)[0]

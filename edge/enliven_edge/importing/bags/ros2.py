@@ -29,19 +29,19 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
     try:
         with contextlib.closing(_open_database(path)) as database:
             topics = {number: name for number, name in database.execute(_TOPICS) if wanted(str(name))}
-            chosen = ",".join(str(int(number)) for number in topics)
-            for number, data in database.execute(_MESSAGES.format(chosen)):
+            topic_ids = ",".join(str(int(number)) for number in topics)
+            for number, data in database.execute(_MESSAGES.format(topic_ids)):
                 topic = str(topics[number])
                 yield Message(topic, AlignedFields(bytes(data), f"{path}, {topic}"))
     except (sqlite3.Error, OverflowError, TypeError, ValueError):
         problem = "the database is damaged, or no recording"
-        raise InputError(problem, where=str(path), mend="Copy it again.") from None
+        raise InputError(problem, where=str(path), remedy="Copy it again.") from None
 
 
 _TOPICS = f"SELECT id, name FROM topics LIMIT {_MAX_TOPICS}"
 _MESSAGES = "SELECT topic_id, data FROM messages WHERE topic_id IN ({}) ORDER BY id"
 _TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages')"
-"""Counts real tables only: a view of that name could run endlessly."""
+"""Query that counts real tables only: a view with one of these names could run endlessly."""
 
 
 def _open_database(path: Path) -> sqlite3.Connection:

@@ -11,7 +11,3 @@ Their common tasks are elsewhere: :mod:`enliven_edge.sensors.reopening` opens ca
 Every driver raises InputError for a mode, preset or recording that cannot be used. It raises ResourceError if
 its library or the camera is missing, or the camera is in use.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

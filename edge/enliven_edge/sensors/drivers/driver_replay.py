@@ -56,7 +56,9 @@ class DriverReplay:
     ) -> None:
         first = _read_first(path)
         if not isinstance(first, DepthFrame):
-            raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
+            raise InputError(
+                "it holds no depth images", where=path, remedy="Rehearse with a depth recording."
+            )
         self.first = first
         self._over, self._ended = threading.Event(), 0.0
         self._sensor = ReplaySensor(path, loop=loop, longest_pause=_MAX_PAUSE_S)

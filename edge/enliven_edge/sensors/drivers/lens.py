@@ -58,10 +58,10 @@ def choose_intrinsics(
     if typical.height != height:
         size = f"{typical.width}x{typical.height}"
         problem = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
-        mend = f"Ask for {size}, or calibrate the camera with its maker's tool."
+        remedy = f"Ask for {size}, or calibrate the camera with its maker's tool."
         if rehearsed:
-            mend = f"Rehearse with a recording that knows its lens, or with one of {size}."
-        raise InputError(problem, where=name, mend=mend)
+            remedy = f"Rehearse with a recording that knows its lens, or with one of {size}."
+        raise InputError(problem, where=name, remedy=remedy)
     return typical, False
 
 
@@ -96,6 +96,6 @@ def depth_limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> t
     near, far = (stated or other for stated, other in zip(reach, typical, strict=True))
     if (far and near >= far) or near < 0 or far < 0:
         raise InputError(
-            f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."
+            f"near is {near} m and far {far} m", where="sensor", remedy="Give near below far, both above 0."
         )
     return round(1e3 * near), min(round(1e3 * far), _MAX_DEPTH_MM) if far else _MAX_DEPTH_MM

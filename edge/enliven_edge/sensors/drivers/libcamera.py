@@ -8,18 +8,15 @@ from pathlib import Path
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven_edge.landmarks import LandmarkSource, MonocularPoseEstimator, check_view
+from enliven_edge.landmarks.colour_pose import MonocularPoseEstimator, check_view
+from enliven_edge.landmarks.source import LandmarkSource
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.libcamera_images import LibcameraImages
-from enliven_edge.sensors.stereo import (
-    CameraImage,
-    Pairing,
-    RecordedPairs,
-    Rectification,
-    StereoMatcher,
-    load_calibration,
-    opencv,
-)
+from enliven_edge.sensors.stereo.calibration import load_calibration
+from enliven_edge.sensors.stereo.matching import StereoMatcher
+from enliven_edge.sensors.stereo.pair_folder import RecordedPairs
+from enliven_edge.sensors.stereo.pairing import CameraImage, Pairing
+from enliven_edge.sensors.stereo.rectification import Rectification, opencv
 
 _MAX_TEMPERATURE_C = 75.0
 """Maximum degrees Celsius of the image sensor in the specification of the IMX296 (Global Shutter Camera)."""
@@ -80,7 +77,7 @@ class LibcameraSensor(Sensor):
     ) -> None:
         check_view(view)
         if not 1.0 <= fps <= 240.0:
-            raise InputError(f"the rate is {fps}", where="sensor libcamera", mend="Give fps=1 to 240.")
+            raise InputError(f"the rate is {fps}", where="sensor libcamera", remedy="Give fps=1 to 240.")
         self.fps = fps
         self._matcher: StereoMatcher | None = None
         self._estimator: MonocularPoseEstimator | None = None
@@ -88,8 +85,8 @@ class LibcameraSensor(Sensor):
         if calibration:
             size, cameras = self._prepare(calibration, near, far), [str(left), str(right)]
         elif rehearse:
-            mend = "Give --set calibration=FILE, which enliven calibrate-stereo writes."
-            raise InputError("image pairs need the cameras' calibration", where=rehearse, mend=mend)
+            remedy = "Give --set calibration=FILE, which enliven calibrate-stereo writes."
+            raise InputError("image pairs need the cameras' calibration", where=rehearse, remedy=remedy)
         self._images: RecordedPairs | LibcameraImages
         if rehearse:
             self._images = RecordedPairs(Path(rehearse), fps)
@@ -156,5 +153,5 @@ class LibcameraSensor(Sensor):
                 raise InputError(
                     f"a camera gives {size[0]} x {size[1]}, the calibration is of {wanted[0]} x {wanted[1]}",
                     where=self.name,
-                    mend="Calibrate in a size that the cameras have: enliven calibrate-stereo --size.",
+                    remedy="Calibrate in a size that the cameras have: enliven calibrate-stereo --size.",
                 )

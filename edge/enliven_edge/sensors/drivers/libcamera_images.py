@@ -13,7 +13,7 @@ import numpy as np
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
 from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout, copy_image, libcamera_library
-from enliven_edge.sensors.stereo import CameraImage
+from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _BUFFERS = 4
 """Number of image buffers of a camera: one is filled, one is read, two are in between."""
@@ -112,8 +112,10 @@ class LibcameraImages:
         """Returns the requested cameras."""
         connected = list(self._manager.cameras)
         if not connected:
-            mend = "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
-            raise ResourceError("libcamera finds no camera", where="sensor libcamera", mend=mend)
+            remedy = (
+                "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
+            )
+            raise ResourceError("libcamera finds no camera", where="sensor libcamera", remedy=remedy)
         listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(connected))
         devices = []
         for identity in wanted:
@@ -123,12 +125,12 @@ class LibcameraImages:
                 raise ResourceError(
                     f"the camera {identity!r} was not found",
                     where="sensor libcamera",
-                    mend=f"Connected: {listed}.",
+                    remedy=f"Connected: {listed}.",
                 )
             devices.append(matching[0])
         if len({camera.id for camera in devices}) < len(devices):
-            mend = f"Give the left and the right one; connected: {listed}."
-            raise InputError("the two cameras are one", where="sensor libcamera", mend=mend)
+            remedy = f"Give the left and the right one; connected: {listed}."
+            raise InputError("the two cameras are one", where="sensor libcamera", remedy=remedy)
         return devices
 
 
@@ -153,7 +155,7 @@ class _OpenCamera:
             raise ResourceError(
                 f"it cannot be opened ({error})",
                 where=camera.id,
-                mend="Close other programs that use the camera.",
+                remedy="Close other programs that use the camera.",
             ) from None
         try:
             self._configure(size, formats)
@@ -173,7 +175,7 @@ class _OpenCamera:
     def picture(self, request: Any) -> CameraImage:
         """Returns the image of a completed request, and queues the request again."""
         if request.status != self._lib.Request.Status.Complete:
-            raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
+            raise ResourceError("the camera was lost", where=self._camera.id, remedy="Check its cable.")
         number = request.cookie % _MAX_BUFFERS
         buffer_info = self._buffers[number].metadata
         metadata = {control.name: value for control, value in request.metadata.items()}
@@ -215,7 +217,7 @@ class _OpenCamera:
         chosen = next((pixel_format for pixel_format in formats if pixel_format in offered), None)
         if chosen is None:
             problem = f"it has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
-            raise InputError(problem, where=self._camera.id, mend="Use another camera.")
+            raise InputError(problem, where=self._camera.id, remedy="Use another camera.")
         stream.pixel_format = self._lib.PixelFormat(chosen)
         stream.size = self._lib.Size(*size)
         stream.buffer_count = _BUFFERS

@@ -65,15 +65,15 @@ def list_cameras() -> list[ListedCamera]:
     except subprocess.TimeoutExpired:
         problem = f"libcamera has not listed its cameras within {_LISTING_TIMEOUT_S:.0f} s"
         raise ResourceError(
-            problem, where="sensor libcamera", mend="Close other programs that use a camera."
+            problem, where="sensor libcamera", remedy="Close other programs that use a camera."
         ) from None
     if process.returncode:
         last_line = (process.stderr.strip().splitlines() or [""])[-1]
         problem = f"libcamera cannot list its cameras (exit code {process.returncode}: {last_line})"
-        raise ResourceError(problem, where="sensor libcamera", mend="Type: rpicam-hello --list-cameras")
+        raise ResourceError(problem, where="sensor libcamera", remedy="Type: rpicam-hello --list-cameras")
     listing = json.loads(process.stdout.splitlines()[-1])
     if isinstance(listing, str):
-        raise ResourceError(listing, where="sensor libcamera", mend=_INSTALL)
+        raise ResourceError(listing, where="sensor libcamera", remedy=_INSTALL)
     return [ListedCamera(model, name) for model, name in listing]
 
 
@@ -86,8 +86,8 @@ def libcamera_library(tuning: str) -> Any:
     """
     if tuning:
         if not Path(tuning).is_file():
-            mend = "The shipped tuning files are in firmware_configs/libcamera."
-            raise InputError("the tuning file does not exist", where=tuning, mend=mend)
+            remedy = "The shipped tuning files are in firmware_configs/libcamera."
+            raise InputError("the tuning file does not exist", where=tuning, remedy=remedy)
         os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
     os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
     search_path = list(sys.path)
@@ -97,7 +97,7 @@ def libcamera_library(tuning: str) -> Any:
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == "libcamera"
         problem = "libcamera is not installed" if missing else f"libcamera does not load ({error})"
-        raise ResourceError(problem, where="sensor libcamera", mend=_INSTALL) from None
+        raise ResourceError(problem, where="sensor libcamera", remedy=_INSTALL) from None
     finally:
         sys.path[:] = search_path
 

@@ -76,7 +76,6 @@ class OakSensor(Sensor):
         self._calibrated, self._kind = True, "oak-d"
         self._driver_replay: DriverReplay | None = None
         self._before = before
-        self.again: dict[str, str] = {}
         self._images: Any = None
         if rehearse:
             depth, seen = self._open_rehearsal(rehearse, colour)
@@ -85,7 +84,9 @@ class OakSensor(Sensor):
                 str(device), (width, height), fps, preset, (subpixel, left_right_check), colour
             )
         self._coloured = seen is not None
-        both = synchronise(self._dai, self._pipeline, depth, seen, self.fps) if self._coloured else depth
+        both = (
+            synchronise(self._dai, self._pipeline, depth, seen, self.fps or fps) if self._coloured else depth
+        )
         self._images = both.createOutputQueue(MAX_WAITING_IMAGES, False)
         try:
             self._pipeline.start()
@@ -147,7 +148,7 @@ class OakSensor(Sensor):
             raise InputError(
                 f"the preset {preset!r} does not exist",
                 where="sensor oak",
-                mend=f"Give {', '.join(presets)}.",
+                remedy=f"Give {', '.join(presets)}.",
             )
         self._device = self._open_device(device)
         store_crash_dump(self._device)
@@ -261,12 +262,12 @@ class OakSensor(Sensor):
         self._node = self._pipeline.create(Recorded)
         self._driver_replay = DriverReplay(path, self._send, paced=True)
         if any(self._driver_replay.first.intrinsics.distortion):
-            mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
-            raise InputError("its images are not rectified", where=path, mend=mend)
+            remedy = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
+            raise InputError("its images are not rectified", where=path, remedy=remedy)
         self.name, self.fps = "oak rehearsal", self._driver_replay.fps
         self._last_colour = self._driver_replay.first.colour
         if colour and self._last_colour is None:
-            raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
+            raise InputError("it has no colour", where=path, remedy="Rehearse without colour=true.")
         return self._node.out, self._node.colour if colour else None
 
     def _send(self, frame: DepthFrame, number: int) -> None:

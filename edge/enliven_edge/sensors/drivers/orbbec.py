@@ -66,7 +66,7 @@ class OrbbecSensor(Sensor):
             raise InputError(
                 f"the sync mode {sync!r} does not exist",
                 where="sensor orbbec",
-                mend=f"Give {', '.join(_SYNC_MODES)}.",
+                remedy=f"Give {', '.join(_SYNC_MODES)}.",
             )
         self._ob = orbbec_library()
         self._pipeline: Any = None
@@ -74,7 +74,6 @@ class OrbbecSensor(Sensor):
         self._context: Any = None
         self.name = "sensor orbbec"
         self._accelerations: deque[tuple[float, float, float]] = deque(maxlen=_GRAVITY_READINGS)
-        self.again: dict[str, str] = {}
         self._is_unplugged = self._started = False
         self._shift_ns, self._rehearsed = 0, bool(rehearse)
         self._left: list[tuple[Any, int]] = []
@@ -108,7 +107,7 @@ class OrbbecSensor(Sensor):
             if is_over:
                 self._play_next()
             if self._is_unplugged:
-                raise ResourceError("it was unplugged", where=self.name, mend="Plug it in again.")
+                raise ResourceError("it was unplugged", where=self.name, remedy="Plug it in again.")
             raise TimeoutError(f"no image of {self.name} yet")
         except self._ob.OBError as error:
             raise convert_error("orbbec", error, self.name, self._rehearsed) from None
@@ -175,8 +174,8 @@ class OrbbecSensor(Sensor):
             listed = self._device.get_available_preset_list()
             presets = [listed.get_name_by_index(i) for i in range(len(listed))]
             if preset not in presets:
-                mend = f"It has: {', '.join(presets)}."
-                raise InputError(f"the preset {preset!r} does not exist", where=self.name, mend=mend)
+                remedy = f"It has: {', '.join(presets)}."
+                raise InputError(f"the preset {preset!r} does not exist", where=self.name, remedy=remedy)
             self._device.load_preset(preset)
         if sync and not self._rehearsed:
             config = self._device.get_multi_device_sync_config()

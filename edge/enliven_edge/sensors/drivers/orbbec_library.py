@@ -26,8 +26,8 @@ def orbbec_library() -> Any:
     )
     if sdk_version < _MIN_SDK_VERSION:
         problem = f"pyorbbecsdk is of version {'.'.join(map(str, sdk_version))}, which has another interface"
-        mend = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
-        raise ResourceError(problem, where="sensor orbbec", mend=mend)
+        remedy = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
+        raise ResourceError(problem, where="sensor orbbec", remedy=remedy)
     ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, tempfile.gettempdir())
     ob.Context.set_logger_to_console(ob.OBLogLevel.ERROR)
     return ob
@@ -80,7 +80,7 @@ def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) ->
     raise InputError(
         f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
         where=name,
-        mend=f"It has: {alternatives}. 0 stands for any; on USB 2 there are fewer.",
+        remedy=f"It has: {alternatives}. 0 stands for any; on USB 2 there are fewer.",
     )
 
 

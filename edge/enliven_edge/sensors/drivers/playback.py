@@ -97,7 +97,9 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
             before = sum(part.images for part in parts)
             parts.append(_write(name, camera, round(sensor.fps or 30.0), frames, before))
     if not parts:
-        raise InputError("it holds no depth images", where=recording, mend="Rehearse with a depth recording.")
+        raise InputError(
+            "it holds no depth images", where=recording, remedy="Rehearse with a depth recording."
+        )
     return parts
 
 
@@ -274,7 +276,7 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
     """
     with TemporaryFolder("rehearsal") as folder:
         if Path(path).suffix == ".bag":
-            from enliven_edge.importing.bags import check_playback
+            from enliven_edge.importing.bags.orbbec import check_playback
 
             check_playback(Path(path))
             files = [(Path(path), 0)]

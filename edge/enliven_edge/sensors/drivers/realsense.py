@@ -166,7 +166,7 @@ class RealSenseSensor(Sensor):
             raise InputError(
                 f"the preset {word!r} does not exist",
                 where="sensor realsense",
-                mend="Give default, high_accuracy, high_density, medium_density or hand.",
+                remedy="Give default, high_accuracy, high_density, medium_density or hand.",
             )
         key = getattr(self._rs.option, option)
         if self._depth.supports(key) and not self._depth.is_option_read_only(key):
@@ -181,7 +181,7 @@ class RealSenseSensor(Sensor):
         if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
             raise InputError(f"an image of it lacks some of its {width}x{height} pixels", where=self.name)
         if not math.isfinite(seconds):
-            raise InputError(f"the time of an image is {seconds}", where=self.name)
+            raise InputError(f"the camera sent an image with the invalid time {seconds}", where=self.name)
         if size != (self._camera.width, self._camera.height):
             self._read_intrinsics(image.get_profile().as_video_stream_profile())
         depth: UInt16 = np.asanyarray(image.get_data())

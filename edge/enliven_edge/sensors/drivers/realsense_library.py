@@ -47,7 +47,7 @@ def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> A
         raise InputError(
             f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
             where=name,
-            mend=f"It has: {alternatives}. On USB 2 there are fewer.",
+            remedy=f"It has: {alternatives}. On USB 2 there are fewer.",
         )
     return modes[mode]
 
@@ -63,7 +63,7 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
         raise InputError(
             f"its images have the distortion model {lens.model}",
             where=name,
-            mend="Choose a depth mode, which is rectified.",
+            remedy="Choose a depth mode, which is rectified.",
         )
     k1, k2, p1, p2, k3 = lens.coeffs
     parameters = (lens.fx, lens.fy, lens.ppx, lens.ppy)
@@ -156,7 +156,7 @@ def find_colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, na
         raise InputError(
             f"it cannot send colour at {fps:g} images a second together with its depth",
             where=name,
-            mend="Leave out colour=true, or give fps=30.",
+            remedy="Leave out colour=true, or give fps=30.",
         )
     return min(candidates, key=lambda each: each[0])[1:]
 
@@ -170,7 +170,7 @@ class ReplayedColour:
 
     def __init__(self, rs: Any, device: Any, depth: Any, first: DepthFrame, fps: int, path: str) -> None:
         if first.colour is None:
-            raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
+            raise InputError("it has no colour", where=path, remedy="Rehearse without colour=true.")
         self._rs, self._last = rs, first.colour
         height, width = first.colour.shape[:2]
         self._sensor = device.add_sensor("Color")

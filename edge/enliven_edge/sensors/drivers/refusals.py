@@ -22,7 +22,7 @@ REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven 
 def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
     """Returns the table of the file, by sensor and for "system"."""
     table = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
-    sentences = {name: (each["what"], each["mend"]) for name, each in table.pop("sentences").items()}
+    sentences = {name: (each["what"], each["remedy"]) for name, each in table.pop("sentences").items()}
     sentences["not allowed"] = (FORBIDDEN, ALLOW)
     return {
         sensor: tuple((piece, sentences[name]) for piece, name in names_by_piece.items())
@@ -47,13 +47,13 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
     message, where = one_line_message(error), where or f"sensor {sensor}"
     if rehearsed:
         return ResourceError(
-            f"its library does not play the recording ({message})", where=where, mend=REHEARSE
+            f"its library does not play the recording ({message})", where=where, remedy=REHEARSE
         )
-    for piece, (problem, mend) in (*LIBRARY_MESSAGES.get(sensor, ()), *SYSTEM_MESSAGES):
+    for piece, (problem, remedy) in (*LIBRARY_MESSAGES.get(sensor, ()), *SYSTEM_MESSAGES):
         if piece in message:
-            return ResourceError(problem, where=where, mend=mend)
+            return ResourceError(problem, where=where, remedy=remedy)
     return ResourceError(
-        f"it cannot be used ({message})", where=where, mend=f"Unplug it once and plug it in again, {_CHECK}"
+        f"it cannot be used ({message})", where=where, remedy=f"Unplug it once and plug it in again, {_CHECK}"
     )
 
 
@@ -82,16 +82,18 @@ def choose_device(
     if wanted:
         if wanted in found:
             return found[wanted]
-        mend = f"Connected: {', '.join(found)}. Give one of them: --set {option}={next(iter(found))}"
-        raise ResourceError(f"{make} called {wanted} is not connected", where=f"sensor {sensor}", mend=mend)
+        remedy = f"Connected: {', '.join(found)}. Give one of them: --set {option}={next(iter(found))}"
+        raise ResourceError(
+            f"{make} called {wanted} is not connected", where=f"sensor {sensor}", remedy=remedy
+        )
     if len(found) > 1 and before not in found:
         first, second, *_ = found
-        mend = (
+        remedy = (
             f"Name the one you mean: --set {option}={first}. Two at once: --sensor left={sensor} "
             f"--sensor right={sensor} --set left.{option}={first} --set right.{option}={second}"
         )
         problem = f"{len(found)} are connected: {', '.join(found)}"
-        raise ResourceError(problem, where=f"sensor {sensor}", mend=mend)
+        raise ResourceError(problem, where=f"sensor {sensor}", remedy=remedy)
     return found.get(before) or next(iter(found.values()))
 
 
@@ -102,15 +104,15 @@ def _missing_device_error(sensor: str, which: str) -> ResourceError:
         if camera.kind.sensor == sensor:
             problems = dict(camera.find_problems())
             if FORBIDDEN in problems:
-                return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, mend=ALLOW)
+                return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, remedy=ALLOW)
             problem = f"{camera.title} is plugged in, but its library does not find it"
-            mend = (
+            remedy = (
                 f"Close other programs that use it. Otherwise unplug it once and plug it in again, {_CHECK}"
             )
-            return ResourceError(problem, where=where, mend=mend)
+            return ResourceError(problem, where=where, remedy=remedy)
     return ResourceError(
         f"{which} is not connected",
         where=where,
-        mend=f"Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
+        remedy=f"Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
         f"enliven run --sensor {sensor}",
     )

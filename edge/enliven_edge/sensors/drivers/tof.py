@@ -84,7 +84,7 @@ class TofSensor(Sensor):
         rehearse: str = "",
     ) -> None:
         if range not in _MODES:
-            raise InputError(f"the range cannot be {range} m", where="sensor tof", mend="Give 2 or 4.")
+            raise InputError(f"the range cannot be {range} m", where="sensor tof", remedy="Give 2 or 4.")
         self.name, self.fps = f"tof {device}", 30.0
         self._confidence = float(confidence)
         self._limits = depth_limits(
@@ -141,16 +141,16 @@ class TofSensor(Sensor):
         camera = ac.ArducamCamera()
         code = camera.open(ac.Connection.CSI, device)
         if code != ac.TofErrorCode.ArducamSuccess:
-            problem, mend = _REASONS.get(code.name, _NONE_FOUND)
+            problem, remedy = _REASONS.get(code.name, _NONE_FOUND)
             raise ResourceError(
-                f"{problem} ({code.name.removeprefix('Arducam')})", where=self.name, mend=mend
+                f"{problem} ({code.name.removeprefix('Arducam')})", where=self.name, remedy=remedy
             )
         code = camera.start(ac.FrameType.DEPTH)
         if code != ac.TofErrorCode.ArducamSuccess:
             camera.close()
             problem = f"it does not start ({code.name.removeprefix('Arducam')})"
             raise ResourceError(
-                problem, where=self.name, mend="Close other programs that use it, or restart the Pi."
+                problem, where=self.name, remedy="Close other programs that use it, or restart the Pi."
             )
         self._camera = camera
         try:
@@ -188,7 +188,7 @@ class TofSensor(Sensor):
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
             problem = f"an image has the shapes {depth.shape} and {confidence.shape}"
-            raise InputError(problem, where=self.name, mend=f"Expected {(lens.height, lens.width)}.")
+            raise InputError(problem, where=self.name, remedy=f"Expected {(lens.height, lens.width)}.")
         trusted = np.empty(depth.shape, np.uint16)
         _trust(depth, confidence, self._confidence, *self._limits, trusted)
         return trusted

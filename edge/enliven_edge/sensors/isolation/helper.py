@@ -89,8 +89,7 @@ class _Helper:
             self._pipe.send(("failed", *_describe_error(error)))
             return
         self._told, self._camera, self._reading = 0.0, None, False
-        fps, again = getattr(self._device, "fps", None), getattr(self._device, "again", {})
-        self._pipe.send(("opened", self._device.name, fps, again))
+        self._pipe.send(("opened", self._device.name, self._device.fps, dict(self._device.again)))
 
     def _go(self) -> None:
         """Request: starts reading frames. Earlier frames would be old when the edge takes them."""
@@ -130,7 +129,7 @@ class _Helper:
             )
         if self._device is not None and time.monotonic() - self._told > _CONDITION_INTERVAL_S:
             self._told = time.monotonic()
-            self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))
+            self._pipe.send(("condition", device.condition()))
 
     def _send_frame(self, frame: DepthFrame) -> None:
         """Copies a frame into shared memory, and sends its slot."""
@@ -183,7 +182,7 @@ class _PipeLogHandler(logging.Handler):
 
 
 def _describe_error(error: Exception) -> tuple[str, str, str, str]:
-    """Returns (class, what, where, mend) of an error, with empty strings for missing parts."""
+    """Returns (class, what, where, remedy) of an error, with empty strings for missing parts."""
     if isinstance(error, EnlivenError):
-        return type(error).__name__, error.what, error.where, error.mend
+        return type(error).__name__, error.what, error.where, error.remedy
     return type(error).__name__, str(error) or "it gives no reason", "", ""

@@ -75,7 +75,7 @@ class HelperProcess:
             raise ResourceError(
                 f"opening has taken more than {OPEN_TIMEOUT_S:.0f} s",
                 where=self._name,
-                mend="Unplug it once.",
+                remedy="Unplug it once.",
             )
         if message[0] == "failed":
             raise error_from_helper(message[1:], self._name, ResourceError)
@@ -204,15 +204,15 @@ class HelperProcess:
         reason = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
         if code and code < 0 and (report := self._words.read()):
             keep_text(self._name, report, -code)
-        return SensorFault(reason, where=self._name, mend="It is restarted automatically; see the log.")
+        return SensorFault(reason, where=self._name, remedy="It is restarted automatically; see the log.")
 
 
 def error_from_helper(
     said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
     """Returns a driver's error as the edge raises it: of its own class if that is one of the two."""
-    error_class, problem, where, mend = said
+    error_class, problem, where, remedy = said
     error_type = {"InputError": InputError, "ResourceError": kind}.get(error_class, kind)
     if kind is InputError:
         error_type = InputError
-    return error_type(problem, where=where or name, mend=mend)
+    return error_type(problem, where=where or name, remedy=remedy)

@@ -43,11 +43,11 @@ class CalibrationBoard:
             raise InputError(
                 f"a board of {self.columns} x {self.rows} squares cannot be made",
                 where="board",
-                mend=f"Give 3 x 3 squares or more, {2 * _MARKER_COUNT} in all at most.",
+                remedy=f"Give 3 x 3 squares or more, {2 * _MARKER_COUNT} in all at most.",
             )
         if not 0.005 <= self.square <= 1.0:
             raise InputError(
-                f"its squares are {1e3 * self.square:g} mm wide", where="board", mend="Give 5 to 1000 mm."
+                f"its squares are {1e3 * self.square:g} mm wide", where="board", remedy="Give 5 to 1000 mm."
             )
 
     def find(self, image: UInt8) -> dict[int, Float]:
@@ -112,7 +112,7 @@ class CalibrationBoard:
         ]
         if not fitting:
             problem = f"a board of {wide:.0f} x {high:.0f} mm fits on no sheet up to A2"
-            raise InputError(problem, where="board", mend="Give smaller squares: --square 38")
+            raise InputError(problem, where="board", remedy="Give smaller squares: --square 38")
         paper = fitting[0]
         across, down = _PAPERS[paper]
         left, top = (across - wide) / 2, (down - high) / 2

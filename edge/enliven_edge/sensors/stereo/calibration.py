@@ -81,12 +81,12 @@ def load_calibration(path: Path) -> StereoCalibration:
         raise InputError(
             "there is no such file",
             where=str(path),
-            mend="Make it with enliven calibrate-stereo; see docs/stereo.md.",
+            remedy="Make it with enliven calibrate-stereo; see docs/stereo.md.",
         )
     calibration = load_settings(StereoCalibration, path)
     contradiction = _find_contradiction(calibration)
     if contradiction:
-        raise InputError(contradiction, where=str(path), mend="Make it again: enliven calibrate-stereo.")
+        raise InputError(contradiction, where=str(path), remedy="Make it again: enliven calibrate-stereo.")
     return calibration
 
 

@@ -50,7 +50,7 @@ class StereoMatcher:
     def __init__(self, rectification: Rectification, near: float = 0.7, far: float = 8.0) -> None:
         if not 0.05 <= near < far <= 65.0:
             raise InputError(
-                f"the range is {near} to {far} m", where="stereo", mend="Give near < far, 0.05 to 65 m."
+                f"the range is {near} to {far} m", where="stereo", remedy="Give near < far, 0.05 to 65 m."
             )
         self._cv: Any = opencv()
         self._rectification = rectification
@@ -62,7 +62,7 @@ class StereoMatcher:
             raise InputError(
                 f"to see from {near} m on, {self._count} disparities must be tried",
                 where="stereo",
-                mend=f"Give near={math.ceil(100 * nearest) / 100} or more, or images of fewer pixels.",
+                remedy=f"Give near={math.ceil(100 * nearest) / 100} or more, or images of fewer pixels.",
             )
         self._matcher = self._cv.StereoSGBM_create(
             minDisparity=self._lowest,

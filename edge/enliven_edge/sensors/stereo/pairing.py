@@ -89,10 +89,10 @@ class Pairing:
         if self._least_ns is None:
             which = "left" if image.eye else "right"
             raise ResourceError(
-                f"the {which} camera sends no images", where=self._name, mend="Check its ribbon cable."
+                f"the {which} camera sends no images", where=self._name, remedy="Check its ribbon cable."
             )
         raise ResourceError(
             f"the two cameras are not in step: {1e-6 * self._least_ns:.1f} ms apart",
             where=self._name,
-            mend="Join their sync pins or use a tuning file with rpi.sync (docs/stereo.md).",
+            remedy="Join their sync pins or use a tuning file with rpi.sync (docs/stereo.md).",
         )

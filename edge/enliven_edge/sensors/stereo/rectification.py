@@ -65,7 +65,7 @@ class Rectification:
                 raise InputError(
                     f"an image has {image_size} pixels, the calibration {wanted}",
                     where="stereo",
-                    mend="Calibrate in the size that is used: enliven calibrate-stereo.",
+                    remedy="Calibrate in the size that is used: enliven calibrate-stereo.",
                 )
         remap, linear = self._cv.remap, self._cv.INTER_LINEAR
         rectified_left, rectified_right = (

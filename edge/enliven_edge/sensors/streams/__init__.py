@@ -1,5 +1,1 @@
-"""Motion from other programs as sensors: VMC bones and OSC trackers become bodies."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Motion from other programs as sensors: VMC bones, Rokoko actors and OSC trackers become bodies."""

@@ -2,25 +2,40 @@
 
 from __future__ import annotations
 
-import socket
+import logging
 import time
 from collections.abc import Hashable, Iterator
 
-from pythonosc.osc_packet import OscPacket, ParseError
+from pythonosc.osc_message import OscMessage, ParseError
 
-from enliven.errors import InputError, ResourceError
-from enliven_edge.closeable import Closeable
+from enliven.errors import InputError
+from enliven.supervision.closeable import Closeable
+from enliven_edge.sensors.streams.stream_sensor import Message
+from enliven_edge.sensors.streams.udp_port import MAX_PACKET_BYTES, listen_udp
 
-_MAX_PACKET_BYTES = 65_536
-"""Largest UDP packet."""
 _QUIET_S = 0.004
 """Seconds without a packet after which a frame is complete. Senders write the packets of a frame at once."""
 _MAX_FRAME_S = 0.05
 """Longest time in seconds to collect one frame, for senders that never pause."""
-_BUFFER_BYTES = 1 << 20
-"""Size of the system's receive buffer: some frames wait while the edge works."""
-Message = tuple[str, list[object]]
-"""An OSC address and its arguments."""
+_BUNDLE_START = b"#bundle\0"
+"""The first bytes of a bundle."""
+_BUNDLE_HEAD_BYTES = 16
+"""Bytes of a bundle before its first element: its start and its time."""
+_SIZE_BYTES = 4
+"""Bytes of the size in front of each element of a bundle."""
+_MAX_BUNDLE_DEPTH = 8
+"""Maximum number of bundles in each other. Senders of motion use one."""
+
+
+class _DropOscWarnings(logging.Filter):
+    """Drops the messages of python-osc, which logs each malformed packet: a flood would fill the disk."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return "pythonosc" not in record.pathname
+
+
+_OSC_WARNINGS = _DropOscWarnings()
+"""The filter of the root logger, which python-osc uses. Adding it again has no effect."""
 
 
 class OscPort(Closeable):
@@ -40,18 +55,9 @@ class OscPort(Closeable):
     """
 
     def __init__(self, host: str, port: int, where: str) -> None:
-        if not 0 <= port <= 65535:
-            raise InputError(f"{port} is not a UDP port", where=where, mend="Set port to 1 to 65535.")
         self.malformed = 0
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
-        try:
-            self._socket.bind((host, port))
-        except OSError as error:
-            self._socket.close()
-            mend = "End the other program that listens there, or set another port, also in the sender."
-            problem = f"port {port} of {host} cannot be opened ({error.strerror})"
-            raise ResourceError(problem, where=where, mend=mend) from None
+        logging.getLogger().addFilter(_OSC_WARNINGS)
+        self._socket = listen_udp(host, port, where)
         self.port: int = self._socket.getsockname()[1]
         self._early: list[Message] = []
 
@@ -85,15 +91,50 @@ class OscPort(Closeable):
     def _receive(self, timeout: float | None) -> Iterator[Message]:
         """Yields the messages of the next packet. A packet that is not OSC is counted, and yields nothing."""
         self._socket.settimeout(timeout)
-        data = self._socket.recv(_MAX_PACKET_BYTES)
+        data = self._socket.recv(MAX_PACKET_BYTES)
         try:
-            messages = [
-                (each.message.address, list(each.message.params)) for each in OscPacket(data).messages
-            ]
-        except (ParseError, ValueError, IndexError):
+            yield from unpack_osc(data)
+        except InputError:
             self.malformed += 1
-            return
-        yield from messages
+
+
+def unpack_osc(data: bytes) -> list[Message]:
+    """Returns the messages of a packet, also those in bundles, in the order of the packet.
+
+    Raises:
+        InputError: for a packet that is not OSC.
+    """
+    try:
+        messages = [OscMessage(part) for part in _split_bundle(data) if OscMessage.dgram_is_message(part)]
+    except (ParseError, ValueError, IndexError):
+        raise InputError("the packet is not OSC", where="an OSC port") from None
+    return [(each.address, list(each.params)) for each in messages]
+
+
+def _split_bundle(data: bytes, depth: int = 0) -> Iterator[bytes]:
+    """Yields the bytes of each message of a packet.
+
+    python-osc is not used for bundles. An element with a negative size makes it read the same bytes for ever,
+    and a deeply nested bundle exceeds Python's limit of recursion.
+
+    Raises:
+        ValueError: for sizes that do not fit, and for deep nesting.
+    """
+    if not data.startswith(_BUNDLE_START):
+        if depth == 0 and not data.startswith(b"/"):
+            raise ValueError("neither a message nor a bundle")
+        yield data
+        return
+    if depth >= _MAX_BUNDLE_DEPTH or len(data) < _BUNDLE_HEAD_BYTES:
+        raise ValueError("a bundle that is too short, or nested too deep")
+    at = _BUNDLE_HEAD_BYTES
+    while at < len(data):
+        size = int.from_bytes(data[at : at + _SIZE_BYTES], "big", signed=True)
+        end = at + _SIZE_BYTES + size
+        if size < 0 or end > len(data):
+            raise ValueError("an element that does not fit in its bundle")
+        yield from _split_bundle(data[at + _SIZE_BYTES : end], depth + 1)
+        at = end
 
 
 def _name_of(message: Message) -> Hashable:

@@ -16,7 +16,8 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.person import Body, Joint, from_unity_position
 from enliven.rotation import unit
-from enliven_edge.sensors.streams.osc_sensor import MAX_METRES, OscSensor
+from enliven_edge.sensors.streams.osc_opening import open_osc_port
+from enliven_edge.sensors.streams.stream_sensor import MAX_METRES, Message, StreamSensor
 
 PLACES = {
     "head": Joint.HEAD,
@@ -42,7 +43,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 """The upward direction."""
 
 
-class TrackerSensor(OscSensor):
+class TrackerSensor(StreamSensor[list[Message]]):
     """Delivers one person from OSC trackers. Those of hip and chest are required.
 
     Joints without a tracker are placed by average proportions, and have confidence 0.
@@ -59,13 +60,13 @@ class TrackerSensor(OscSensor):
 
     def __init__(self, port: int = 9000, host: str = "127.0.0.1", order: str = USUAL_ORDER) -> None:
         self._places = _places(order)
-        super().__init__("osc-trackers", "trackers", port, host)
+        super().__init__("osc-trackers", "trackers", open_osc_port("osc-trackers", port, host))
         self._points: dict[Joint, tuple[Float, float]] = {}
 
-    def _take(self, messages: list[tuple[str, list[object]]]) -> bool:
+    def _take(self, data: list[Message]) -> bool:
         """Keeps the positions of a frame. Returns True if there was one."""
         counts = False
-        for address, arguments in messages:
+        for address, arguments in data:
             match = _ADDRESS.fullmatch(address)
             joint = self._places.get(match[1]) if match else None
             if joint is None or len(arguments) < 3:
@@ -150,5 +151,5 @@ def _places(order: str) -> dict[str, Joint]:
         problem = (
             f"{unknown[0]!r} is not a place of a tracker" if unknown else f"{len(words)} places, at most 8"
         )
-        raise InputError(problem, where="sensor osc-trackers", mend=f"Known: {', '.join(PLACES)}.")
+        raise InputError(problem, where="sensor osc-trackers", remedy=f"Known: {', '.join(PLACES)}.")
     return {"head": Joint.HEAD, **{str(number): PLACES[word] for number, word in enumerate(words, 1)}}

@@ -16,7 +16,8 @@ from enliven.person import (
     standing_offset,
 )
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
-from enliven_edge.sensors.streams.osc_sensor import MAX_METRES, OscSensor
+from enliven_edge.sensors.streams.osc_opening import open_osc_port
+from enliven_edge.sensors.streams.stream_sensor import MAX_METRES, Message, StreamSensor
 
 _BONE = "/VMC/Ext/Bone/Pos"
 _ROOT = "/VMC/Ext/Root/Pos"
@@ -25,10 +26,10 @@ _MIN_OFFSET_M = 1e-3
 """Local positions shorter than this are missing, in metres. Some programs send only rotations."""
 
 
-class VmcSensor(OscSensor):
+class VmcSensor(StreamSensor[list[Message]]):
     """Delivers the figure that a program sends by the VMC protocol, such as a motion capture suit's software.
 
-    The rotations and positions are those of :mod:`enliven_edge.outputs.vmc`. If a program sends no positions
+    The rotations and positions are those of :mod:`enliven.outputs.vmc`. If a program sends no positions
     of the bones, the body has average proportions.
 
     Args:
@@ -45,15 +46,15 @@ class VmcSensor(OscSensor):
         if not 0.5 <= height <= 2.5:
             raise InputError(f"height is {height}, outside 0.5..2.5 m", where="sensor vmc")
         self._height = height
-        super().__init__("vmc", "bones", port, host)
+        super().__init__("vmc", "bones", open_osc_port("vmc", port, host))
         self._bones: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._root = (np.zeros(3), IDENTITY)
         self._is_loaded = True
 
-    def _take(self, messages: list[tuple[str, list[object]]]) -> bool:
+    def _take(self, data: list[Message]) -> bool:
         """Keeps the bones of a frame. Returns True if there was a bone, or the state that there are none."""
         counts = False
-        for address, arguments in messages:
+        for address, arguments in data:
             if address == _STATUS and arguments and isinstance(arguments[0], int):
                 self._is_loaded = arguments[0] != 0
                 counts = counts or not self._is_loaded

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.examples.spacetime import floor_numbers
+from enliven.examples.spacetime.following import floor_numbers
 from enliven.person import Body, Joint, mirror_body
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.examples import ExampleMap, LiveExamples, State
+from enliven.examples.live import LiveExamples
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.puppet_motion import State
 from enliven_edge.stage.puppet.locomotion import Footing, Locomotion
 
 _NS = 1_000_000_000

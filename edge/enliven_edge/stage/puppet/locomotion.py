@@ -18,10 +18,12 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
-from enliven.examples import PuppetTravel, State
-from enliven.examples.spacetime import PathFollower, floor_numbers, floor_positions, stand
-from enliven.mapping import rotate_about_y
+from enliven.examples.puppet_motion import State
+from enliven.examples.spacetime.anchoring import stand
+from enliven.examples.spacetime.following import PathFollower, floor_numbers, floor_positions
+from enliven.examples.travel import PuppetTravel
 from enliven.person import Body, Joint
+from enliven.skeletons.facing import rotate_about_y
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
 _LEGS = (

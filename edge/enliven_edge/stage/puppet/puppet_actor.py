@@ -8,10 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import ObservedPoints
+from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
-from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_performer, travel_of
+from enliven.examples.mapping import ExampleMap
+from enliven.examples.puppet_examples import examples_of, reference_performer
+from enliven.examples.puppet_motion import State, pose_of_state
+from enliven.examples.travel import travel_of
 from enliven.person import MIRROR, Body, parse_parts
 from enliven.possession import Actor, Cues, Mode, PoseBlend, make_cues
 from enliven.rotation import rotate
@@ -22,6 +25,10 @@ from enliven_edge.stage.puppet.locomotion import Feet, Locomotion, side_of_foot
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
+_VISIBLE_EASE_S = 0.4
+"""Seconds until a joint that is visible again has its full weight."""
+_MAX_FRAME_GAP_S = 0.3
+"""Gap between frames, in seconds, after which the motion restarts with a blend."""
 _FRAME_NS = 33_333_333
 """Nanoseconds between the frames of a rehearsal, which warms the code up."""
 
@@ -66,7 +73,7 @@ class PuppetActor(Actor):
         if not self._placed and bodies and np.isfinite(bodies[0].joints).all():
             self._place_beside(bodies[0])
         self._hand_over(bodies, time_ns)
-        paused = not 0 < time_ns - self._time_ns <= self.settings.pause * 1e9
+        paused = not 0 < time_ns - self._time_ns <= _MAX_FRAME_GAP_S * 1e9
         if paused:
             self._easing.skip(time_ns)
         self._update_holds(bodies, time_ns)
@@ -94,11 +101,11 @@ class PuppetActor(Actor):
             raise InputError(
                 f"no control point goes with {parts!r}",
                 where=f"possessing {self.character.id!r}",
-                mend=f"They go with: {', '.join(self._followed_names())}.",
+                remedy=f"They go with: {', '.join(self._followed_names())}.",
             )
         if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
-            where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
-            raise InputError(f"no joint of performer {body.id} is seen", where=where, mend=mend)
+            where, remedy = f"possessing {self.character.id!r}", "Step in front of the sensor again."
+            raise InputError(f"no joint of performer {body.id} is seen", where=where, remedy=remedy)
         own = next((hold for hold in self.holds if hold.body == body.id), None)
         if own is not None and mode == "extend":
             points |= own.points
@@ -135,7 +142,7 @@ class PuppetActor(Actor):
     def _create_hold(self, body: int, points: frozenset[int]) -> ControlPointHold:
         how = self._puppet.locomotion
         feet = Feet(how.contact, how.runner)
-        return ControlPointHold(body, points, Bones(self.settings.ease), feet, seen_ns=self._time_ns)
+        return ControlPointHold(body, points, Bones(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
 
     def _paired_points(self, parts: str) -> frozenset[int]:
         """Returns the control points that are paired with some parts of the performer's own body."""
@@ -180,7 +187,7 @@ class PuppetActor(Actor):
             body = present.get(hold.body)
             if body is None:
                 continue
-            if hold.seconds_away(time_ns) > self.settings.pause:
+            if hold.seconds_away(time_ns) > _MAX_FRAME_GAP_S:
                 self._restarts = True
             hold.update(body, self._retargeting, time_ns, mirror=self.settings.mirror)
 

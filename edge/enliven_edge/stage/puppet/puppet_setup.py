@@ -8,9 +8,9 @@ from pathlib import Path
 
 from enliven.document import Project, Puppet, unused
 from enliven.errors import InputError
-from enliven.example_sessions import read_session
-from enliven.examples import missing
-from enliven.formats.project import read_project
+from enliven.example_sessions.session import read_session
+from enliven.examples.puppet_examples import missing
+from enliven.formats.project.file import read_project
 from enliven.wire import character_to_message
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
@@ -54,8 +54,8 @@ def create_actor_from_project(
     """
     problems = missing(project, puppet)
     if problems:
-        mend = f"{' '.join(problems)} Do so in enliven studio, or in the session's file."
-        raise InputError("it cannot move yet", where=where or puppet.where, mend=mend)
+        remedy = f"{' '.join(problems)} Do so in enliven studio, or in the session's file."
+        raise InputError("it cannot move yet", where=where or puppet.where, remedy=remedy)
     return PuppetActor(project, puppet, settings)
 
 
@@ -71,9 +71,9 @@ def _read(spec: str) -> tuple[Project, Puppet]:
         return session.project, session.project.puppet(name or session.puppet)
     project = read_project(Path(file))
     if not project.puppets:
-        mend = "Make one in enliven studio, or give a session (.toml)."
-        raise InputError("it has no puppet", where=file, mend=mend)
+        remedy = "Make one in enliven studio, or give a session (.toml)."
+        raise InputError("it has no puppet", where=file, remedy=remedy)
     if not name and len(project.puppets) > 1:
-        mend = f"Name one: {file}#{next(iter(project.puppets))}."
-        raise InputError(f"it has {len(project.puppets)} puppets", where=file, mend=mend)
+        remedy = f"Name one: {file}#{next(iter(project.puppets))}."
+        raise InputError(f"it has {len(project.puppets)} puppets", where=file, remedy=remedy)
     return project, project.puppet(name or next(iter(project.puppets)))

@@ -15,10 +15,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, facing_of
 from enliven.person import Body, Joint
 from enliven.possession import rotation_about_y
-from enliven.takes import BODY_NAMES
+from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, anatomy_of
+from enliven.skeletons.facing import facing_of
+from enliven.takes.capture_clip import BODY_NAMES
 from enliven_edge.stage.puppet.bones import BonePose, Bones
 
 ARMS = (
@@ -90,7 +91,7 @@ class Retargeting:
                 raise InputError(
                     f"a tracked person has no joint similar to {name!r} of the examples",
                     where="puppet",
-                    mend="Pair its control points with joints of head, trunk, arms or legs.",
+                    remedy="Pair its control points with joints of head, trunk, arms or legs.",
                 )
         self.joints = tuple(bones[n].joint if n else Joint.HIP_CENTER for n in numbers)
         self.legs = _leg_length(skeleton, bones)

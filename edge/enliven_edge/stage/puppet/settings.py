@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from enliven.settings import setting
 
@@ -12,6 +12,10 @@ from enliven.settings import setting
 class PuppetSettings:
     """Settings of a puppet that is driven live."""
 
+    REMOVED_SETTINGS: ClassVar = (
+        "ease",
+        "pause",
+    )
     lag: int = setting(
         3,
         "Delay from a pose to the puppet's answer. Raise it for smoother motion, lower it for faster "
@@ -54,12 +58,6 @@ class PuppetSettings:
         unit="m/s",
         low=0.01,
         high=1000.0,
-    )
-    ease: float = setting(
-        0.4, "Time until a joint that is visible again has its full weight.", unit="s", low=0.0, high=10.0
-    )
-    pause: float = setting(
-        0.3, "Gap between frames after which the motion restarts with a blend.", unit="s", low=0.05, high=60.0
     )
     hand_over: float = setting(
         60.0,

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def _cactus() -> Project:
-    from enliven.samples import cactus_project
+    from enliven.samples.shipped import cactus_project
 
     return cactus_project()
 

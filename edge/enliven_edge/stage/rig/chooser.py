@@ -6,18 +6,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton
-from enliven.matching import (
-    BodySource,
-    Match,
-    Matcher,
-    MatchRow,
-    Pick,
-    Picker,
-    Ranking,
-    ScreenView,
-    body_source,
-    limb_number,
-)
+from enliven.matching.body_limbs import BodySource, body_source, limb_number
+from enliven.matching.match_list import MatchRow
+from enliven.matching.matches import Match, Ranking
+from enliven.matching.picking import Pick, Picker
+from enliven.matching.ranking import Matcher
+from enliven.matching.views import ScreenView
 from enliven.person import Body
 from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings

@@ -9,12 +9,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Pose, Project, Shape
-from enliven.matching import ScreenView
-from enliven.motion.layers import Player, bind_chain, pose_from
+from enliven.matching.views import ScreenView
+from enliven.motion.layers.evaluate import Player, pose_from
+from enliven.motion.layers.retarget import bind_chain
 from enliven.person import PARENTS, Body
 from enliven.possession import PoseBlend
 from enliven.rotation import conjugate, multiply
-from enliven.takes import clip_of_bodies, rotations_from_positions
+from enliven.takes.capture_clip import clip_of_bodies
+from enliven.takes.positions import rotations_from_positions
 
 _VIEW_DIRECTION = np.array([0.0, 0.0, -1.0])
 """The unit direction of the sensor's view in the world: performers face +Z."""

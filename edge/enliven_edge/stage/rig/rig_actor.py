@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import ObservedPoints
+from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.document import Pose, Shape, Skeleton, character_of
 from enliven.errors import InputError
-from enliven.formats.gltf import read_gltf
-from enliven.matching import MatchList, MatchRow, ScreenView, limb_number
+from enliven.formats.gltf.read import read_gltf
+from enliven.matching.body_limbs import limb_number
+from enliven.matching.match_list import MatchList, MatchRow
+from enliven.matching.views import ScreenView
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.person import Body, parse_parts
 from enliven.possession import Cues, Mode, make_cues
@@ -85,8 +87,8 @@ class RigActor(ChosenActor):
         """
         parse_parts(parts)
         if not np.isfinite(body.joints).all():
-            where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
-            raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
+            where, remedy = f"possessing {self.character.id!r}", "Step in front of the sensor again."
+            raise InputError(f"the joints of performer {body.id} are not known", where=where, remedy=remedy)
         self._candidate = (body.id, parts)
         self._rank(body)
         self._bind([body], mode)
@@ -159,7 +161,7 @@ class RigActor(ChosenActor):
         if not pairs or body is None:
             where = f"possessing {self.character.id!r}"
             raise InputError(
-                "no part of it is similar to the pose", where=where, mend="It needs at least one bone."
+                "no part of it is similar to the pose", where=where, remedy="It needs at least one bone."
             )
         if mode == "extend":
             pairs += self._keep_pairs(body.id, pairs)
@@ -195,8 +197,8 @@ def create_rig_actor(spec: str, settings: MatchingSettings | None = None, name: 
     """
     settings = settings or MatchingSettings()
     if Path(spec).suffix.lower() not in GLTF_SUFFIXES:
-        mend = "Give a rigged .glb, .gltf or .vrm, or drive the mesh by a graph."
-        raise InputError("it has no skeleton of its own", where=spec, mend=mend)
+        remedy = "Give a rigged .glb, .gltf or .vrm, or drive the mesh by a graph."
+        raise InputError("it has no skeleton of its own", where=spec, remedy=remedy)
     rig = read_gltf(Path(spec), name=name or name_of(spec), height=settings.height or None, floor=True)
     for note in rig.notes:
         log.info("%s: %s", spec, note)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.matching import PickingSettings, RankingSettings
+from enliven.matching.picking import PickingSettings
+from enliven.matching.ranking import RankingSettings
 from enliven.settings import setting
 
 

@@ -7,10 +7,11 @@ import numpy as np
 from enliven.kernels import njit
 
 _NUMBER = 31
-"""Bit mask of a cost's last 5 bits, which hold the index of its capsule: at most 32 capsules."""
+"""Bit mask of the last 5 bits of a cost, which store the index of its capsule. So at most 32 capsules are
+possible."""
 FAST = {"nsz", "arcp", "contract", "reassoc", "nnan", "ninf"}
-"""LLVM's fast-math flags for kernels without infinite numbers. They allow sums in any order, so that loops
-are vectorised."""
+"""LLVM's fast-math flags for kernels without infinite numbers. They allow sums in any order, so that the
+compiler can vectorise loops."""
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
@@ -60,9 +61,9 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def misfits(points, ends, radii, far):
-    """Returns (N,) metres: the sum of two mean distances.
+    """Returns (N,) the misfit of N postures in metres, the sum of two mean distances.
 
-    They are the distance from points to the nearest surface, and that from capsules to the nearest point.
+    They are the distance from each point to the nearest capsule, and from each capsule to the nearest point.
 
     Args:
         points: (3, M) float32.
@@ -100,7 +101,7 @@ def misfits(points, ends, radii, far):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def standing_out(points, ends, radii):
+def signed_distances(points, ends, radii):
     """Returns (M,) float32 signed distances in metres of (M, 3) float32 points from some capsules.
 
     Points inside have negative distances.
@@ -124,12 +125,11 @@ def standing_out(points, ends, radii):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def clear_of_rays(points, eye, near, far, ends, radii):
-    """Returns (M,) float32 signed metres between some capsules and a segment of the ray through each point.
+def ray_clearances(points, eye, near, far, ends, radii):
+    """Returns (M,) float32 signed distances in metres between capsules and a segment of each point's ray.
 
-    The distance is negative if the segment enters a capsule.
-
-    It is the smallest distance between the segment and a capsule's axis, minus the radius there.
+    The distance is the smallest one between the segment and a capsule's axis, minus the radius there. It is
+    negative if the segment enters a capsule.
 
     Args:
         points: (M, 3) float32.

@@ -1,8 +1,8 @@
 """Joint limits: the range of each joint of a person, and a relaxed standing posture.
 
-Ranges are boxes of the rotation vector about the middle of the joint's range. A shoulder's middle is an arm
-held out and forward. Hanging and overhead arms are then both within a third of a turn. So the logarithm stays
-smooth for all postures of a performer.
+A range is a box of rotation vectors about the middle of the joint's range. The middle of a shoulder is an arm
+held out and forward. Hanging and overhead arms are then both within a third of a turn from it. So the
+logarithm is smooth for all postures of a performer.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from enliven_edge.tracking.body_model.posture import rotation
 _SIDE = np.diag([-1.0, 1.0, 1.0])
 """(3, 3) a reflection that reverses x."""
 _EXTRA_HIP_FLEXION = 0.4
-"""Additional hip flexion in radians for a person that is already tracked: 138 degrees against a level
-pelvis."""
+"""Additional hip flexion in radians for a person that is already tracked. It allows 138 degrees relative to a
+level pelvis."""
 _NO_LIMIT = 10.0
-"""Half width, in radians, that means no limit. It is larger than any rotation vector."""
+"""Half width in radians of an unlimited range. It is larger than any rotation vector."""
 
 
 def mirror_rotations(rotations: Float) -> Float:
@@ -40,7 +40,7 @@ def _middle() -> Float:
 
 
 def _with_right_side(rotations: Float) -> Float:
-    """Copies the left limbs' rotations to the right, mirrored."""
+    """Sets the right limbs' rotations to the mirrored left ones, in place, and returns all."""
     mirror = mirror_rotations(rotations)
     for right in (model.UPPER_ARM_R, model.FOREARM_R, model.THIGH_R, model.SHIN_R, model.FOOT_R):
         rotations[right] = mirror[right]
@@ -65,24 +65,24 @@ def _reach() -> Float:
 
 MIDDLE = _middle()
 """(13, 3, 3) the middle of each range, parent_from_frame."""
-REACH = _reach()
+HALF_RANGES = _reach()
 """(13, 3) radians, half the width of each range about its middle."""
 
 
-def _limber() -> tuple[Float, Float]:
+def _wide_hip_limits() -> tuple[Float, Float]:
     """Returns the middles and the half widths of ranges in which only the hips bend farther."""
-    middle, reach = MIDDLE.copy(), REACH.copy()
+    middle, reach = MIDDLE.copy(), HALF_RANGES.copy()
     middle[model.THIGH_L] = rotation(x=-0.5 - 0.5 * _EXTRA_HIP_FLEXION, z=0.6)
     reach[[model.THIGH_L, model.THIGH_R], 0] += 0.5 * _EXTRA_HIP_FLEXION
     return _with_right_side(middle), reach
 
 
-LIMBER = _limber()
-"""(13, 3, 3) and (13, 3): middles and half widths for a person that is already tracked, see
+WIDE_HIP_LIMITS = _wide_hip_limits()
+"""(13, 3, 3) middles and (13, 3) half widths of the ranges of a person that is already tracked, see
 :class:`Fitter`."""
 
 
-def standing(
+def standing_pose(
     yaw: float = 0.0,
     *,
     arm_raise: float = 0.12,
@@ -91,7 +91,7 @@ def standing(
     hip: float = 0.0,
     knee: float = 0.05,
 ) -> Float:
-    """Returns (13, 3, 3) a standing person that faces +Z, turned by ``yaw`` about the vertical.
+    """Returns (13, 3, 3) rotations of a standing person that faces +Z, turned by ``yaw`` about the vertical.
 
     Args:
         yaw: radians about +Y.
@@ -110,5 +110,5 @@ def standing(
     return _with_right_side(rotations)
 
 
-RELAXED = standing()
-"""(13, 3, 3) standing relaxed, facing +Z. Copy it before you change it."""
+RELAXED = standing_pose()
+"""(13, 3, 3) rotations of a relaxed standing person that faces +Z. Copy it before you change it."""

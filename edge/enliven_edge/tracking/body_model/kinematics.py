@@ -7,12 +7,12 @@ import numpy as np
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven_edge.tracking.body_model.model import SHOULDER, UPPER_ARM_L, UPPER_ARM_R
 
-SHRUG = 0.3
-"""Rotation of a shoulder about the base of the neck when its arm points straight up, in radians."""
+MAX_SHOULDER_ELEVATION = 0.3
+"""Maximum rotation of a shoulder about the base of the neck in radians, when its arm points straight up."""
 _LEVEL = 0.0
 """Height of the upper arm's unit vector in the chest's frame above which the shoulder begins to rise."""
 _SMALL = 1e-4
-"""Sine of an angle below which it equals the angle, or half a turn minus the angle."""
+"""Below this value the sine of an angle is replaced by the angle, or by half a turn minus the angle."""
 
 
 @njit(cache=True, nogil=True)
@@ -33,12 +33,12 @@ def forward_into(world, pivots, position, rotations, lengths, parents, offsets):
     for f in range(1, len(parents)):
         p = parents[f]
         x, y, z = (
-            _along(offsets[f, 0], lengths),
-            _along(offsets[f, 1], lengths),
-            _along(offsets[f, 2], lengths),
+            _dot(offsets[f, 0], lengths),
+            _dot(offsets[f, 1], lengths),
+            _dot(offsets[f, 2], lengths),
         )
         if f in (UPPER_ARM_L, UPPER_ARM_R):
-            dx, dy = _shrugged(offsets[f], rotations[f], f)
+            dx, dy = _shoulder_shift(offsets[f], rotations[f], f)
             x, y = x + dx * lengths[SHOULDER], y + dy * lengths[SHOULDER]
         for a in range(3):
             pivots[f, a] = pivots[p, a] + world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * z
@@ -62,13 +62,13 @@ def pivots_by_length(out, world, rotations, parents, offsets):
                 along = world[p, a, 0] * x + world[p, a, 1] * y + world[p, a, 2] * z
                 out[f, a, term] = out[p, a, term] + along
         if f in (UPPER_ARM_L, UPPER_ARM_R):
-            dx, dy = _shrugged(offsets[f], rotations[f], f)
+            dx, dy = _shoulder_shift(offsets[f], rotations[f], f)
             for a in range(3):
                 out[f, a, SHOULDER] += world[p, a, 0] * dx + world[p, a, 1] * dy
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _along(row, lengths):
+def _dot(row, lengths):
     """Returns the dot product of (L,) and (L,).
 
     It may sum in any order, so that the compiler can vectorise it.
@@ -80,16 +80,16 @@ def _along(row, lengths):
 
 
 @njit(cache=True, nogil=True)
-def _shrugged(offset, rotation, frame):
-    """Returns the shift of a shoulder by its raised arm, sideways and up, per metre of shoulder width."""
-    sine, cosine = shrug(rotation)
+def _shoulder_shift(offset, rotation, frame):
+    """Returns the shift of a raised arm's shoulder, sideways and up, per metre of shoulder width."""
+    sine, cosine = shoulder_elevation(rotation)
     side = 1.0 if frame == UPPER_ARM_L else -1.0
     x, y = offset[0, SHOULDER], offset[1, SHOULDER]
     return cosine * x - side * sine * y - x, side * sine * x + cosine * y - y
 
 
 @njit(cache=True, nogil=True)
-def shrug(rotation):
+def shoulder_elevation(rotation):
     """Returns sine and cosine of a shoulder's elevation angle, which follows its arm.
 
     The collar bone has no degree of freedom of its own. It moves with the arm, as it does in people (the
@@ -97,7 +97,7 @@ def shrug(rotation):
     elbow.
     """
     share = max(0.0, (-rotation[1, 1] - _LEVEL) / (1.0 - _LEVEL))
-    angle = SHRUG * share * share * (3.0 - 2.0 * share)
+    angle = MAX_SHOULDER_ELEVATION * share * share * (3.0 - 2.0 * share)
     return np.sin(angle), np.cos(angle)
 
 
@@ -119,7 +119,7 @@ def capsules_into(ends, radii, world, pivots, lengths, frames, local, thickness)
         for e in range(2):
             radii[c, e] = thickness[c, e] * girth
             of = local[c, e]
-            x, y, z = _along(of[0], lengths), _along(of[1], lengths), _along(of[2], lengths)
+            x, y, z = _dot(of[0], lengths), _dot(of[1], lengths), _dot(of[2], lengths)
             for a in range(3):
                 ends[c, e, a] = pivots[f, a] + world[f, a, 0] * x + world[f, a, 1] * y + world[f, a, 2] * z
 
@@ -138,7 +138,7 @@ def turn(rotations, step, dof_frame, dof_axis):
 
 
 @njit(cache=True, nogil=True)
-def carry_on(rotations, before, share, fastest):
+def extrapolate(rotations, before, share, fastest):
     """Extrapolates each frame's rotation by a fraction of its rotation since ``before``, in place.
 
     The extrapolation is at most ``fastest`` radians.
@@ -173,7 +173,8 @@ def deviation(reference, rotation):
 
 @njit(cache=True, nogil=True)
 def deviation_into(out, reference, rotation):
-    """Writes :func:`deviation` into (3,) ``out``. The fit computes about forty per step."""
+    """Writes :func:`deviation` into (3,) ``out``, without an allocation, because a fit calls it 40 times per
+    step."""
     trace = 0.0
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3

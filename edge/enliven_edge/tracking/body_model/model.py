@@ -64,15 +64,17 @@ def lengths_for_height(height: float) -> Float:
 
 def height_of(lengths: Float) -> float:
     """Returns the metres from sole to crown of a person with these (12,) lengths, standing straight."""
-    of: list[float] = lengths.tolist()
-    crown, sole = 1.25 * of[NECK] + 0.095 * of[GIRTH], 0.35 * of[FOOT] + 0.03 * of[GIRTH]
-    return 0.9 * of[HIP] + of[THIGH] + of[SHIN] + sole + of[SPINE_LOW] + of[SPINE_UP] + crown
+    metres: list[float] = lengths.tolist()
+    crown, sole = 1.25 * metres[NECK] + 0.095 * metres[GIRTH], 0.35 * metres[FOOT] + 0.03 * metres[GIRTH]
+    return (
+        0.9 * metres[HIP] + metres[THIGH] + metres[SHIN] + sole + metres[SPINE_LOW] + metres[SPINE_UP] + crown
+    )
 
 
 def _offset(
     x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
 ) -> Float:
-    """Returns (3, 12) an offset in a frame. Each coordinate is a linear combination of the lengths."""
+    """Returns (3, 12) an offset in a frame, each coordinate a linear combination of the lengths."""
     offset = np.zeros((3, len(LENGTHS)))
     for row, terms in enumerate((x, y, z)):
         for length, factor in (terms or {}).items():
@@ -109,10 +111,10 @@ class Capsules:
     """Tapered capsules, each fixed to one frame.
 
     Attributes:
-        frame: (C,) the frame to which it is fixed.
+        frame: (C,) the frame to which each capsule is fixed.
         ends: (C, 2, 3, 12) both ends in that frame, linear in the lengths.
         radii: (C, 2) metres at girth 1.
-        joint: (C,) the joint that its observed points support.
+        joint: (C,) the joint that the capsule's observed points support.
     """
 
     frame: Int
@@ -180,11 +182,12 @@ def _joints() -> tuple[Int, Float]:
 
 
 PIVOTS = _pivots()
-"""(13, 3, 12) see :func:`_pivots`."""
+"""(13, 3, 12) the pivot of each frame in its parent's frame, linear in the lengths."""
 CAPSULES = _capsules()
 """The 20 capsules of the body's surface."""
 JOINT_FRAMES, JOINT_OFFSETS = _joints()
-"""(20,) and (20, 3, 12) see :func:`_joints`."""
+"""(20,) the frame of each tracked joint, and (20, 3, 12) its position in that frame, linear in the
+lengths."""
 
 
 def _degrees_of_freedom() -> tuple[Int, Int]:
@@ -194,7 +197,7 @@ def _degrees_of_freedom() -> tuple[Int, Int]:
 
 
 DOF_FRAME, DOF_AXIS = _degrees_of_freedom()
-"""(27,) and (27,) see :func:`_degrees_of_freedom`."""
+"""(27,) the frame and (27,) the local axis of each rotational degree of freedom."""
 DOFS = 3 + len(DOF_FRAME)
 """The number of degrees of freedom of a posture: translation first, then rotations."""
 
@@ -211,7 +214,7 @@ def _ancestry() -> Int:
 
 
 MOVES = _ancestry()
-"""(13, 27) see :func:`_ancestry`."""
+"""(13, 27) 1 if a rotational degree of freedom moves a frame, else 0."""
 
 
 def _bone_frames() -> Int:
@@ -223,11 +226,11 @@ def _bone_frames() -> Int:
 
 
 BONE_FRAMES = _bone_frames()
-"""(20,) see :func:`_bone_frames`."""
+"""(20,) the frame of the bone that ends at each joint."""
 
 
 def _frame_lengths() -> Int:
-    """Returns (13, 1 + 12) by frame: the number of lengths that move its points, then their indices.
+    """Returns (13, 1 + 12) for each frame: the number of lengths that move its points, then their indices.
 
     The girth is the last one.
     """
@@ -239,10 +242,10 @@ def _frame_lengths() -> Int:
         moved = of_pivot[frame] | CAPSULES.ends[CAPSULES.frame == frame].any((0, 1, 2))
         moved |= JOINT_OFFSETS[frame == JOINT_FRAMES].any((0, 1))
         moved[GIRTH] = True
-        every = np.flatnonzero(moved)
-        table[frame, 0], table[frame, 1 : 1 + len(every)] = len(every), every
+        indices = np.flatnonzero(moved)
+        table[frame, 0], table[frame, 1 : 1 + len(indices)] = len(indices), indices
     return table
 
 
 FRAME_LENGTHS = _frame_lengths()
-"""(13, 1 + 12) see :func:`_frame_lengths`."""
+"""(13, 1 + 12) for each frame: the number of lengths that move its points, then their indices."""

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.kernels import copy_row, njit
 from enliven.rotation import nearest_quaternion
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.kinematics import capsules_into, carry_on, forward_into, product
+from enliven_edge.tracking.body_model.kinematics import capsules_into, extrapolate, forward_into, product
 from enliven_edge.tracking.body_model.model import CHEST, PELVIS
 
 _BODY = (model.FRAME_PARENTS, model.PIVOTS)
@@ -24,7 +24,7 @@ _SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
 
 @dataclass
 class Posture:
-    """The unknowns of the fit.
+    """A posture of a body: the unknowns of the fit.
 
     Attributes:
         position: (3,) metres, world frame, of the hip centre.
@@ -35,7 +35,7 @@ class Posture:
     position: Float
     rotations: Float
     lengths: Float
-    _placed: tuple[tuple[bytes, ...], tuple[Float, Float]] | None = field(
+    _cached_capsules: tuple[tuple[bytes, ...], tuple[Float, Float]] | None = field(
         default=None, init=False, repr=False, compare=False
     )
 
@@ -59,17 +59,18 @@ class Posture:
     def capsules(self) -> tuple[Float, Float]:
         """Returns (C, 2, 3) capsule ends in the world frame and (C, 2) radii, metres. Do not modify them.
 
-        The result is cached, because half of the calls come for an unchanged posture.
+        The result is cached, because the posture is unchanged in half of the calls.
         """
         state = (self.position.tobytes(), self.rotations.tobytes(), self.lengths.tobytes())
-        if self._placed is None or self._placed[0] != state:
+        if self._cached_capsules is None or self._cached_capsules[0] != state:
             ends, radii = capsules_of(self.position, self.rotations, self.lengths, *_BODY, *_SURFACE)
-            self._placed = state, (ends, radii)
-        return self._placed[1]
+            self._cached_capsules = state, (ends, radii)
+        return self._cached_capsules[1]
 
     @property
     def lowest(self) -> float:
-        """Returns metres above y = 0 of the surface's lowest point: the sole of a standing person."""
+        """Returns the height in metres of the surface's lowest point above y = 0: the sole of a standing
+        person."""
         ends, radii = self.capsules()
         return float((ends[..., 1] - radii).min())
 
@@ -181,14 +182,14 @@ def predict_next(before: Posture, now: Posture) -> Posture:
     predicted = now.copy()
     step = _PREDICTED_FRACTION * (now.position - before.position)
     predicted.position += step * min(1.0, _MAX_STEP / max(1e-9, math.hypot(*step)))
-    carry_on(predicted.rotations, before.rotations, _PREDICTED_FRACTION, _MAX_TURN)
+    extrapolate(predicted.rotations, before.rotations, _PREDICTED_FRACTION, _MAX_TURN)
     return predicted
 
 
 _USUAL_LEAN_SINE = 0.15
-"""Sine of a trunk's usual backward lean. Only a larger lean counts."""
+"""Sine of a trunk's usual backward lean. Only a larger lean is penalised."""
 _LYING_SINE = 0.4
-"""Sine of a trunk's elevation below which it lies instead of leans."""
+"""If the sine of a trunk's elevation is below this value, the person lies, and no lean is computed."""
 
 
 @njit(cache=True, nogil=True)
@@ -217,22 +218,22 @@ def chest_axes_about(rotations):
 
 
 @njit(cache=True, nogil=True)
-def ahead_in_plan(left):
+def facing_direction(left):
     """Returns the unit (x, z) direction that a chest faces, from the line of its shoulders.
 
-    This works for a person that bends over, too.
+    It is also valid for a person that bends over.
     """
     length = np.sqrt(left[0] * left[0] + left[2] * left[2]) + 1e-9
     return -left[2] / length, left[0] / length
 
 
 @njit(cache=True, nogil=True)
-def leaning_back(left, up):
-    """Returns how far a chest leans backward, as the sine beyond the usual lean.
+def backward_lean(left, up):
+    """Returns the backward lean of a chest: the sine of its angle beyond the usual lean.
 
-    People bend forward instead.
+    It is implausible, because people bend forward, not backward.
     """
     if up[1] < _LYING_SINE:
         return 0.0
-    x, z = ahead_in_plan(left)
+    x, z = facing_direction(left)
     return max(0.0, -(up[0] * x + up[2] * z) - _USUAL_LEAN_SINE)

@@ -1,5 +1,1 @@
-"""Detection of a posture without a previous frame: hypotheses from extremities and the network, and fits."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Detection of a posture in a single frame: creates hypotheses, fits them, and keeps the best."""

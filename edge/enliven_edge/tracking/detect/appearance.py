@@ -8,55 +8,45 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import (
-    Posture,
-    chest_axes,
-    joint_limits,
-    model,
-    nearest_capsules,
-    rotation,
-)
-from enliven_edge.tracking.estimator import (
-    FACINGS,
-    MIRRORED,
-    PARTS,
-    BodyPart,
-    Estimate,
-    facing_in_plan,
-    parts_at_rays,
-)
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.capsules import nearest_capsules
+from enliven_edge.tracking.body_model.posture import Posture, chest_axes, rotation
+from enliven_edge.tracking.estimator.estimator import Estimate
+from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart, facing_in_plan
+from enliven_edge.tracking.estimator.part_map import parts_at_rays
+from enliven_edge.tracking.frame.observation import Observation
 
 
 def _capsule_parts() -> Float:
     """Returns (C, 17): 1 if a capsule belongs to a part, else 0."""
-    carries = np.zeros((len(model.CAPSULES.frame), PARTS))
+    capsule_parts = np.zeros((len(model.CAPSULES.frame), PARTS))
     for right in (0, 1):
         pelvis, chest, girdle = 3 * right, 3 * right + 1, 3 * right + 2
         arm, leg = 8 + 3 * right, 14 + 3 * right
-        carries[pelvis, BodyPart.BELLY_LEFT + right] = 1.0
-        carries[chest, [BodyPart.CHEST_LEFT + right, BodyPart.BELLY_LEFT + right]] = 1.0
-        carries[girdle, BodyPart.CHEST_LEFT + right] = 1.0
-        carries[6, [BodyPart.CHEST_LEFT + right, BodyPart.HEAD]] = 1.0
+        capsule_parts[pelvis, BodyPart.BELLY_LEFT + right] = 1.0
+        capsule_parts[chest, [BodyPart.CHEST_LEFT + right, BodyPart.BELLY_LEFT + right]] = 1.0
+        capsule_parts[girdle, BodyPart.CHEST_LEFT + right] = 1.0
+        capsule_parts[6, [BodyPart.CHEST_LEFT + right, BodyPart.HEAD]] = 1.0
         for k, part in enumerate((BodyPart.UPPER_ARM_LEFT, BodyPart.FOREARM_LEFT, BodyPart.HAND_LEFT)):
-            carries[arm + k, part + right] = 1.0
+            capsule_parts[arm + k, part + right] = 1.0
         for k, part in enumerate((BodyPart.THIGH_LEFT, BodyPart.SHANK_LEFT, BodyPart.FOOT_LEFT)):
-            carries[leg + k, part + right] = 1.0
-    carries[7, BodyPart.HEAD] = 1.0
-    return carries
+            capsule_parts[leg + k, part + right] = 1.0
+    capsule_parts[7, BodyPart.HEAD] = 1.0
+    return capsule_parts
 
 
-CARRIES = _capsule_parts()
+CAPSULE_PARTS = _capsule_parts()
 """(20, 17): 1 if a capsule of the model belongs to a part, else 0."""
-_CARRIED = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CARRIES])
+_PART_INDICES = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CAPSULE_PARTS])
 """(20, 2) the one or two parts of each capsule. -1 instead of a missing second one."""
-_EITHER = np.maximum(CARRIES, CARRIES[:, MIRRORED])
-"""(20, 17) the same with left and right parts treated as one."""
+_SIDELESS_CAPSULE_PARTS = np.maximum(CAPSULE_PARTS, CAPSULE_PARTS[:, MIRRORED])
+"""(20, 17) like ``CAPSULE_PARTS``, with left and right parts treated as one."""
 _FACING_PRIOR = 0.5
-"""Prior log probability for facing the sensor, and against facing away. People usually look at it."""
-DISAGREEMENT = 4.0
-"""Cost in square centimetres per point if the network assigns all points to other parts: like that of a bad
-fit."""
+"""Log probability added for facing the sensor, and subtracted for facing away. People usually face the
+sensor."""
+DISAGREEMENT_COST = 4.0
+"""Cost in square centimetres per point if the network assigns all points to other body parts. It is as high
+as the cost of a bad fit."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +66,10 @@ class EstimateAtPoints:
     rays: Float
 
     def of(self, estimate: Estimate) -> EstimateAtPoints:
-        """Returns another estimate of the same frame at the same points."""
+        """Returns another estimate of the same frame, sampled at the same points."""
         return EstimateAtPoints(estimate, self.surface, estimate.parts_at(self.rays), self.rays)
 
-    def thinned(self, step: int) -> EstimateAtPoints:
+    def thin(self, step: int) -> EstimateAtPoints:
         """Returns a copy with every ``step``-th point."""
         surface, shown = (
             np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.probabilities)
@@ -88,42 +78,43 @@ class EstimateAtPoints:
 
     def affinity(self, metres: float) -> Float32:
         """Returns (20, M) metres added to a point's distance from a capsule of another body part."""
-        return np.asarray(_affinity(self.probabilities, CARRIES, np.float32(metres)))
+        return np.asarray(_affinity(self.probabilities, CAPSULE_PARTS, np.float32(metres)))
 
     def sideless_affinity(self, metres: float) -> Float32:
-        """Returns the same with left and right parts treated as one."""
-        return np.asarray(_affinity(self.probabilities, _EITHER, np.float32(metres)))
+        """Returns :meth:`affinity` with left and right parts treated as one."""
+        return np.asarray(_affinity(self.probabilities, _SIDELESS_CAPSULE_PARTS, np.float32(metres)))
 
 
 def estimate_at_points(observation: Observation, estimate: Estimate) -> EstimateAtPoints:
     """Samples an estimate of the same frame at the points of an observation."""
-    at = (observation.pixels, observation.view.camera)
-    rays, shown = _shown_at(*at, estimate.parts, *estimate.crop.place)
-    return EstimateAtPoints(estimate, observation.surface, shown, rays)
+    view_arguments = (observation.pixels, observation.view.camera)
+    rays, probabilities = _parts_at_pixels(*view_arguments, estimate.parts, *estimate.crop.place)
+    return EstimateAtPoints(estimate, observation.surface, probabilities, rays)
 
 
 @njit(cache=True, nogil=True)
-def _shown_at(pixels, camera, parts, axes, centre, scale):
-    """Returns the (M, 2) rays of pixels and the (P, M) parts there, see :func:`part_map.parts_at_rays`."""
+def _parts_at_pixels(pixels, camera, parts, axes, centre, scale):
+    """Returns the (M, 2) rays of pixels, and (P, M) part probabilities from
+    :func:`part_map.parts_at_rays`."""
     rays = _rays(pixels, camera)
     return rays, parts_at_rays(parts, rays, axes, centre, scale)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _affinity(shown, carries, metres):
+def _affinity(shown, capsule_parts, metres):
     """Computes :meth:`EstimateAtPoints.affinity`.
 
     Args:
         shown: (P, M) float32 probabilities.
         carries: (C, P) 1 if a capsule belongs to a part, else 0.
-        metres: the maximum.
+        metres: the maximum of an entry.
     """
-    out = np.empty((len(carries), shown.shape[1]), np.float32)
-    for c in range(len(carries)):
+    out = np.empty((len(capsule_parts), shown.shape[1]), np.float32)
+    for c in range(len(capsule_parts)):
         row = out[c]
         row[:] = metres
         for p in range(len(shown)):
-            if carries[c, p] == 0.0:
+            if capsule_parts[c, p] == 0.0:
                 continue
             like = shown[p]
             for i in range(len(row)):
@@ -141,19 +132,21 @@ def _rays(pixels, camera):
     return rays
 
 
-def agreement(seen: EstimateAtPoints, posture: Posture) -> float:
-    """Returns the mean probability, over the points, of the part that the posture has there, in [0, 1].
+def agreement(network_output: EstimateAtPoints, posture: Posture) -> float:
+    """Returns the mean network probability in [0, 1] of the body parts that the posture has at the points.
 
     Comparing a posture with its flipped version distinguishes front from back, and left from right.
     """
-    return float(_agreement(seen.surface, seen.probabilities, _CARRIED, *posture.capsules()))
+    return float(
+        _agreement(network_output.surface, network_output.probabilities, _PART_INDICES, *posture.capsules())
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _agreement(surface, shown, carries, ends, radii):
+def _agreement(surface, shown, capsule_parts, ends, radii):
     """Computes :func:`agreement`.
 
-    Arguments are those of :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
+    The arrays come from :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
 
     Args:
         surface, shown: the points and the probabilities of their parts.
@@ -164,22 +157,22 @@ def _agreement(surface, shown, carries, ends, radii):
     nearest_capsules(which, surface, np.zeros((0, 0), np.float32), ends, radii, np.float32(0.0))
     total = 0.0
     for i in range(len(which)):
-        for part in carries[which[i]]:
+        for part in capsule_parts[which[i]]:
             total += shown[part, i] if part >= 0 else 0.0
     return total / len(which)
 
 
-def facing_score(seen: EstimateAtPoints, posture: Posture, eye: Float) -> float:
-    """Returns how likely the posture's facing is for the network: 0 for the likeliest direction, else less.
+def facing_score(network_output: EstimateAtPoints, posture: Posture, eye: Float) -> float:
+    """Returns the log probability of the posture's facing relative to the network's likeliest direction.
 
-    It is a log probability, interpolated between the eight directions of the network. Of two equally likely
-    directions the one towards the sensor scores higher.
+    It is interpolated between the eight directions of the network. A prior is added that favours directions
+    towards the sensor.
     """
-    return float(likely_to_face(seen.estimate.facing, facing(posture, eye)))
+    return float(facing_log_probability(network_output.estimate.facing, facing(posture, eye)))
 
 
 @njit(cache=True, nogil=True)
-def likely_to_face(ways, angle):
+def facing_log_probability(ways, angle):
     """Computes :func:`facing_score`.
 
     Args:

@@ -1,4 +1,4 @@
-"""Start poses for an arm: from the network, at the surface, mirrored from the other arm, at bulges."""
+"""Start poses for fitting an arm: from the network, at the surface, mirrored, and at protruding points."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ import numpy as np
 from enliven.arrays import Float, Float32, Int
 from enliven.kernels import njit, quantile
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, clear_of_rays, mirror_rotations, model, standing_out
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.capsules import ray_clearances, signed_distances
+from enliven_edge.tracking.body_model.joint_limits import mirror_rotations
+from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
-from enliven_edge.tracking.fit import align
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.fit.alignment import align
+from enliven_edge.tracking.frame.observation import Observation
 
 Arm = tuple[int, ...]
-"""The two frames of an arm."""
+"""The model's two frames of an arm: upper arm and forearm."""
 Start = Callable[[], Posture]
-"""Creates a posture to start from. It is lazy, because only some are tried in a frame."""
+"""Function that creates a start posture. It is called only for the places that are tried in a frame."""
 ARM_JOINTS: dict[Arm, Int] = {
     (model.UPPER_ARM_L, model.FOREARM_L): np.array([Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]),
     (model.UPPER_ARM_R, model.FOREARM_R): np.array([Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]),
@@ -30,7 +33,8 @@ _MAX_RAY_SHIFT_M = 0.25
 """Maximum shift in metres of a joint along its ray towards the measured depth. Depth farther away is another
 part of the body."""
 _MAX_DEPTH_ERROR_M = 0.03
-"""Metres behind the surface above which a joint counts as fitted too deep. Less is noise of the fit."""
+"""Maximum distance in metres of a joint behind the surface. A larger one means that it was fitted too
+deep."""
 _ALIGNMENT_STEPS = 8
 """Steps of aligning an arm. Few are enough, because the rest of the body stays."""
 _ROBUST_WIDTH_M = 0.3
@@ -38,23 +42,24 @@ _ROBUST_WIDTH_M = 0.3
 _TARGET_WEIGHT = 0.1
 """Weight of each target, including the joints of the rest of the body."""
 _MIN_PROTRUSION_M = 0.04
-"""Metres outside the whole model above which a point protrudes. Clothes and the fit's error stay within."""
-_BEHIND = (0.06, 0.3)
+"""Minimum distance in metres of a protruding point outside the whole model. Clothes and the fit's error are
+smaller."""
+_TRUNK_INTERVAL_M = (0.06, 0.3)
 """Interval in metres behind a point in which its ray must hit the trunk."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 _GROUP_RADIUS_M = 0.16
 """Radius in metres around a protruding point in which other points belong to the same forearm."""
 _MIN_GROUP_POINTS = 8
-"""Minimum number of points of a group. Of 500 points a hand has about as many."""
+"""Minimum number of points of a group. A hand has about this number out of 500 points."""
 _MIN_GROUP_LENGTH_M = 0.14
 """Minimum length in metres of a group to show a forearm's direction. A hand is shorter."""
 
 
 def arm_starts(
-    observation: Observation, posture: Posture, seen: EstimateAtPoints | None, arms: list[Arm]
+    observation: Observation, posture: Posture, network_output: EstimateAtPoints | None, arms: list[Arm]
 ) -> list[Start]:
-    """Returns functions that create the posture with one arm elsewhere, for each arm and each place."""
+    """Returns functions that create the posture with one arm at another place, for each arm and place."""
     joints, view = posture.joints(), observation.view
     eye = view.world_from_camera[:3, 3]
     starts: list[Start] = []
@@ -62,14 +67,16 @@ def arm_starts(
         of_arm = ARM_JOINTS[arm]
         own = joints[of_arm]
         with_arm = partial(_with_arm, posture, joints, arm)
-        if seen is not None:
-            sighted = seen.estimate.joints[of_arm]
-            starts.append(partial(with_arm, sighted))
-            starts.append(partial(with_arm, np.concatenate([sighted[:1], _at_surface(view, sighted[1:])])))
-        before = _at_surface(view, own)
-        nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(before - eye, axis=1)
+        if network_output is not None:
+            network_joints = network_output.estimate.joints[of_arm]
+            starts.append(partial(with_arm, network_joints))
+            starts.append(
+                partial(with_arm, np.concatenate([network_joints[:1], _at_surface(view, network_joints[1:])]))
+            )
+        at_surface = _at_surface(view, own)
+        nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(at_surface - eye, axis=1)
         if nearer[1:].max() > _MAX_DEPTH_ERROR_M:
-            starts.append(partial(with_arm, before))
+            starts.append(partial(with_arm, at_surface))
         starts.append(partial(_mirror_other_arm, posture, arm))
     return starts + _starts_at_protrusion(observation, posture, joints, arms)
 
@@ -102,7 +109,7 @@ def _mirror_other_arm(posture: Posture, arm: Arm) -> Posture:
 def _at_surface(view, joints):
     """Returns (N, 3) joints, each moved along its ray to just behind the person's surface.
 
-    If the person is not visible there, or its surface is too far away, the joint stays.
+    A joint does not move if the person is not visible there, or the surface is too far away.
     """
     depth, mask, pose = view.depth, view.mask, view.world_from_camera
     fx, fy, cx, cy = view.camera
@@ -137,7 +144,7 @@ def _starts_at_protrusion(
     out = _protruding_points(observation, posture)
     if len(out) < _MIN_GROUP_POINTS:
         return []
-    group = out[fullest_ball(out, np.float32(_GROUP_RADIUS_M))].astype(float)
+    group = out[densest_ball(out, np.float32(_GROUP_RADIUS_M))].astype(float)
     if len(group) < _MIN_GROUP_POINTS:
         return []
     middle = group.mean(0)
@@ -162,8 +169,9 @@ def _starts_at_protrusion(
 
 
 @njit(cache=True, nogil=True)
-def fullest_ball(points, radius):
-    """Returns (M,) the points of (M, 3) within a radius of the point that has most others around it."""
+def densest_ball(points, radius):
+    """Returns an (M,) mask of the points within a radius of the point with the most neighbours in that
+    radius."""
     most, best, square = 0, 0, radius * radius
     x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
     for i in range(len(points)):
@@ -186,6 +194,6 @@ def _protruding_points(observation: Observation, posture: Posture) -> Float32:
     Furniture next to a person, and another person's arm, protrude too, but next to the trunk.
     """
     ends, radii = posture.capsules()
-    out = observation.points[standing_out(observation.points, ends, radii) > _MIN_PROTRUSION_M]
+    out = observation.points[signed_distances(observation.points, ends, radii) > _MIN_PROTRUSION_M]
     eye = observation.view.world_from_camera[:3, 3].astype(np.float32)
-    return out[clear_of_rays(out, eye, *_BEHIND, ends[_TRUNK], radii[_TRUNK]) < 0.0]
+    return out[ray_clearances(out, eye, *_TRUNK_INTERVAL_M, ends[_TRUNK], radii[_TRUNK]) < 0.0]

@@ -12,14 +12,15 @@ class Backoff:
         longest: maximum number of frames between two trials.
     """
 
-    def __init__(self, longest: int, worse: float = 1.2) -> None:
+    def __init__(self, max_interval: int, worse: float = 1.2) -> None:
         """Sets the limits.
 
         Args:
             longest: maximum number of frames between two trials.
-            worse: factor on the badness of the last failed trial above which to try at once.
+            worse: if the badness exceeds that of the last failed trial by this factor, the next trial is due
+                at once.
         """
-        self.longest = longest
+        self.max_interval = max_interval
         self._worse = worse
         self._wait, self._since, self._failed_badness = 1, 0, np.inf
 
@@ -28,8 +29,8 @@ class Backoff:
         self._since += 1
         return self._since >= self._wait or badness > self._worse * self._failed_badness
 
-    def tried(self, badness: float, *, better: bool) -> None:
-        """Records the result of a trial in a frame of this badness: whether it found something better."""
+    def record(self, badness: float, *, better: bool) -> None:
+        """Records a trial in a frame of this badness, and whether it found a better result."""
         self._since = 0
-        self._wait = 1 if better else min(2 * self._wait, self.longest)
+        self._wait = 1 if better else min(2 * self._wait, self.max_interval)
         self._failed_badness = np.inf if better else badness

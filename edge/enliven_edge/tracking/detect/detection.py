@@ -10,46 +10,51 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.tracking.body_model import Posture, model
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import (
     EstimateAtPoints,
     flip_posture,
 )
 from enliven_edge.tracking.detect.extremities import extremities
-from enliven_edge.tracking.detect.fit_quality import likely_builds, oddness
+from enliven_edge.tracking.detect.fit_quality import implausibility_cost, likely_builds
 from enliven_edge.tracking.detect.hypotheses import bank_starts, pose_from_estimate, standing_starts
-from enliven_edge.tracking.estimator import FACINGS, Estimate, PoseEstimator
-from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator
+from enliven_edge.tracking.estimator.labels import FACINGS
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.frame.observation import Observation
 from enliven_edge.tracking.work_budget import Steps
 
 _REFINED_HYPOTHESES = 3
-"""Hypotheses that are refined. With eight, flipped ones won on real shots, because coarse fits distinguish
-front from back better."""
+"""Number of hypotheses that are refined. With eight, flipped bodies won on real shots, because coarse fits
+distinguish front from back better than refined ones."""
 _DUPLICATE_DISTANCE_M = 0.12
 """Maximum distance in metres of all pairs of joints for two hypotheses to count as equal: they would end in
 the same fit."""
 _FACING_CANDIDATES = 3
-"""Number of likeliest facings that the network is conditioned on, in addition to none and the opposite. Each
-costs a run."""
+"""Number of likeliest facings for which the network is run again, in addition to runs without a facing and
+with the opposite one."""
 _LENGTH_WEIGHTS = np.full(len(model.LENGTHS), 30.0)
-"""(12,) weights of the lengths in a refinement. They are low, because the person is not measured yet."""
+"""(12,) weights of the lengths' prior in a refinement. They are low, because the person is not measured
+yet."""
 _COARSE_POINTS = 160
-"""Points of the coarse fits of a tracked person: a third of all, because the fits are only compared."""
+"""Number of points in coarse fits of a tracked person: a third of all points, because the fits are only
+compared."""
 _FIRST_POINTS = 250
-"""The same for a new person: half of all, because there is no present posture to keep if all of these are
-bad."""
+"""Number of points in coarse fits of a new person: half of all points, because a new person has no present
+posture to fall back on."""
 _COARSE_STEPS = 8
 """Steps of a coarse fit. With four to six the tuning set lost half a percent of its joints."""
 _COARSE_WIDTH_M = 0.25
 """Robust width of coarse fits in metres. A limb of a hypothesis may be wrong by as much."""
 _FIRST_STEPS = 2
-"""Steps after which the worse half of the hypotheses is dropped. It hardly ever wins."""
+"""Number of steps after which the worse half of the hypotheses is dropped. Hypotheses from this half hardly
+ever win."""
 _MIDDLE_POINTS = 250
-"""Points of the first half of a refinement of a tracked person. Half of all show which hypothesis is
-hopeless."""
+"""Number of points in the first half of a refinement of a tracked person. Half of all points suffice to find
+hopeless hypotheses."""
 _MAX_ENERGY_RATIO = 1.6
-"""Factor on the lowest energy above which a half refined hypothesis is dropped as hopeless."""
+"""A half refined hypothesis is dropped as hopeless if its energy exceeds the lowest one by this factor."""
 _HALF_STEPS = 15
 """Steps of each half of a refinement. The fit has converged by then."""
 _HALF_WIDTH = 0.12
@@ -57,15 +62,15 @@ _HALF_WIDTH = 0.12
 _HALF_AFFINITY = 0.4
 """Factor on the affinity in the first half of a refinement: the surface takes over from the network."""
 _MAX_REFINED_COST = 1.0
-"""Fraction of the present cost below which a hypothesis is refined. One that is no better hardly ever
-wins."""
+"""Maximum cost of a hypothesis, relative to the present posture, to be refined. Hypotheses above it hardly
+ever win."""
 _AFFINITY = 0.15
 """Affinity in coarse fits in metres: the added distance between a point and a capsule of another body
 part."""
 _BANK_HYPOTHESES = 8
-"""Hypotheses from the bank if there is no network, the most similar first. Each costs a coarse fit."""
+"""Number of the most similar bank postures that are tried without a network. Each costs a coarse fit."""
 _EXTRA_BANK_HYPOTHESES = 3
-"""Hypotheses from the bank in addition to the network's, which are better."""
+"""Number of hypotheses from the posture bank in addition to those of the network, which are better."""
 _NETWORK_COST = 1
 """Cost of running the network for one likely facing, in coarse fits."""
 _POSTURE_COST = 1
@@ -79,9 +84,9 @@ _REFINEMENT_COST = 2
 _FIRST_STEPS_COST = 0.33
 """Cost of the first steps of a coarse fit, as a fraction of a coarse fit to all points."""
 _OTHER_STEPS_COST = 0.67
-"""The same for the other steps."""
+"""Cost of the remaining steps of a coarse fit, as a fraction of a coarse fit to all points."""
 _FIXED_COST_FRACTION = 0.3
-"""Fraction of the cost of a step that does not depend on the number of points."""
+"""Fraction of a step's cost that is independent of the number of points."""
 
 
 def detect(
@@ -89,7 +94,7 @@ def detect(
     observation: Observation,
     eye: Float,
     height: float,
-    seen: EstimateAtPoints | None = None,
+    network_output: EstimateAtPoints | None = None,
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport]]:
@@ -104,17 +109,17 @@ def detect(
         observation: the observed person.
         eye: (3,) the sensor's position, world frame.
         height: metres, the person's height until it is measured.
-        seen: the network's estimate of this observation; None without the network.
+        network_output: the network's estimate of this observation; None without the network.
         by_facing: its estimates for each likely facing, see :func:`estimates_by_facing`.
-        lengths: (12,) metres, of this person if they are known already.
+        lengths: (12,) metres, this person's bone lengths if they are known already.
     """
-    coarse = _CoarseFits(fitter, observation, seen, eye, height, _FIRST_POINTS)
+    coarse = _CoarseFits(fitter, observation, network_output, eye, height, _FIRST_POINTS)
     starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
-    ranked = yield from coarse.ranked(starts)
-    kept = _best_distinct(ranked, _REFINED_HYPOTHESES)
-    best = yield from _refine(fitter, observation, seen, kept, height)
+    ranked = yield from coarse.rank(starts)
+    finalists = _best_distinct(ranked, _REFINED_HYPOTHESES)
+    best = yield from _refine(fitter, observation, network_output, finalists, height)
     # Also try the best posture flipped, because front and back are easily confused.
-    other = yield from _refine(fitter, observation, seen, [flip_posture(best[1])], height)
+    other = yield from _refine(fitter, observation, network_output, [flip_posture(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
@@ -122,43 +127,45 @@ def detect(
 def detect_another(
     fitter: Fitter,
     observation: Observation,
-    seen: EstimateAtPoints | None,
+    network_output: EstimateAtPoints | None,
     eye: Float,
     height: float,
-    now: Posture,
+    present: Posture,
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Finds a posture that may explain an observation better than ``now``. None if there is none.
+    """Finds a posture that may explain an observation better than ``present``. None if there is none.
 
     It is a generator that yields its costs. The present posture is fitted as coarsely as all others. A
     hypothesis that is no better at that stage is hardly ever better in the end, so it is not refined.
 
     Args:
-        fitter, observation, seen, eye, height, by_facing, lengths: as in :func:`detect`.
-        now: the present posture.
+        fitter, observation, network_output, eye, height, by_facing, lengths: as in :func:`detect`.
+        present: the present posture.
     """
-    coarse = _CoarseFits(fitter, observation, seen, eye, height, _COARSE_POINTS)
-    mark, _ = coarse.fitted(now)
+    coarse = _CoarseFits(fitter, observation, network_output, eye, height, _COARSE_POINTS)
+    present_cost, _ = coarse.fit_steps(present)
     yield 1
     starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
-    ranked = yield from coarse.ranked(starts)
-    promising = [pair for pair in ranked if pair[0] < _MAX_REFINED_COST * mark]
+    ranked = yield from coarse.rank(starts)
+    promising = [pair for pair in ranked if pair[0] < _MAX_REFINED_COST * present_cost]
     if not promising:
         return None
-    kept = _best_distinct(promising, _REFINED_HYPOTHESES)
-    _, posture, report = yield from _refine(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
+    finalists = _best_distinct(promising, _REFINED_HYPOTHESES)
+    _, posture, report = yield from _refine(
+        fitter, observation, network_output, finalists, height, _MIDDLE_POINTS
+    )
     return posture, report
 
 
 class _CoarseFits:
-    """Fits hypotheses in a few steps, to some of the points, to separate good ones from bad ones."""
+    """Fits hypotheses in a few steps to a part of the points, to separate good ones from bad ones."""
 
     def __init__(
         self,
         fitter: Fitter,
         observation: Observation,
-        seen: EstimateAtPoints | None,
+        network_output: EstimateAtPoints | None,
         eye: Float,
         height: float,
         points: int,
@@ -166,51 +173,53 @@ class _CoarseFits:
         step = max(1, len(observation.points) // points)
         self._cost = _FIXED_COST_FRACTION + (1.0 - _FIXED_COST_FRACTION) / step
         self._fitter, self._eye, self._height = fitter, eye, height
-        self._seen = None if seen is None else seen.thinned(step)
-        self._observation = _add_affinities(observation.thinned(step), self._seen, _AFFINITY)
+        self._network_output = None if network_output is None else network_output.thin(step)
+        self._observation = _add_affinities(observation.thin(step), self._network_output, _AFFINITY)
 
-    def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
-        """Returns the costs and postures of the better half of some hypotheses.
+    def rank(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
+        """Fits hypotheses coarsely. Returns the costs and postures of the better half.
 
         It is a generator that yields its costs.
 
         A hypothesis that is in the worse half after a few steps hardly ever wins.
         """
-        glanced, ranked = [], []
+        briefly_fitted, ranked = [], []
         for start in starts:
-            glanced.append(self.fitted(start, _FIRST_STEPS))
+            briefly_fitted.append(self.fit_steps(start, _FIRST_STEPS))
             yield _FIRST_STEPS_COST * self._cost
-        glanced.sort(key=lambda pair: pair[0])
-        for _, posture in glanced[: max(_REFINED_HYPOTHESES, len(starts) // 2)]:
-            ranked.append(self.fitted(posture, _COARSE_STEPS - _FIRST_STEPS))
+        briefly_fitted.sort(key=lambda pair: pair[0])
+        for _, posture in briefly_fitted[: max(_REFINED_HYPOTHESES, len(starts) // 2)]:
+            ranked.append(self.fit_steps(posture, _COARSE_STEPS - _FIRST_STEPS))
             yield _OTHER_STEPS_COST * self._cost
         return ranked
 
-    def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
+    def fit_steps(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
         """Returns the cost of a hypothesis after the given number of steps, and its posture."""
         fit = self._fitter.fit
         posture, report = fit(self._observation, start, iterations=steps, width=_COARSE_WIDTH_M)
-        return report.energy + oddness(self._seen, posture, self._eye, self._height), posture
+        return report.energy + implausibility_cost(
+            self._network_output, posture, self._eye, self._height
+        ), posture
 
 
 def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
     """Returns the cheapest postures without those that are similar to a cheaper one."""
-    kept: list[tuple[Float, Posture]] = []
+    distinct: list[tuple[Float, Posture]] = []
     for _, posture in sorted(ranked, key=lambda pair: pair[0]):
         joints = posture.joints()
-        if all(np.linalg.norm(joints - other, axis=1).max() > _DUPLICATE_DISTANCE_M for other, _ in kept):
-            kept.append((joints, posture))
-        if len(kept) == most:
+        if all(np.linalg.norm(joints - other, axis=1).max() > _DUPLICATE_DISTANCE_M for other, _ in distinct):
+            distinct.append((joints, posture))
+        if len(distinct) == most:
             break
-    return [posture for _, posture in kept]
+    return [posture for _, posture in distinct]
 
 
 def estimates_by_facing(
     estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
 ) -> Steps[list[Estimate]]:
     """Runs the network on the crop of an estimate, conditioned on each likely facing, one after the other."""
-    ways = np.argsort(-estimate.facing)[:_FACING_CANDIDATES]
-    turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
+    likeliest = np.argsort(-estimate.facing)[:_FACING_CANDIDATES]
+    turns = [float(index) for index in likeliest] + [float(likeliest[0]) + 0.5 * FACINGS]
     estimates: list[Estimate] = []
     for facing in (None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)):
         estimates += estimator.estimates(estimate.crop, world_from_camera, [facing])
@@ -248,7 +257,7 @@ def _create_hypotheses(
 def _refine(
     fitter: Fitter,
     observation: Observation,
-    seen: EstimateAtPoints | None,
+    network_output: EstimateAtPoints | None,
     starts: list[Posture],
     height: float,
     points: int | None = None,
@@ -258,18 +267,21 @@ def _refine(
     It is a generator that yields its costs.
 
     Args:
-        fitter, observation, seen, height: as in :func:`detect`.
+        fitter, observation, network_output, height: as in :func:`detect`.
         starts: the hypotheses.
         points: number of points in the first half of the fit, after which a much worse hypothesis is dropped;
             None: all points, and none is dropped.
     """
-    few, guide = observation, seen
+    fewer_points, guide = observation, network_output
     if points is not None:
         step = max(1, len(observation.points) // points)
-        few, guide = observation.thinned(step), None if seen is None else seen.thinned(step)
+        fewer_points, guide = (
+            observation.thin(step),
+            None if network_output is None else network_output.thin(step),
+        )
     halfway = []
     for start in starts:
-        guided = _add_affinities(few, guide, _HALF_AFFINITY * _AFFINITY)
+        guided = _add_affinities(fewer_points, guide, _HALF_AFFINITY * _AFFINITY)
         posture, report = fitter.fit(
             guided, start, iterations=_HALF_STEPS, width=_HALF_WIDTH, proportions=_LENGTH_WEIGHTS
         )
@@ -282,12 +294,20 @@ def _refine(
             posture, report = fitter.fit(
                 observation, posture, iterations=_HALF_STEPS, proportions=_LENGTH_WEIGHTS
             )
-            odd = oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
-            ready.append((report.energy + odd, posture, report))
+            implausibility = implausibility_cost(
+                network_output, posture, observation.view.world_from_camera[:3, 3], height
+            )
+            ready.append((report.energy + implausibility, posture, report))
             yield _REFINEMENT_COST
     return min(ready, key=lambda found: found[0])
 
 
-def _add_affinities(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
+def _add_affinities(
+    observation: Observation, network_output: EstimateAtPoints | None, metres: float
+) -> Observation:
     """Returns the observation with affinities: points prefer the limbs of their body part, left or right."""
-    return observation if seen is None else observation.guided(seen.sideless_affinity(metres))
+    return (
+        observation
+        if network_output is None
+        else observation.with_guides(network_output.sideless_affinity(metres))
+    )

@@ -1,8 +1,8 @@
 """Geodesic extremities of a person's surface: hands, feet and head are farthest along it from the trunk.
 
 After Plagemann et al. 2010: the first extremity has the longest shortest path over the surface from its
-middle. The next one is farthest from both, and so on. A depth edge may be crossed at a price. So a forearm
-held in front of the chest is far from the chest although it is near in the image.
+middle. The next one is farthest from both, and so on. A path may cross a depth edge at a cost. So a forearm
+held in front of the chest is far from the chest, although it is near in the image.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.heap import pop, push
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import world_points
+from enliven_edge.tracking.frame.observation import world_points
 
 _NODES = 1200
 """Approximate number of pixels to which the surface is thinned: 2 to 3 cm apart on a person, enough to find a
 hand."""
 _DEPTH_EDGE_COST_M = 1.0
-"""Cost in metres of a path across a depth edge: longer than the way around an arm held in front of the
-chest."""
+"""Additional cost in metres of a path across a depth edge. It is longer than the path along an arm that is
+held in front of the chest."""
 
 
 @dataclass(frozen=True)
 class Extremities:
-    """The farthest points, the farthest first.
+    """The extremities of a surface, the farthest first.
 
     Attributes:
         points: (K, 3) metres, world frame, on the surface.
@@ -53,17 +53,17 @@ def extremities(
     step = max(1, int(np.sqrt(np.count_nonzero(mask) / _NODES)))
     depth = np.ascontiguousarray(z[::step, ::step])
     # Use one memory layout for all steps. Numba compiles or loads a kernel again for each layout.
-    thinned = _solid(depth, np.ascontiguousarray(mask[::step, ::step]), step)
+    thinned = _solid_pixels(depth, np.ascontiguousarray(mask[::step, ::step]), step)
     if not thinned.any():
         return Extremities(np.zeros((0, 3)), np.zeros(0))
-    points = _placed(depth, step, camera, pose)
+    points = _pixel_points(depth, step, camera, pose)
     body_points = points[thinned]
     middle = np.median(body_points, axis=0)
     source = int(np.flatnonzero(thinned)[np.argmin(np.linalg.norm(body_points - middle, axis=1))])
     cell = np.empty(count, np.int64)
     far = np.empty(count)
     distance = np.full(thinned.shape, np.inf)
-    spread(points, depth, thinned, step, source, distance)
+    extend_distances(points, depth, thinned, step, source, distance)
     kept_count = 0
     for k in range(count):
         reached = np.where(np.isfinite(distance), distance, -1.0)
@@ -72,11 +72,11 @@ def extremities(
         if far[k] < nearest:
             break
         kept_count += 1
-        spread(points, depth, thinned, step, cell[k], distance)
+        extend_distances(points, depth, thinned, step, cell[k], distance)
     return Extremities(points.reshape(-1, 3)[cell[:kept_count]], far[:kept_count])
 
 
-def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
+def _pixel_points(z: Float, step: int, camera: Float, pose: Float) -> Float:
     """Returns (h, w, 3) world-frame points of every ``step``-th pixel."""
     fx, fy, cx, cy = camera
     ray = np.empty((*z.shape, 2))
@@ -86,13 +86,13 @@ def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _jumps(here, there, step):
+def _is_depth_edge(here, there, step):
     """Returns True if two depths in metres, ``step`` pixels apart, are not on one surface."""
     return abs(there - here) > step * (0.02 + 0.008 * here * here)
 
 
 @njit(cache=True, nogil=True)
-def _solid(z, mask, step):
+def _solid_pixels(z, mask, step):
     """Returns (h, w) the masked pixels with three neighbours on the same surface.
 
     It removes stray depth at edges.
@@ -104,14 +104,14 @@ def _solid(z, mask, step):
             beside = -1
             for q in range(max(0, v - 1), min(height, v + 2)):
                 for p in range(max(0, u - 1), min(width, u + 2)):
-                    if mask[q, p] and mask[v, u] and not _jumps(z[v, u], z[q, p], step):
+                    if mask[q, p] and mask[v, u] and not _is_depth_edge(z[v, u], z[q, p], step):
                         beside += 1
             out[v, u] = beside >= 3
     return out
 
 
 @njit(cache=True, nogil=True)
-def spread(points, z, mask, step, source, distance):
+def extend_distances(points, z, mask, step, source, distance):
     """Runs Dijkstra's algorithm from one more source: lowers ``distance`` where the new path is shorter.
 
     Args:
@@ -140,7 +140,7 @@ def spread(points, z, mask, step, source, distance):
                 for a in range(3):
                     square += (points[q, p, a] - points[v, u, a]) ** 2
                 cost = np.sqrt(square)
-                if _jumps(z[v, u], z[q, p], step):
+                if _is_depth_edge(z[v, u], z[q, p], step):
                     cost += _DEPTH_EDGE_COST_M
                 if key + cost < distance[q, p] - 1e-9:
                     distance[q, p] = key + cost

@@ -1,7 +1,7 @@
-"""The quality of a fitted posture: its explanation of the frame, its plausibility, and its facing.
+"""The quality of a fitted posture: how well it explains the frame, its plausibility, and its facing.
 
-Front and back look alike. So evidence of the facing is averaged over many frames: the network's estimate, the
-direction of walking, and that people bend forward.
+A person's front and back look alike in depth. So three signs of the facing are averaged over many frames: the
+network's estimate, the direction of walking, and the lean of the trunk, because people bend forward.
 """
 
 from __future__ import annotations
@@ -10,84 +10,86 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import (
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import (
     Posture,
-    ahead_in_plan,
+    backward_lean,
     chest_axes,
     chest_axes_about,
-    leaning_back,
-    model,
+    facing_direction,
 )
 from enliven_edge.tracking.detect.appearance import (
-    DISAGREEMENT,
+    DISAGREEMENT_COST,
     EstimateAtPoints,
     agreement,
+    facing_log_probability,
     facing_score,
-    likely_to_face,
 )
-from enliven_edge.tracking.estimator import facing_in_plan
-from enliven_edge.tracking.fit import FitReport
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.estimator.labels import facing_in_plan
+from enliven_edge.tracking.fit.fit import FitReport
+from enliven_edge.tracking.frame.observation import Observation
 
 _EVIDENCE_FRAMES = 15.0
-"""Number of frames over which the evidence is averaged: half a second. The network's errors in one posture
-last for a shorter time."""
+"""Number of frames over which the evidence is averaged: half a second. Wrong estimates of the network in one
+posture do not last that long."""
 _MIN_EVIDENCE_FRAMES = 12
 """Minimum number of frames of evidence before the first decision. With fewer the mean is unreliable."""
 _SETTLED_LEAD = 1.0
-"""Minimum lead of a facing over its opposite to be settled, as a log probability."""
+"""Minimum log probability of a facing relative to its opposite for the facing to count as settled."""
 _WRONG_FACING_LOG = -2.6
-"""Log probability relative to its opposite below which a facing is wrong. It is far below 0, because a person
-must not be flipped without strong evidence."""
+"""If a facing's log probability relative to its opposite is below this value, the facing is wrong. It is far
+below 0, because a person must not be flipped without strong evidence."""
 _WRONG_SETTLED_LOG = -3.5
-"""The same limit for a facing that was settled before, which needs even more evidence."""
+"""The corresponding limit for a settled facing. A flip then needs even more evidence."""
 _MIN_WALK_SPEED = 0.45
 """Minimum walking speed in metres per second that indicates the facing. At lower speeds people also step
 sideways and back."""
 _FULL_WALK_SPEED = 0.9
-"""Walking speed in metres per second with full weight: a slow walk ahead."""
+"""Minimum walking speed in m/s for full weight of the walking direction: a slow walk."""
 _WALK_LOG = 4.5
-"""Log probability of facing the direction of a walk. It exceeds the limit of a wrong facing, so that a walk
+"""Log probability added for facing the walking direction. It exceeds the limits above, so that walking
 decides."""
 _LEAN_LOG = 15.0
 """Log probability against leaning backward, per unit of its sine. People bend forward, not backward."""
 
 
 class Facing:
-    """Decides over many frames whether a posture faces the wrong way."""
+    """Decides from many frames whether a posture faces the wrong way."""
 
     def __init__(self) -> None:
         self._advantage = 0.0
         self._frames = 0
         self._settled = False
 
-    def is_wrong(self, seen: EstimateAtPoints, posture: Posture, eye: Float, velocity: Float) -> bool:
+    def is_wrong(
+        self, network_output: EstimateAtPoints, posture: Posture, eye: Float, velocity: Float
+    ) -> bool:
         """Returns True if the posture has been facing the wrong way for a while.
 
         Args:
-            seen: the network's estimate of the frame.
+            network_output: the network's estimate of the frame.
             posture: the fitted posture.
             eye: (3,) the sensor, world frame.
             velocity: (3,) metres per second of the hip centre.
         """
-        ways = seen.estimate.facing
-        advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, ways))
+        facing_logs = network_output.estimate.facing
+        advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, facing_logs))
         self._frames += 1
         self._advantage += max(1.0 / _EVIDENCE_FRAMES, 1.0 / self._frames) * (advantage - self._advantage)
         if self._frames < _MIN_EVIDENCE_FRAMES:
             return False
         self._settled = self._settled or self._advantage > _SETTLED_LEAD
-        wrong = self._advantage < (_WRONG_SETTLED_LOG if self._settled else _WRONG_FACING_LOG)
-        if wrong:
+        faces_wrong_way = self._advantage < (_WRONG_SETTLED_LOG if self._settled else _WRONG_FACING_LOG)
+        if faces_wrong_way:
             self._advantage, self._frames, self._settled = 0.0, 0, False
-        return wrong
+        return faces_wrong_way
 
 
 @njit(cache=True, nogil=True)
-def backward(rotations):
-    """Computes :func:`posture.leaning_back` of (13, 3, 3) rotations."""
+def leaning_backward(rotations):
+    """Computes :func:`posture.backward_lean` of (13, 3, 3) rotations."""
     left, up = chest_axes(rotations)
-    return leaning_back(left, up)
+    return backward_lean(left, up)
 
 
 @njit(cache=True, nogil=True)
@@ -102,15 +104,15 @@ def _advantage(rotations, place, eye, velocity, ways):
     """
     left, up = chest_axes(rotations)
     other_left, other_up = chest_axes_about(rotations)
-    seen = likely_to_face(ways, facing_in_plan(left, place, eye))
-    seen -= likely_to_face(ways, facing_in_plan(other_left, place, eye))
-    leans = leaning_back(other_left, other_up) - leaning_back(left, up)
-    return seen + _WALK_LOG * _walking(velocity, ahead_in_plan(left)) + _LEAN_LOG * leans
+    seen = facing_log_probability(ways, facing_in_plan(left, place, eye))
+    seen -= facing_log_probability(ways, facing_in_plan(other_left, place, eye))
+    leans = backward_lean(other_left, other_up) - backward_lean(left, up)
+    return seen + _WALK_LOG * _walk_alignment(velocity, facing_direction(left)) + _LEAN_LOG * leans
 
 
 @njit(cache=True, nogil=True)
-def _walking(velocity, ahead):
-    """Returns how clearly a person walks ahead, in [-1, 1]. -1: clearly backward.
+def _walk_alignment(velocity, ahead):
+    """Returns how clearly a person walks forward: 1 clearly forward, -1 clearly backward.
 
     Args:
         velocity: (3,) metres per second.
@@ -128,42 +130,48 @@ _FACING_COST = 0.6
 _LEAN_COST = 12.0
 """Cost of leaning backward in square centimetres per point, per unit of its sine. People bend forward."""
 _STATURE_COST = 2.0
-"""Cost of the unlikeliest stature in square centimetres per point. It is less than that of a posture that
-explains the frame badly."""
+"""Maximum cost of an unlikely stature in square centimetres per point. It is lower than the cost of a posture
+that explains the frame badly."""
 _STATURE_SPREAD_M = 0.15
-"""Metres from the likeliest stature at which a third of that cost applies: about two standard deviations of
-adults."""
+"""Difference in metres from the likeliest stature at which a third of the maximum cost applies: about two
+standard deviations of adults."""
 _MIN_STATURE_M = 0.9
-"""Minimum visible height in metres to be taken for the height of a standing person: a child."""
+"""Minimum visible height in metres that may be the height of a standing person: a child."""
 _MAX_STATURE_M = 2.1
-"""Maximum visible height in metres to be a person's height. A higher one includes raised arms."""
+"""Maximum visible height in metres that may be the height of a standing person. A larger one includes raised
+arms."""
 _SAME_STATURE_RATIO = 0.08
-"""Maximum relative difference of two statures that are searched as one: 14 cm of 1.72 m, which a fit can
+"""Two statures that differ by less than this fraction are searched as one: 14 cm of 1.72 m, which a fit can
 compensate."""
 
 
 def cost(
-    report: FitReport, posture: Posture, seen: EstimateAtPoints | None, eye: Float, height: float
+    report: FitReport, posture: Posture, network_output: EstimateAtPoints | None, eye: Float, height: float
 ) -> float:
     """Returns the total cost of a fitted posture, square centimetres per point.
 
     Costs are comparable within one frame.
     """
-    return report.energy + oddness(seen, posture, eye, height)
+    return report.energy + implausibility_cost(network_output, posture, eye, height)
 
 
-def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height: float) -> float:
-    """Returns the cost of a posture apart from depth, square centimetres per point.
+def implausibility_cost(
+    network_output: EstimateAtPoints | None, posture: Posture, eye: Float, height: float
+) -> float:
+    """Returns the implausibility of a posture, which does not depend on depth, in square centimetres per
+    point.
 
-    It is the sum of four costs: points that the network assigns to other parts, a facing that the network
-    does not see, leaning backward, and a stature far from the likeliest.
+    It is the sum of four costs: points that the network assigns to other parts, a facing unlike the
+    network's, leaning backward, and a stature far from the likeliest.
     """
-    unlike = ((model.height_of(posture.lengths) - height) / _STATURE_SPREAD_M) ** 2
-    stature = _STATURE_COST * unlike / (unlike + 2.0) + _LEAN_COST * float(backward(posture.rotations))
-    if seen is None:
+    stature_deviation = ((model.height_of(posture.lengths) - height) / _STATURE_SPREAD_M) ** 2
+    stature = _STATURE_COST * stature_deviation / (stature_deviation + 2.0) + _LEAN_COST * float(
+        leaning_backward(posture.rotations)
+    )
+    if network_output is None:
         return stature
-    facing = facing_score(seen, posture, eye)
-    return stature + DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING_COST * facing
+    facing = facing_score(network_output, posture, eye)
+    return stature + DISAGREEMENT_COST * (1.0 - agreement(network_output, posture)) - _FACING_COST * facing
 
 
 def quality(report: FitReport) -> float:
@@ -177,9 +185,9 @@ def likely_builds(observation: Observation, height: float) -> list[Float]:
     A lower visible height may be that of a child, or of an adult that crouches. A higher one may be that of a
     tall person, or of raised arms.
     """
-    seen = float(observation.crown[1]) + 0.01
-    if observation.cut or not _MIN_STATURE_M < seen < _MAX_STATURE_M:
+    visible_height = float(observation.crown[1]) + 0.01
+    if observation.cut or not _MIN_STATURE_M < visible_height < _MAX_STATURE_M:
         return [model.lengths_for_height(height)]
-    if abs(seen / height - 1.0) < _SAME_STATURE_RATIO:
-        return [model.lengths_for_height(seen)]
-    return [model.lengths_for_height(height), model.lengths_for_height(seen)]
+    if abs(visible_height / height - 1.0) < _SAME_STATURE_RATIO:
+        return [model.lengths_for_height(visible_height)]
+    return [model.lengths_for_height(height), model.lengths_for_height(visible_height)]

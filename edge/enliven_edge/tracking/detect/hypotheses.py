@@ -1,33 +1,28 @@
-"""Initial postures of a detection: as the network sees it, standing in many ways, and a bank of others."""
+"""Initial postures of a detection: the network's estimate, standing postures, and a bank of other
+postures."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int
-from enliven.matching import least_cost
+from enliven.matching.assignment import least_cost
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import (
-    RELAXED,
-    Posture,
-    joint_limits,
-    mirror_rotations,
-    misfits,
-    model,
-    rotation,
-    standing,
-)
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.capsules import misfits
+from enliven_edge.tracking.body_model.joint_limits import RELAXED, mirror_rotations, standing_pose
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.extremities import Extremities
-from enliven_edge.tracking.estimator import Estimate
-from enliven_edge.tracking.fit import align
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.estimator.estimator import Estimate
+from enliven_edge.tracking.fit.alignment import align
+from enliven_edge.tracking.frame.observation import Observation
 
 _ROBUST_WIDTH_M = 0.3
 """Robust width in metres of the joints with which the model is aligned."""
 _NEAR_STEPS = 10
-"""Steps of aligning a posture that is near."""
+"""Alignment steps for a posture that is already near its targets."""
 _RELAXED_STEPS = 20
-"""Steps of aligning a posture that starts relaxed. Its limbs have farther to go."""
+"""Alignment steps from a relaxed posture. Its limbs are farther from their targets."""
 
 
 def pose_from_estimate(estimate: Estimate, lengths: Float) -> Posture:
@@ -69,19 +64,20 @@ _ARMS = (
     {"arm_raise": 1.4, "elbow": 0.1},
     {"arm_raise": 2.6, "elbow": 0.2},
 )
-"""Angles in radians: arms hanging, forearms forward, arms out, arms overhead."""
+"""Arm angles in radians of standing postures: arms hanging, forearms forward, arms out, arms overhead."""
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
-"""Angle from facing the sensor of the two postures that are turned sideways, in radians. It is just too small
-to hide an arm."""
+"""Heading in radians, relative to facing the sensor, of the two postures that are turned sideways. Both arms
+are still visible at it."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
-"""Angles from facing the sensor at which each posture of the bank is tried, in radians: a quarter turn
-apart."""
+"""Headings in radians, relative to facing the sensor, at which each posture of the bank is tried: quarter
+turns."""
 _BANK_POINTS = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
 _MAX_MISFIT_M = 0.4
-"""Metres to which a point's distance from a posture is clipped, so that one stray point does not decide."""
+"""Maximum in metres to which a point's distance from a posture is clipped, so that a stray point does not
+decide."""
 BEHIND_SURFACE = 0.1
 """Metres from the visible surface back to the middle of a standing body: half of a trunk's depth."""
 _BEHIND_POINTS = 0.08
@@ -102,7 +98,7 @@ def _bent_rotations(
     elbow: float = 0.4,
 ) -> Float:
     """Returns the (13, 3, 3) posture for some angles of trunk and legs, left and right, in radians."""
-    rotations = standing(arm_raise=arm_raise, arm_forward=arm_forward, elbow=elbow)
+    rotations = standing_pose(arm_raise=arm_raise, arm_forward=arm_forward, elbow=elbow)
     rotations[model.PELVIS], rotations[model.CHEST] = rotation(x=pitch), rotation(x=bend)
     for side, thigh in enumerate((model.THIGH_L, model.THIGH_R)):
         outward = spread[side] * (1 - 2 * side)
@@ -111,9 +107,9 @@ def _bent_rotations(
     return rotations
 
 
-def _bank() -> list[Float]:
-    """Returns postures: crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
-    both = [
+def _create_bank() -> list[Float]:
+    """Creates the bank: crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
+    symmetric = [
         _bent_rotations(
             pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8
         ),
@@ -133,20 +129,20 @@ def _bank() -> list[Float]:
         _bent_rotations(thighs=(-0.4, 0.05), knees=(1.3, 0.1)),
         _bent_rotations(pitch=0.1, thighs=(1.2, -0.4), knees=(1.2, 0.5)),
     ]
-    return [*both, *left, *(mirror_rotations(rotations) for rotations in left)]
+    return [*symmetric, *left, *(mirror_rotations(rotations) for rotations in left)]
 
 
-BANK = _bank()
+BANK = _create_bank()
 """[(13, 3, 3)] postures that do not stand upright, facing +Z."""
 
 
 def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
-    """Returns standing postures below the crown: six ways to hold the arms, and two turned to the sides.
+    """Returns standing postures below the crown: six poses of the arms, and two sideways headings.
 
     Args:
         observation: the observed person.
         eye: (3,) the sensor's position, world frame.
-        lengths: (12,) metres, of this person or an average one.
+        lengths: (12,) metres, bone lengths of this person or of an average one.
     """
     centre = np.median(observation.points, axis=0).astype(np.float64)
     facing = _yaw_towards(eye, centre)
@@ -165,15 +161,15 @@ def bank_starts(
     facing = _yaw_towards(eye, centre)
     bank_postures = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
     shapes = np.stack([posture.capsules()[0] for posture in bank_postures])
-    turns = np.stack([rotation(y=facing + yaw) for yaw in _YAWS])
-    ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
+    headings = np.stack([rotation(y=facing + yaw) for yaw in _YAWS])
+    ends = np.einsum("yij,pcej->pycei", headings, shapes).reshape(-1, *shapes.shape[1:])
     radii = bank_postures[0].capsules()[1]
     positions = _centre_on_points(points, centre, ends, radii, eye)
     misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _MAX_MISFIT_M)
     starts = []
     for index in np.argsort(misfit, kind="stable")[:most]:
         rotations = _rotate_about_vertical(
-            bank_postures[index // len(turns)].rotations, facing + _YAWS[index % len(turns)]
+            bank_postures[index // len(headings)].rotations, facing + _YAWS[index % len(headings)]
         )
         starts.append(
             _reach_extremities(Posture(positions[index], rotations, lengths.copy()), extremities, eye)
@@ -195,17 +191,17 @@ def _rotate_about_vertical(rotations: Float, yaw: float) -> Float:
 
 def _raise_one_arm(limbs: list[int]) -> Float:
     """Returns the (13, 3, 3) posture with one arm up and out, the other hanging."""
-    rotations = standing()
-    rotations[limbs] = standing(arm_raise=2.2, elbow=0.2)[limbs]
+    rotations = standing_pose()
+    rotations[limbs] = standing_pose(arm_raise=2.2, elbow=0.2)[limbs]
     return rotations
 
 
 _STANDING = [
-    *((standing(**arms), 0.0) for arms in _ARMS),
+    *((standing_pose(**arms), 0.0) for arms in _ARMS),
     *((_raise_one_arm(limbs), 0.0) for limbs in (_LEFT_ARM, _RIGHT_ARM)),
     *((RELAXED, yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)),
 ]
-"""Postures, and their radians from facing the sensor."""
+"""Standing postures, and their headings in radians relative to facing the sensor."""
 
 
 def _place_under_crown(observation: Observation, centre: Float, rotations: Float, lengths: Float) -> Posture:
@@ -217,12 +213,12 @@ def _place_under_crown(observation: Observation, centre: Float, rotations: Float
     crown = observation.crown
     # Put a head half-way between the top and the middle of the body, because a head is horizontally near the
     # middle. A raised hand is not.
-    under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
-    head = np.array([under, crown[1] - tops[highest], 0.0])
-    away = centre - observation.view.world_from_camera[:3, 3]
-    away[1] = 0.0
+    head_x = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
+    head = np.array([head_x, crown[1] - tops[highest], 0.0])
+    backward = centre - observation.view.world_from_camera[:3, 3]
+    backward[1] = 0.0
     head[2] = centre[2]
-    posture.position = head + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
+    posture.position = head + BEHIND_SURFACE * backward / max(1e-6, float(np.linalg.norm(backward)))
     return posture
 
 
@@ -238,10 +234,10 @@ def _centre_on_points(points: Float32, centre: Float, ends: Float, radii: Float,
         radii: (C, 2) their radii.
         eye: (3,) the sensor's position.
     """
-    away = centre - eye
-    away[1] = 0.0
-    away /= max(1e-6, float(np.linalg.norm(away)))
-    positions = centre + _BEHIND_POINTS * away - ends.mean((1, 2))
+    backward = centre - eye
+    backward[1] = 0.0
+    backward /= max(1e-6, float(np.linalg.norm(backward)))
+    positions = centre + _BEHIND_POINTS * backward - ends.mean((1, 2))
     low, high = (ends[..., 1] - radii).min((1, 2)), (ends[..., 1] + radii).max((1, 2))
     positions[:, 1] = 0.5 * (points[:, 1].min() + points[:, 1].max()) - 0.5 * (low + high)
     return np.asarray(positions)
@@ -262,8 +258,8 @@ _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
 """(1, 3, 12) the offset of the hip centre in the pelvis: zero."""
 _MAX_EXTREMITY_DISTANCE_M = 0.45
-"""Maximum distance in metres between a limb and its extremity: a forearm and a hand. A farther one belongs to
-another limb."""
+"""Maximum distance in metres between a limb's end and its extremity: the length of a forearm and a hand. A
+more distant extremity belongs to another limb."""
 
 
 def _reach_extremities(posture: Posture, ends: Extremities, eye: Float) -> Posture:
@@ -272,14 +268,14 @@ def _reach_extremities(posture: Posture, ends: Extremities, eye: Float) -> Postu
         return posture
     capsules, _ = posture.capsules()
     tips = capsules[[7, 10, 13, 16, 19], 1]
-    away = ends.points - eye
-    targets = ends.points + _BEHIND_TIP * away / np.linalg.norm(away, axis=1, keepdims=True)
+    inward = ends.points - eye
+    targets = ends.points + _BEHIND_TIP * inward / np.linalg.norm(inward, axis=1, keepdims=True)
     distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
     limb, extremity = least_cost(np.minimum(distance, _MAX_EXTREMITY_DISTANCE_M))
     matched = distance[limb, extremity] < _MAX_EXTREMITY_DISTANCE_M
     frames = np.concatenate([_END_FRAMES[limb[matched]], [model.PELVIS]])
     local = np.concatenate([_ENDS[limb[matched]], _HIPS])
-    wanted = np.concatenate([targets[extremity[matched]], posture.position[None]])
+    anchor_targets = np.concatenate([targets[extremity[matched]], posture.position[None]])
     weights = np.full(len(frames), 0.02)
-    aligned, _ = align(posture, frames, local, wanted, weights, width=0.3, iterations=10)
+    aligned, _ = align(posture, frames, local, anchor_targets, weights, width=0.3, iterations=10)
     return aligned

@@ -1,8 +1,8 @@
-"""Recovery: a limb or body that explains the frame badly is tried elsewhere, one proposal per frame.
+"""Recovery: tries a limb or body that explains the frame badly at other places, one proposal per frame.
 
-Fitting to the nearest surface cannot recover a limb that was captured by another one, nor a body that faces
-the wrong way. Every pixel of the real limb is then explained by another nearby part. A proposal that starts
-elsewhere can recover it. It is accepted if it explains the frame better.
+A fit to the nearest surface cannot recover a limb that is stuck on the surface of another one, nor a body
+that faces the wrong way. A nearby part then explains every pixel of the real limb. A proposal that starts at
+another place can recover it. It is accepted if it explains the frame better.
 """
 
 from __future__ import annotations
@@ -12,32 +12,39 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.tracking.body_model import Posture, mirror_rotations, model, rotation, standing
-from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, flip_posture
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import mirror_rotations, standing_pose
+from enliven_edge.tracking.body_model.posture import Posture, rotation
+from enliven_edge.tracking.detect.appearance import (
+    DISAGREEMENT_COST,
+    EstimateAtPoints,
+    agreement,
+    flip_posture,
+)
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
 from enliven_edge.tracking.detect.backoff import Backoff
 from enliven_edge.tracking.detect.fit_quality import quality
 from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, align_to_estimate, pose_from_estimate
-from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.frame.observation import Observation
 
 _ARM_POSES = (
-    standing(arm_raise=0.15, arm_forward=0.1, elbow=1.5),
-    standing(arm_raise=0.2, elbow=0.15),
-    standing(arm_raise=1.4, elbow=0.1),
-    standing(arm_raise=0.2, arm_forward=1.5, elbow=0.2),
-    standing(arm_raise=2.5, elbow=0.4),
-    standing(arm_raise=0.3, arm_forward=1.0, elbow=2.2),
+    standing_pose(arm_raise=0.15, arm_forward=0.1, elbow=1.5),
+    standing_pose(arm_raise=0.2, elbow=0.15),
+    standing_pose(arm_raise=1.4, elbow=0.1),
+    standing_pose(arm_raise=0.2, arm_forward=1.5, elbow=0.2),
+    standing_pose(arm_raise=2.5, elbow=0.4),
+    standing_pose(arm_raise=0.3, arm_forward=1.0, elbow=2.2),
 )
-"""Forearm forward, hanging, out, forward, overhead, hand at the face. Two other poses are tried before these:
-the limb's last confident pose, and the other side's mirror image."""
+"""Arm poses: forearm forward, hanging, out, forward, overhead, hand at the face. Before these, two other
+poses are tried: the limb's last confident pose, and the mirror image of the other side."""
 _LEG_POSES = (
-    standing(),
-    standing(hip=1.4, knee=1.5),
-    standing(hip=0.3, knee=1.4),
-    standing(hip=0.7, knee=0.1),
+    standing_pose(),
+    standing_pose(hip=1.4, knee=1.5),
+    standing_pose(hip=0.3, knee=1.4),
+    standing_pose(hip=0.7, knee=0.1),
 )
-"""Standing, knee up, kneeling, kicking."""
+"""Leg poses: standing, knee up, kneeling, kicking."""
 _ARMS = ((model.UPPER_ARM_L, model.FOREARM_L), (model.UPPER_ARM_R, model.FOREARM_R))
 _LEGS = (
     (model.THIGH_L, model.SHIN_L, model.FOOT_L),
@@ -46,35 +53,36 @@ _LEGS = (
 _OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])).tolist() for limb in (*_ARMS, *_LEGS)}
 """The capsules of each limb beyond its first bone."""
 _DOUBTFUL_CONFIDENCE = 0.5
-"""Confidence of a limb's outer capsules below which the limb is tried elsewhere."""
+"""Minimum confidence of a limb's outer capsules. Below it the limb is tried at other places."""
 _TRUSTED_CONFIDENCE = 0.9
-"""Confidence of a limb's outer capsules above which its pose is remembered for later proposals."""
+"""Minimum confidence of a limb's outer capsules for its pose to be remembered for later proposals."""
 _MAX_LIMB_COST = 0.985
-"""Fraction of the cost below which a moved limb is accepted. Smaller gains are noise of the fit."""
+"""Maximum cost with a moved limb, relative to the present cost, to accept it. Smaller gains are noise of the
+fit."""
 _MAX_BODY_COST = 0.8
-"""Fraction of the cost below which a moved body is accepted. A wrong body is sometimes better by chance."""
+"""Maximum cost of a moved body, relative to the present cost, to accept it. A wrong body is sometimes better
+by chance."""
 _MAX_UNEXPLAINED = 0.03
-"""Maximum additional fraction of points that a better posture may leave unexplained. Otherwise a visible leg
-was given up because the network, which had not learnt such a kick, put it elsewhere."""
+"""Maximum additional fraction of points that an accepted posture may leave unexplained. Without this limit
+the fit lost a visible leg, because the network had not learnt such a kick and placed the leg elsewhere."""
 _FIT_STEPS = 6
-"""Steps of the fit of a proposal. They equal those of the ordinary fit, so that both are comparable."""
+"""Steps of a proposal's fit. The number is that of the ordinary fit, so that both fits are comparable."""
 _WIDE_STEPS = 6
 """Steps of the preceding wide fit of a whole body."""
 _WIDE_WIDTH_M = 0.25
 """Robust width of the wide fit in metres. A limb of a proposal may be wrong by as much."""
 _MAX_BODY_INTERVAL = 4
-"""Maximum number of frames between two failed proposals of a whole body. A person that falls must be caught
-soon."""
+"""Maximum number of frames between two failed proposals of a whole body. It is short, so that a falling
+person is recovered soon."""
 _MAX_LIMB_INTERVAL = 6
 """Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
 trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
 _DOUBTFUL_QUALITY = 0.9
-"""Fraction of points below which the whole body is doubtful: those explained minus those seen through."""
+"""Minimum quality, see :func:`fit_quality.quality`. Below it the whole body is doubtful."""
 _YAWS = (0.8, -0.8)
-"""Rotations in radians at which a whole body is tried: about half a right angle to either side, never to the
-back."""
+"""Rotations in radians at which a whole body is tried: about 45 degrees to either side."""
 _ANKLE = 0.04
-"""Height above the floor in metres of the lowest joint, a foot's, of a proposed standing body."""
+"""Height above the floor in metres of the foot joints of a proposed standing body."""
 
 
 class PoseRecovery:
@@ -94,56 +102,73 @@ class PoseRecovery:
         posture: Posture,
         report: FitReport,
         confidence: Float,
-        seen: EstimateAtPoints | None = None,
+        network_output: EstimateAtPoints | None = None,
         *,
         arms: bool = True,
     ) -> tuple[Posture, FitReport]:
-        """Returns the posture, or one with a doubtful part elsewhere if that explains the frame better.
+        """Returns the posture, or one with a doubtful part at another place if that explains the frame
+        better.
 
         Args:
             observation: the observed person.
             posture: the fitted posture.
-            report: of its fit.
-            confidence: (C,) of every capsule, in [0, 1].
-            seen: the network's estimate of the frame; None without the network.
+            report: the report of its fit.
+            confidence: (C,) confidence of every capsule in [0, 1].
+            network_output: the network's estimate of the frame; None without the network.
             arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._find_doubtful_limbs(posture, confidence)
-        badly = quality(report) < _DOUBTFUL_QUALITY
-        elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
+        is_body_doubtful = quality(report) < _DOUBTFUL_QUALITY
+        has_disagreement = (
+            network_output is not None and network_output.estimate.count_disagreeing(posture.joints()) > 0
+        )
         self._turn += 1
-        doubted = [*doubtful, *_ARMS] if badly else doubtful
+        arms_to_try = [*doubtful, *_ARMS] if is_body_doubtful else doubtful
         checks_limbs = self._arms.try_arms
-        arm = checks_limbs(observation, posture, report, doubted, seen, steps=_FIT_STEPS) if arms else None
-        if arm is not None and self._is_better(arm, observation, posture, seen, _MAX_LIMB_COST):
+        arm = (
+            checks_limbs(observation, posture, report, arms_to_try, network_output, steps=_FIT_STEPS)
+            if arms
+            else None
+        )
+        if arm is not None and self._is_better(arm, observation, posture, network_output, _MAX_LIMB_COST):
             return arm
-        if not (badly or doubtful or elsewhere):
+        if not (is_body_doubtful or doubtful or has_disagreement):
             return posture, report
-        is_confirmed = seen is not None and not (badly or elsewhere)
+        is_confirmed = network_output is not None and not (is_body_doubtful or has_disagreement)
         if is_confirmed and not self._limbs.is_due(report.energy):
             return posture, report
-        if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
-            candidate = self._fit_to_estimate(observation, posture, seen)
-        elif badly and (not doubtful or self._turn % 4 < 2):
-            return self._whole_body(observation, posture, report, seen)
+        if (
+            network_output is not None
+            and has_disagreement
+            and (self._turn % 2 or not (is_body_doubtful or doubtful))
+        ):
+            candidate = self._fit_to_estimate(observation, posture, network_output)
+        elif is_body_doubtful and (not doubtful or self._turn % 4 < 2):
+            return self._whole_body(observation, posture, report, network_output)
         else:
             start = self._move_next_limb(posture, doubtful) if doubtful else posture
             candidate = self._fitter.fit(observation, start, iterations=_FIT_STEPS)
-        is_accepted = badly or _face_same_way(candidate[0], posture)
-        is_accepted = is_accepted and self._is_better(candidate, observation, posture, seen, _MAX_LIMB_COST)
+        is_accepted = is_body_doubtful or _face_same_way(candidate[0], posture)
+        is_accepted = is_accepted and self._is_better(
+            candidate, observation, posture, network_output, _MAX_LIMB_COST
+        )
         if is_confirmed:
-            self._limbs.tried(report.energy, better=is_accepted)
+            self._limbs.record(report.energy, better=is_accepted)
         return candidate if is_accepted else (posture, report)
 
     def _whole_body(
-        self, observation: Observation, posture: Posture, report: FitReport, seen: EstimateAtPoints | None
+        self,
+        observation: Observation,
+        posture: Posture,
+        report: FitReport,
+        network_output: EstimateAtPoints | None,
     ) -> tuple[Posture, FitReport]:
         """Returns the posture, or the next proposal of a whole body if it is due and much better."""
         if not self._bodies.is_due(report.energy):
             return posture, report
-        candidate = self._fit_next_proposal(observation, posture, seen)
-        is_accepted = self._is_better(candidate, observation, posture, seen, _MAX_BODY_COST)
-        self._bodies.tried(report.energy, better=is_accepted)
+        candidate = self._fit_next_proposal(observation, posture, network_output)
+        is_accepted = self._is_better(candidate, observation, posture, network_output, _MAX_BODY_COST)
+        self._bodies.record(report.energy, better=is_accepted)
         return candidate if is_accepted else (posture, report)
 
     def _is_better(
@@ -151,42 +176,50 @@ class PoseRecovery:
         candidate: tuple[Posture, FitReport],
         observation: Observation,
         posture: Posture,
-        seen: EstimateAtPoints | None,
+        network_output: EstimateAtPoints | None,
         max_cost_ratio: float,
     ) -> bool:
         """Returns True if a posture costs less than ``max_cost_ratio`` of another, both without temporal
         term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
-        before, after = cost(same, posture, seen), cost(candidate[1], candidate[0], seen)
-        return after < max_cost_ratio * before and same.explained - candidate[1].explained <= _MAX_UNEXPLAINED
+        present_cost, candidate_cost = (
+            cost(same, posture, network_output),
+            cost(candidate[1], candidate[0], network_output),
+        )
+        return (
+            candidate_cost < max_cost_ratio * present_cost
+            and same.explained - candidate[1].explained <= _MAX_UNEXPLAINED
+        )
 
     def _find_doubtful_limbs(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """Returns the limbs that explain little of the frame. Remembers the poses of confident limbs."""
         doubtful: list[tuple[int, ...]] = []
         sure_of = confidence.tolist()
         for limb, capsules in _OUTER.items():
-            sure = min(sure_of[c] for c in capsules)
-            if sure > _TRUSTED_CONFIDENCE:
+            limb_confidence = min(sure_of[c] for c in capsules)
+            if limb_confidence > _TRUSTED_CONFIDENCE:
                 # The frames of a limb are contiguous, so use a slice, which is cheaper than a list of
                 # indices.
                 self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
-            elif sure < _DOUBTFUL_CONFIDENCE:
+            elif limb_confidence < _DOUBTFUL_CONFIDENCE:
                 doubtful.append(limb)
         return doubtful
 
     def _fit_to_estimate(
-        self, observation: Observation, posture: Posture, seen: EstimateAtPoints
+        self, observation: Observation, posture: Posture, network_output: EstimateAtPoints
     ) -> tuple[Posture, FitReport]:
         """Aligns the posture with the joints that the network sees, then fits it."""
-        return self._fitter.fit(observation, align_to_estimate(posture, seen.estimate), iterations=_FIT_STEPS)
+        return self._fitter.fit(
+            observation, align_to_estimate(posture, network_output.estimate), iterations=_FIT_STEPS
+        )
 
     def _fit_next_proposal(
-        self, observation: Observation, posture: Posture, seen: EstimateAtPoints | None
+        self, observation: Observation, posture: Posture, network_output: EstimateAtPoints | None
     ) -> tuple[Posture, FitReport]:
         """Fits the next proposal of a whole body, first with a wide and then with the usual robust width."""
         proposal = next(self._proposals, None)
         if proposal is None:
-            self._proposals = propose_bodies(observation, posture, seen)
+            self._proposals = propose_bodies(observation, posture, network_output)
             proposal = next(self._proposals)
         wide, _ = self._fitter.fit(observation, proposal, iterations=_WIDE_STEPS, width=_WIDE_WIDTH_M)
         return self._fitter.fit(observation, wide, iterations=_FIT_STEPS)
@@ -205,21 +238,23 @@ class PoseRecovery:
         return start
 
 
-def cost(report: FitReport, posture: Posture, seen: EstimateAtPoints | None) -> float:
+def cost(report: FitReport, posture: Posture, network_output: EstimateAtPoints | None) -> float:
     """Returns the fit's energy plus the disagreement with the network, square centimetres per point."""
-    return report.energy + (0.0 if seen is None else DISAGREEMENT * (1.0 - agreement(seen, posture)))
+    return report.energy + (
+        0.0 if network_output is None else DISAGREEMENT_COST * (1.0 - agreement(network_output, posture))
+    )
 
 
 def propose_bodies(
-    observation: Observation, posture: Posture, seen: EstimateAtPoints | None
+    observation: Observation, posture: Posture, network_output: EstimateAtPoints | None
 ) -> Iterator[Posture]:
-    """Yields proposals of a whole body: as the network sees it, rotated a little, and standing.
+    """Yields proposals of a whole body: the network's estimate, slightly rotated postures, and standing ones.
 
     It never yields a rotation by 180 degrees. A body looks nearly the same from the back, and people do not
     turn that far in a frame.
     """
-    if seen is not None:
-        proposed = pose_from_estimate(seen.estimate, posture.lengths)
+    if network_output is not None:
+        proposed = pose_from_estimate(network_output.estimate, posture.lengths)
         yield proposed if _face_same_way(proposed, posture) else flip_posture(proposed)
     for yaw in _YAWS:
         turned = posture.copy()
@@ -231,22 +266,22 @@ def propose_bodies(
         yield _stand_at_points(observation, posture, facing + yaw)
 
 
-def _face_same_way(one: Posture, other: Posture) -> bool:
+def _face_same_way(first: Posture, second: Posture) -> bool:
     """Returns True if two postures face within a right angle of each other, by hips and by shoulders."""
-    turns = [
+    orientations = [
         (p.rotations[model.PELVIS], p.rotations[model.PELVIS] @ p.rotations[model.CHEST])
-        for p in (one, other)
+        for p in (first, second)
     ]
-    return all(bool(a[:, 0] @ b[:, 0] > 0) for a, b in zip(*turns, strict=True))
+    return all(bool(a[:, 0] @ b[:, 0] > 0) for a, b in zip(*orientations, strict=True))
 
 
 def _stand_at_points(observation: Observation, posture: Posture, facing: float) -> Posture:
     """Returns a person that stands at the place of the points, with the heading ``facing`` in radians."""
-    person = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
+    person = Posture(posture.position.copy(), standing_pose(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)
-    away = centre - observation.view.world_from_camera[:3, 3]
-    away[1] = 0.0
-    person.position = centre + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
+    backward = centre - observation.view.world_from_camera[:3, 3]
+    backward[1] = 0.0
+    person.position = centre + BEHIND_SURFACE * backward / max(1e-6, float(np.linalg.norm(backward)))
     lowest = person.joints()[:, 1].min() - person.position[1]
     person.position[1] = _ANKLE - lowest
     return person

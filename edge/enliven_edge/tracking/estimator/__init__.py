@@ -1,8 +1,4 @@
-"""The pose network, with its input and output.
+"""The pose network: estimates joints, body parts and facing from a person's depth image.
 
-It finds joints, body parts and facing in a person's depth image.
+This package prepares its input, runs it, and decodes its output.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,9 @@
-"""The network's input: an upright crop around a person, metric at the person's depth.
+"""The network's input: an upright crop around a person, with cells of a known size in metres.
 
-It has four channels: the person, the depth, the height above the floor, and unknown pixels. Pixels are
-unknown if a nearer object hides the person, nothing was measured, or the image ends. The crop is upright and
-in metres. So people look alike near and far, with a sensor that hangs upside down, and with any lens.
+The crop has four channels: the person, the depth, the height above the floor, and unknown pixels. Pixels are
+unknown if a nearer object hides the person, if nothing was measured, or outside the image. The crop is
+upright and in metres. So people look the same at any distance, with any lens, and with a sensor that hangs
+upside down.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from enliven.kernels import njit
 from enliven.masks import pixels_of
 
 ROWS = 80
-"""Cells from top to bottom of a crop, fixed by the network. A person with raised arms fits."""
+"""Rows of a crop, fixed by the network. A person with raised arms fits into them."""
 COLUMNS = 64
-"""Cells from left to right of a crop, fixed by the network. Outstretched arms fit."""
+"""Columns of a crop, fixed by the network. Outstretched arms fit into them."""
 _MIN_CELL_M = 0.02
 """Minimum size of a cell in metres at the person's depth. A finer crop shows no more than the sensor
 measures."""
 _MAX_CELL_M = 0.036
-"""Maximum size of a cell in metres at the person's depth. 80 of them are a tall person's height with raised
+"""Maximum size of a cell in metres at the person's depth. 80 cells then cover a tall person with raised
 arms."""
 _CROP_MARGIN = 1.2
 """Size of a crop relative to the visible part of the person, so that a limb that was missed at first is still
@@ -32,20 +33,20 @@ inside."""
 CHANNELS = 4
 """Channels of a crop: the person, the depth, the height above the floor, and the unknown fraction."""
 _CROP_SAMPLES = 500
-"""Number of pixels that determine a person's place and size: enough for percentiles, and quick to sort."""
+"""Approximate number of pixels that are used to measure a person's place and size: enough for percentiles,
+and quick to sort."""
 _OUTLIER_FRACTION = 0.01
-"""Fraction of these samples dropped at each end, against wrong depth at edges."""
-_HANGING_LEVEL = 0.2
-"""Length of the projected world up vector below which no image direction is upright, because the view is from
-above."""
+"""Fraction of the lowest and of the highest samples that is ignored, against wrong depth at edges."""
+_MIN_UP_LENGTH = 0.2
+"""Minimum length of the world's up vector projected into the image. With a shorter one the view is from
+above, and no image direction is upright."""
 _OCCLUDER_DISTANCE_M = 0.1
-"""Metres in front of the person's middle beyond which depth may hide the person. Other depth is next to the
-person."""
+"""Minimum distance in metres in front of the person's middle for an object to hide the person. Other objects
+are next to the person."""
 _MIN_DEPTH_M = 0.1
-"""Minimum distance of a joint in front of the sensor in metres. A nearer one would be next to or behind the
-sensor."""
+"""Minimum depth of a joint in metres. With less it would be next to or behind the sensor."""
 _FLOOR_BAND_M = 0.08
-"""Metres above the floor below which depth cannot hide a person: it is the floor in front of the feet."""
+"""Points below this height in metres do not hide a person: they are the floor in front of the feet."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Crop:
 
     @property
     def place(self) -> tuple[Float, Float, float]:
-        """Returns the axes, the middle and the cells per unit at unit depth, for :func:`cells_at`."""
+        """Returns the arguments of :func:`cells_at`: axes, centre, and cells per unit at unit depth."""
         return self.axes, self.centre, self.depth / self.cell
 
     def cells(self, rays: Float) -> Float:
@@ -128,21 +129,21 @@ def crop_person(
     """
     axes = _upright(world_from_camera)
     low, high, depth = _extent(z, mask, camera, axes)
-    off = np.zeros(4) if shift is None else shift
-    depth = max(0.2, depth + float(off[2]))
-    centre = 0.5 * (low + high) + off[:2] / depth
-    seen = max(float(high[0] - low[0]) / COLUMNS, float(high[1] - low[1]) / ROWS) * depth
-    cell = min(max(_CROP_MARGIN * seen * math.exp(off[3]), _MIN_CELL_M), _MAX_CELL_M)
+    displacement = np.zeros(4) if shift is None else shift
+    depth = max(0.2, depth + float(displacement[2]))
+    centre = 0.5 * (low + high) + displacement[:2] / depth
+    needed_cell = max(float(high[0] - low[0]) / COLUMNS, float(high[1] - low[1]) / ROWS) * depth
+    cell = min(max(_CROP_MARGIN * needed_cell * math.exp(displacement[3]), _MIN_CELL_M), _MAX_CELL_M)
     image = np.zeros((CHANNELS, ROWS, COLUMNS), np.float32)
     _fill(image, z, mask, camera, np.ascontiguousarray(world_from_camera), axes, centre, depth, cell, raised)
     return Crop(image, depth, cell, axes, centre)
 
 
 def _upright(world_from_camera: Float) -> Float:
-    """Returns (2, 2): right and down in the image for a person that stands upright in the world."""
+    """Returns (2, 2) the image directions right and down of a person that stands upright in the world."""
     x, y = float(world_from_camera[1, 0]), float(world_from_camera[1, 1])
     length = math.hypot(x, y)
-    if length < _HANGING_LEVEL:
+    if length < _MIN_UP_LENGTH:
         return np.eye(2)
     x, y = x / length, y / length
     return np.array([[-y, x], [-x, -y]])
@@ -180,7 +181,7 @@ def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
     rays, pixels = np.empty((2, 2 * columns)), np.empty(2 * columns, np.int32)
     for i in range(2 * rows):
         down = (0.5 * i + 0.25 - 0.5 * rows) * size + centre[1]
-        _aim(rays, pixels, down, size, camera, axes, centre, shape)
+        _cast_rays(rays, pixels, down, size, camera, axes, centre, shape)
         row = i // 2
         for j in range(2 * columns):
             column, pixel = j // 2, np.uintp(pixels[j])
@@ -200,11 +201,11 @@ def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _aim(rays, pixels, down, size, camera, axes, centre, shape):
-    """Computes the rays, x/z and y/z, of a row of quarter cells ``down`` from the middle, and their pixels.
-
-    The results go into (2, J) and (J,): a pixel's flat index, -1 outside the image. The loop does not depend
-    on the image's contents, so that the compiler can vectorise it.
+def _cast_rays(rays, pixels, down, size, camera, axes, centre, shape):
+    """Computes the rays and pixels of a row of quarter cells ``down`` from the crop's middle, at unit depth.
+    It writes the rays, x/z and y/z, into (2, J) ``rays``, and the flat pixel indices into (J,) ``pixels``; -1
+    outside the image. The loop does not depend on the image's contents, so that the compiler can vectorise
+    it.
     """
     height, width = shape
     fx, fy, cx, cy = camera

@@ -20,22 +20,26 @@ from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.estimator.part_map import parts_at_rays
 
 _MEAN_DISTANCE = 3.0
-"""Mean distance of the distribution that the network learns, in units of its scale. In space the density
-falls off exponentially with the distance, so the mean is 3."""
+"""Mean distance of a joint from its estimate, in units of the network's scale. The network learns a density
+in space that falls exponentially with the distance; its mean distance is 3."""
 _MAX_SPREAD_M = 1.0
 """Maximum reported spread in metres. A joint with a larger error is simply unknown."""
 _MIN_SPREAD_M = 0.03
-"""Spread in metres below which a joint's weight does not increase. The network is not more accurate."""
+"""Spread in metres below which a joint's weight does not increase further, because the network is not more
+accurate."""
 _USUAL_SPREAD_M = 0.05
-"""Spread in metres at which a joint has one twentieth of the total weight."""
+"""Reference spread in metres. A joint with this spread has a weight of 1/20, the number of joints being
+20."""
 _MIN_FUSED_SPREAD_M = 0.05
-"""The same as ``_MIN_SPREAD_M`` for a fit to depth, which is more accurate. Limbs of real people deviate
-by more than the spread predicts. At 3 cm the network pulled elbows off visible arms."""
-TRUST = np.repeat([1.0, 0.4], [12, 8])
-"""(20,) factors on that weight. Legs are found by their surface, and the network easily confuses a crouch
-with a kneel."""
+"""Minimum spread, like ``_MIN_SPREAD_M``, in a fit to depth, which is more accurate than the network. Limbs
+of real people deviate by more than the spread predicts. At 3 cm the network pulled elbows off visible
+arms."""
+JOINT_TRUST = np.repeat([1.0, 0.4], [12, 8])
+"""(20,) factors on the weights of the joints. Legs have a lower one, because depth shows them well and the
+network easily confuses crouching with kneeling."""
 _ROBUST_SPREADS = 3.0
-"""Robust width of a joint in spreads, beyond which the network is taken to be wrong: three sigma."""
+"""Robust width of a joint in units of its spread: three sigma. Beyond it the network is assumed to be
+wrong."""
 _ROBUST_WIDTHS_M = (0.12, 0.4)
 """Minimum and maximum robust width in metres, because the spread itself is sometimes wrong."""
 _AGREEMENT_M = 0.08
@@ -43,7 +47,8 @@ _AGREEMENT_M = 0.08
 _ALL_JOINTS = np.arange(len(Joint))
 """The indices of all joints."""
 _DISAGREEMENT_SPREADS = 1.5
-"""Distance from the network's joint, in spreads, beyond which a fitted joint clearly disagrees."""
+"""Distance of a fitted joint from the network's joint, in units of its spread, beyond which the two clearly
+disagree."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +57,12 @@ class Estimate:
 
     Attributes:
         joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
-        spread: (20,) metres: the mean error of each joint that the network expects.
+        spread: (20,) metres, the expected error of each joint according to the network.
         facing: (8,) log probabilities of the facing directions, see :func:`labels.facing_in_plan`. They do
             not depend on the conditioning facing of the estimate.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
         crop: the network's input.
-        person_probability: in [0, 1], that the crop shows a person and not an object.
+        person_probability: probability in [0, 1] that the crop shows a person and not an object.
     """
 
     joints: Float
@@ -74,16 +79,17 @@ class Estimate:
 
     @property
     def guides(self) -> Float:
-        """Returns (20, 5) the same with lower weights, for a fit to depth, which is more accurate."""
+        """Returns (20, 5) landmarks with lower weights than :attr:`landmarks`, for fits to depth."""
         return self._landmarks(_MIN_FUSED_SPREAD_M)
 
-    def _landmarks(self, surest: float) -> Float:
+    def _landmarks(self, min_spread: float) -> Float:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
-        return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
+        return np.asarray(_landmarks(self.joints, self.spread, min_spread, JOINT_TRUST))
 
-    def count_apart(self, joints: Float, which: Int = _ALL_JOINTS) -> int:
-        """Returns how many of (20, 3) joints, or of ``which``, clearly disagree with the estimate."""
-        return int(_apart(joints, self.joints, self.spread, which))
+    def count_disagreeing(self, joints: Float, which: Int = _ALL_JOINTS) -> int:
+        """Counts the (20, 3) joints, or those of ``which``, that are clearly away from the estimate's
+        joints."""
+        return int(_count_disagreeing(joints, self.joints, self.spread, which))
 
     def parts_at(self, rays: Float) -> Float32:
         """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, interpolated bilinearly."""
@@ -91,12 +97,12 @@ class Estimate:
 
 
 @njit(cache=True, nogil=True)
-def _landmarks(joints, spread, surest, trust):
+def _landmarks(joints, spread, min_spread, trust):
     """Computes (J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
     out = np.empty((len(joints), 5))
     low, high = _ROBUST_WIDTHS_M
     for j in range(len(joints)):
-        sure = max(spread[j], surest)
+        sure = max(spread[j], min_spread)
         for a in range(3):
             out[j, a] = joints[j, a]
         out[j, 3] = trust[j] * (_USUAL_SPREAD_M / sure) ** 2 / len(joints)
@@ -105,8 +111,8 @@ def _landmarks(joints, spread, surest, trust):
 
 
 @njit(cache=True, nogil=True)
-def _apart(joints, seen, spread, which):
-    """Computes :meth:`Estimate.count_apart`."""
+def _count_disagreeing(joints, seen, spread, which):
+    """Computes :meth:`Estimate.count_disagreeing`."""
     count = 0
     for j in which:
         x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
@@ -134,7 +140,7 @@ class PoseEstimator:
             raise InputError(
                 "the network cannot be read",
                 where=str(path),
-                mend="Install enliven again, or set tracker.estimator = false.",
+                remedy="Install enliven again, or set tracker.estimator = false.",
             ) from None
 
     def estimates(self, crop: Crop, world_from_camera: Float, facings: list[float | None]) -> list[Estimate]:
@@ -155,8 +161,8 @@ class PoseEstimator:
         estimates = []
         for n in range(len(condition)):
             in_camera = crop.to_camera(joints[n].astype(np.float64))
-            world, off, ways, person = _decoded(in_camera, spread[n], facing[n], world_from_camera)
-            estimates.append(Estimate(world, off, ways, parts[n], crop, person))
+            world, spreads, facing_logs, person = _decode(in_camera, spread[n], facing[n], world_from_camera)
+            estimates.append(Estimate(world, spreads, facing_logs, parts[n], crop, person))
         return estimates
 
     def estimate(
@@ -171,7 +177,7 @@ class PoseEstimator:
 
 
 @njit(cache=True, nogil=True)
-def _decoded(here, spread, facing, pose):
+def _decode(here, spread, facing, pose):
     """Decodes the network's output: joints, spread, facing and person probability, as in :class:`Estimate`.
 
     Args:

@@ -37,7 +37,7 @@ NOBODY = 255
 FACINGS = 8
 """Number of facing directions that the network distinguishes, one every 45 degrees."""
 MIRRORED = np.array([0, *(p + 1 if p % 2 else p - 1 for p in range(1, PARTS))])
-"""(17,) the part on the other side of the body."""
+"""(17,) the mirrored part of each part, on the other side of the body."""
 
 
 @njit(cache=True, nogil=True)
@@ -45,8 +45,8 @@ def facing_in_plan(left, place, eye):
     """Returns the person's horizontal facing in radians: 0 towards the sensor, anticlockwise from above.
 
     Args:
-        left: (3,) towards the person's left, world frame. Unlike the front direction it stays level in a
-            bend.
+        left: (3,) direction to the person's left, world frame. Unlike the front direction it stays level when
+            the person bends.
         place, eye: (3,) metres, of the person and the sensor.
     """
     return np.arctan2(-left[2], left[0]) - np.arctan2(eye[0] - place[0], eye[2] - place[2])

@@ -1,6 +1,6 @@
 """Samples the network's map of body parts at points, with bilinear interpolation, compiled.
 
-It works row by row of a part, so that the compiler can vectorise the loops.
+The loops process one part after the other, so that the compiler can vectorise them.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from enliven_edge.tracking.estimator.crop import COLUMNS, cells_at
 _MIN_EXPONENT = np.float32(-87.0)
 """Exponent below which e^x underflows in single precision."""
 _LOG2_E = np.float32(1.0 / np.log(2.0))
-"""Doublings per factor of e: log2(e)."""
+"""log2(e), which converts the exponent of e into an exponent of 2."""
 _LOG_2 = np.log(2.0)
 _LOG_2_HIGH = np.float32(round(_LOG_2 * 512) / 512)
 """Upper bits of log(2). The product with a whole number below 2^14 is exact in single precision."""
 _LOG_2_LOW = np.float32(_LOG_2 - round(_LOG_2 * 512) / 512)
 _SERIES = tuple(np.float32(1.0 / n) for n in (720.0, 120.0, 24.0, 6.0, 2.0))
-"""Coefficients of the sixth to the second power in the exponential's series, for half a doubling at most."""
-_BIAS, _MANTISSA = np.int32(127), np.int32(23)
+"""Coefficients of the series of e^x from the sixth down to the second power. They suffice for abs(x) up to
+log(2) / 2."""
+_EXPONENT_BIAS, _MANTISSA_BITS = np.int32(127), np.int32(23)
 """Exponent bias of single precision, and the number of mantissa bits below the exponent."""
 
 
@@ -47,13 +48,13 @@ def parts_at_rays(logits, rays, axes, centre, scale):
     out = np.empty((len(logits), len(rays)), np.float32)
     flat = logits.reshape(len(logits), -1)
     for p in range(len(logits)):
-        _read(out[p], flat[p], places, right, down, columns)
+        _interpolate(out[p], flat[p], places, right, down, columns)
     _softmax(out)
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _read(out, row, places, right, down, columns):
+def _interpolate(out, row, places, right, down, columns):
     """Interpolates a map bilinearly at (M,) cells plus fractions to the right and down, into ``out``."""
     for i in range(len(out)):
         at = np.uintp(places[i])
@@ -86,11 +87,9 @@ def _softmax(logits):
 
 @njit(cache=True, nogil=True, inline="always")
 def exponential(x):
-    """Returns e^x of a float32 from -87 to 87 by its series, with a relative error of 3e-7.
+    """Returns e^x of a float32 by its series, with a relative error of 3e-7, for x up to 87.
 
-    Below -87 it returns e^-87.
-
-    It makes no call, so that the compiler can vectorise it.
+    Below -87 it returns e^-87. It contains no function call, so that the compiler can vectorise it.
     """
     x = max(x, _MIN_EXPONENT)
     doublings = np.float32(np.floor(x * _LOG2_E + np.float32(0.5)))
@@ -99,4 +98,4 @@ def exponential(x):
     series = np.float32(1.0) + rest * (
         np.float32(1.0) + rest * (e + rest * (d + rest * (c + rest * (b + rest * a))))
     )
-    return series * np.int32((np.int32(doublings) + _BIAS) << _MANTISSA).view(np.float32)
+    return series * np.int32((np.int32(doublings) + _EXPONENT_BIAS) << _MANTISSA_BITS).view(np.float32)

@@ -1,4 +1,4 @@
-"""The data term of the fit, compiled: it pulls the surface of the body to the observed points.
+"""The data term of the fit, compiled: the distances between the body's surface and the observed points.
 
 Consider a point on a capsule with the axis s + t d, outward normal n and parameter t. Its residual is r =
 distance - radius. The residual falls by n . dx if the axis moves by dx, and by dR if the radius R grows. The
@@ -15,13 +15,14 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import FAST, model, nearest_capsules
-from enliven_edge.tracking.fit.normal_equations import of_frame
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.capsules import FAST, nearest_capsules
+from enliven_edge.tracking.fit.normal_equations import lengths_of_frame
 
 
 @njit(cache=True, nogil=True)
 def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
-    """Adds the term that pulls every observed point and the surface of its nearest capsule together.
+    """Adds the distance of every observed point from the surface of its nearest capsule to the sums.
 
     ``support`` (C,) receives the number of points that each capsule explains within ``width``. Returns
     (energy, fraction of the points that are explained).
@@ -60,7 +61,7 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         if len(tug) > 0:
             growth = (radii[c, 0] / surface.girth, radii[c, 1] / surface.girth)
             along = (start, way, surface.by_ends[c], growth)
-            moved = of_frame(surface.lengths_of, f, len(tug))
+            moved = lengths_of_frame(surface.lengths_of, f, len(tug))
             _add_length_terms(sums.cross[f], sums.own, tug, squares, firsts, powers, along, moved, moved_by)
     return weight / many * energy, explained / many
 
@@ -88,8 +89,8 @@ def _moments(squares, firsts, powers, points, span, axis, width):
 
     Returns (energy, points within ``width``).
 
-    It is written out in single precision so that the compiler vectorises the sums. Most of a fit is spent
-    here.
+    Most of a fit's time is spent here. So the sums are written out in single precision, which the compiler
+    can vectorise.
 
     Args:
         squares: (3, 3, 3) receives sum w t^k n n'.

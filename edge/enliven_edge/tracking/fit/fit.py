@@ -1,7 +1,7 @@
 """The articulated fit: damped Gauss-Newton of the body model on the observation of one depth frame.
 
-After Ganapathi et al. 2012 (ray-constrained ICP): points are matched to surfaces, and the surface is kept out
-of the free space through which the camera saw.
+After Ganapathi et al. 2012 (ray-constrained ICP): the fit matches points to surfaces, and keeps the surface
+out of the free space between the camera and the observed depth.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import HeldArguments, hold
-from enliven_edge.tracking.body_model import Posture, joint_limits, model
+from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.gauss_newton import minimise
 from enliven_edge.tracking.fit.structures import FitConstants, FitModel, create_weights
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.frame.observation import Observation
 from enliven_edge.tracking.settings import FitSettings
 
 _TEMPORAL_FACTORS = model.frame_weights(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
@@ -23,14 +24,14 @@ _TEMPORAL_FACTORS = model.frame_weights(1.0, {model.CHEST: 3.0, model.HEAD: 2.0}
 _RELAXED = model.frame_weights(
     1.0, {model.PELVIS: 0.0, model.CHEST: 12.0, model.HEAD: 6.0, model.FOOT_L: 3.0, model.FOOT_R: 3.0}
 )
-"""(13,) factors on ``FitSettings.rest``. Depth constrains the back, the head and the feet least. The pelvis'
-heading is free."""
+"""(13,) factors on ``FitSettings.rest``. They are highest for the back, the head and the feet, which depth
+constrains least. The pelvis' heading is free."""
 
 
 def _touching_pairs() -> Int:
-    """Returns (K, 2) pairs of capsules that must stay apart.
+    """Returns (K, 2) pairs of capsules that must not intersect.
 
-    An arm stays apart from the torso, the other arm and the thigh; the legs stay apart from each other.
+    These are arms with the torso, the other arm and the thighs, and one leg with the other.
     """
     frame = model.CAPSULES.frame
     groups = {
@@ -61,24 +62,24 @@ def create_fit_model() -> FitModel:
 
 
 _LOW_HIP_RATIO = 0.65
-"""Height of the hips relative to leg length below which the hips of a tracked person bend farther. If the
-wider range also applied to standing people, four people next to each other lost 4 % of their joints."""
+"""If the hips of a tracked person are lower than this fraction of the leg length, the hips may bend farther.
+If standing people also had the wider range, four people next to each other lost 4 % of their joints."""
 _SHAPE = create_fit_model()
 _NO_LENGTHS = np.zeros(0)
-"""The weights of no lengths: they are frozen."""
+"""Empty weights, which mean that the lengths are frozen."""
 _NO_ROTATION_WEIGHTS = np.zeros(13)
 """(13,) zero weights of the prediction's rotations, used without a prediction."""
 
 
 @dataclass(frozen=True)
 class FitReport:
-    """How well a posture explains a frame.
+    """Measures of how well a posture explains a frame.
 
     Attributes:
         energy: the minimised energy, square centimetres per point.
         explained: the fraction of the person's points within the robust width of the model.
         support: (C,) number of observed points that each capsule explains.
-        violated: (C,) the fraction of each capsule through which the camera saw.
+        violated: (C,) the fraction of each capsule that is in free space: the camera saw through it.
         information: (30, 30) the upper triangle of the Gauss-Newton matrix of the frame alone, without the
             temporal prior, with the lengths frozen.
     """
@@ -91,25 +92,26 @@ class FitReport:
 
     @property
     def seen_through(self) -> float:
-        """Returns the fraction of the whole surface through which the camera saw."""
+        """Returns the fraction of the whole body that is in free space: the camera saw through it."""
         return sum(self.violated.tolist()) / len(self.violated)
 
 
 class Fitter:
-    """Fits the model to observations. Between calls it keeps only its settings, prepared for each width.
+    """Fits the body model to observations. Caches only constants, for each robust width.
 
     Attributes:
-        has_floor: whether limbs stay above y = 0. A guessed floor must not shorten legs.
-        limber: the fitter for people that are already tracked. If their hips are low, the hips bend as far as
-            with drawn-up knees. A search does not use this range, because one limber body could explain two
-            people next to each other.
+        has_floor: whether limbs must stay above y = 0; False if the floor is guessed, because a wrong floor
+            would shorten legs.
+        for_tracked_people: the fitter for people that are already tracked. If they crouch, their hips may
+            bend farther. A search does not use this wider range, because one strongly bent body could explain
+            two people next to each other.
     """
 
     def __init__(self, settings: FitSettings, strict: Fitter | None = None) -> None:
         self.settings = settings
         self.has_floor = True
         self._strict = strict
-        self.limber: Fitter = Fitter(settings, self) if strict is None else self
+        self.for_tracked_people: Fitter = Fitter(settings, self) if strict is None else self
         self._stiffness, self._relaxedness = settings.temporal * _TEMPORAL_FACTORS, settings.rest * _RELAXED
         self._constants: dict[tuple[float, bool, bool], HeldArguments] = {}
 
@@ -131,7 +133,8 @@ class Fitter:
             predicted: the posture that the temporal prior expects; None in detection.
             iterations: maximum Gauss-Newton steps; None: from the settings.
             width: robust width in metres; None: from the settings.
-            proportions: (12,) weights that keep the lengths near ``start``'s; None: fixed lengths.
+            proportions: (12,) weights that keep the lengths near those of ``start``; None: the lengths are
+                fixed.
         """
         fitted = start.copy()
         prior = self._prior(start, predicted, proportions)
@@ -147,7 +150,8 @@ class Fitter:
     def _prior(
         self, start: Posture, predicted: Posture | None, proportions: Float | None
     ) -> tuple[Float, Float, Float, Float]:
-        """Returns the variable part of the prior, prediction and proportions: see :func:`minimise`."""
+        """Returns the part of the prior that changes per frame, prediction and proportions: see
+        :func:`minimise`."""
         firmness = _NO_LENGTHS if proportions is None else proportions
         if predicted is None:
             return start.rotations, _NO_ROTATION_WEIGHTS, start.lengths, firmness
@@ -159,15 +163,16 @@ class Fitter:
         return self._strict is not None and float(posture.position[1]) < _LOW_HIP_RATIO * leg
 
     def _create_constants(self, width: float | None, bends_far: bool) -> HeldArguments:
-        """Returns the constant data, with weights and body, for a width in metres.
-
-        The default is the width in the settings.
+        """Returns the constant data, weights and body, for a robust width in metres; None: that of the
+        settings.
         """
         width = float(self.settings.width if width is None else width)
         has_floor = self.has_floor if self._strict is None else self._strict.has_floor
         key = width, has_floor, bends_far
         if key not in self._constants:
-            middle, reach = joint_limits.LIMBER if bends_far else (joint_limits.MIDDLE, joint_limits.REACH)
+            middle, reach = (
+                joint_limits.WIDE_HIP_LIMITS if bends_far else (joint_limits.MIDDLE, joint_limits.HALF_RANGES)
+            )
             limits = joint_limits.RELAXED, self._relaxedness, middle, reach
             settings = self.settings if has_floor else replace(self.settings, floor=0.0)
             self._constants[key] = hold(FitConstants(_SHAPE, create_weights(settings, width), *limits))

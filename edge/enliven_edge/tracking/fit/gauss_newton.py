@@ -8,24 +8,25 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven_edge.tracking.body_model import model, turn
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.kinematics import turn
 from enliven_edge.tracking.fit.structures import BodyState, FitPrior
 from enliven_edge.tracking.fit.terms import assemble
 
 _MIN_GAIN = 1e-4
-"""Minimum gain of a step as a fraction of the energy to try another step."""
+"""Minimum gain of a step, as a fraction of the energy, to continue."""
 _MAX_TURN = 0.5
-"""Maximum rotation of a joint per step in radians. Beyond it the linearisation does not hold."""
+"""Maximum rotation of a joint per step in radians. The linearisation is invalid for larger rotations."""
 FIRST_DAMPING = 1e-2
 """Damping of the first step, as a fraction of the matrix's diagonal: nearly a Gauss-Newton step."""
-RAISE = 8.0
+DAMPING_INCREASE = 8.0
 """Factor on the damping after a rejected step."""
-LOWER = 4.0
+DAMPING_DECREASE = 4.0
 """Divisor of the damping after an accepted step."""
-LEAST_DAMPING = 1e-6
-"""Minimum damping. Less does not change a step."""
-MOST_DAMPING = 1e4
-"""Maximum damping. Beyond it no step lowers the energy any more."""
+MIN_DAMPING = 1e-6
+"""Minimum damping. Lower values do not change a step."""
+MAX_DAMPING = 1e4
+"""Maximum damping. The minimisation ends if no step with at most this damping lowers the energy."""
 
 
 @njit(cache=True, nogil=True)
@@ -41,7 +42,7 @@ def minimise(
         predicted, stiffness, reference, firmness: see :class:`FitPrior`.
         iterations: maximum number of steps.
         support: (C,) receives the number of points that each capsule explains.
-        violated: (C,) receives the fraction of each capsule through which the camera saw.
+        violated: (C,) receives the fraction of each capsule in free space.
         information: (30, 30) receives the upper triangle of the Gauss-Newton matrix at the final posture, of
             translation and rotations alone, without the temporal prior.
     """
@@ -60,14 +61,14 @@ def minimise(
     for _ in range(iterations):
         # Propose a step, and compute the energy and the normal equations after it.
         solve_damped(step, factor, matrix, gradient, damping)
-        moved = stepped(position, rotations, lengths, step, shape.dof_frame, shape.dof_axis)
+        moved = apply_step(position, rotations, lengths, step, shape.dof_frame, shape.dof_axis)
         lower, better = assemble(
             trial_matrix, trial_gradient, moved, seen, shape, prior, weights, tried, tried_violated
         )
         # Reject a step that does not lower the energy, and raise the damping.
         if not lower < energy:
-            damping *= RAISE
-            if damping > MOST_DAMPING:
+            damping *= DAMPING_INCREASE
+            if damping > MAX_DAMPING:
                 break
             continue
         # Accept the step, and swap the normal equations instead of computing them again.
@@ -80,7 +81,7 @@ def minimise(
         copy_row(violated, tried_violated)
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
-        energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
+        energy, explained, damping = lower, better, max(MIN_DAMPING, damping / DAMPING_DECREASE)
         if gain < _MIN_GAIN * energy:
             break
     # Compute the information matrix of the frame. It leaves out the temporal prior, which only adds to the
@@ -97,9 +98,8 @@ def minimise(
 def cholesky(factor, matrix, damping):
     """Computes the upper Cholesky factor U of M + damping diag(M) + 0.001 = U'U.
 
-    It uses only upper triangles.
-
-    It subtracts four earlier rows at once, so that each row is read and written a quarter as often.
+    It uses only upper triangles. It subtracts four earlier rows at a time, so that each row is read and
+    written a quarter as often.
     """
     count = len(matrix)
     for i in range(count):
@@ -144,7 +144,7 @@ def solve_damped(step, factor, matrix, gradient, damping):
 
 
 @njit(cache=True, nogil=True)
-def stepped(position, rotations, lengths, step, dof_frame, dof_axis):
+def apply_step(position, rotations, lengths, step, dof_frame, dof_axis):
     """Returns (position, rotations, lengths) after a step, which is limited to half a radian per joint."""
     largest = 1e-9
     for k in range(3, model.DOFS):

@@ -39,7 +39,7 @@ def empty_sums(frames, lengths):
 
 
 @njit(cache=True, nogil=True)
-def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):
+def add_direction_residual(sums, frame, normal, point, stretch, lengths_of, residual, weight):
     """Adds a residual along one direction to the sums.
 
     Args:
@@ -53,7 +53,7 @@ def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):
         weight: the weight of the squared residual.
     """
     total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
-    moved = of_frame(lengths_of, frame, len(tug))
+    moved = lengths_of_frame(lengths_of, frame, len(tug))
     (x, y, z), (a, b, c) = (point[0], point[1], point[2]), (normal[0], normal[1], normal[2])
     phi = (a, b, c, y * c - z * b, z * a - x * c, x * b - y * a)
     for i in range(6):
@@ -71,7 +71,7 @@ def add_ray(sums, frame, normal, point, stretch, lengths_of, residual, weight):
 
 
 @njit(cache=True, nogil=True)
-def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
+def add_point_residual(sums, frame, point, apart, stretch, lengths_of, weight):
     """Adds the three residuals of a point with a target to the sums.
 
     Args:
@@ -84,7 +84,7 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
         weight: the weight of the squared residuals.
     """
     total, pull, cross, own, tug = sums.total, sums.pull, sums.cross, sums.own, sums.tug
-    moved = of_frame(lengths_of, frame, len(tug))
+    moved = lengths_of_frame(lengths_of, frame, len(tug))
     (x, y, z), (a, b, c) = (point[0], point[1], point[2]), (apart[0], apart[1], apart[2])
     across = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
     square = x * x + y * y + z * z
@@ -109,13 +109,13 @@ def add_place(sums, frame, point, apart, stretch, lengths_of, weight):
 
 
 @njit(cache=True, nogil=True)
-def of_frame(lengths_of, frame, lengths):
+def lengths_of_frame(lengths_of, frame, lengths):
     """Returns the lengths that move the points of a frame. Empty if all are frozen."""
     return lengths_of[frame, 1 : 1 + (lengths_of[frame, 0] if lengths > 0 else 0)]
 
 
 @njit(cache=True, nogil=True)
-def gather(matrix, gradient, sums, body):
+def add_sums(matrix, gradient, sums, body):
     """Adds the sums to the normal equations, the upper triangle of the matrix. It modifies the sums.
 
     Args:
@@ -134,8 +134,8 @@ def gather(matrix, gradient, sums, body):
                 total[parent, i, j] += total[f, i, j]
             for p in range(len(tug)):
                 cross[parent, i, p] += cross[f, i, p]
-    turns = _turns(world, pivots, dof_frame, body.dof_axis)
-    _gather_turns(matrix, gradient, total, pull, turns, body.moves, dof_frame)
+    turns = _twists(world, pivots, dof_frame, body.dof_axis)
+    _add_rotation_sums(matrix, gradient, total, pull, turns, body.moves, dof_frame)
     # Compute the blocks of the lengths with themselves, with the translation, and with the rotations.
     first = _TRANSLATION_DOFS + len(turns)
     for p in range(len(tug)):
@@ -152,7 +152,7 @@ def gather(matrix, gradient, sums, body):
 
 
 @njit(cache=True, nogil=True)
-def _turns(world, pivots, dof_frame, dof_axis):
+def _twists(world, pivots, dof_frame, dof_axis):
     """Returns (K, 6) the twist of every rotational unknown: about its axis, through its frame's pivot."""
     out = np.empty((len(dof_frame), 6))
     for k in range(len(dof_frame)):
@@ -165,7 +165,7 @@ def _turns(world, pivots, dof_frame, dof_axis):
 
 
 @njit(cache=True, nogil=True)
-def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
+def _add_rotation_sums(matrix, gradient, total, pull, turns, moves, dof_frame):
     """Adds the part of translation and rotations.
 
     ``total`` and ``pull`` include all descendants of a frame.
@@ -239,7 +239,7 @@ def robust(residual, width):
 
 
 @njit(cache=True, nogil=True)
-def carried(point, frame, local, lengths, body):
+def world_point_into(point, frame, local, lengths, body):
     """Writes the (3,) world position of a point fixed to a frame, linear in the lengths, into ``point``."""
     world, pivots = body.world, body.pivots
     for a in range(3):
@@ -265,7 +265,7 @@ def by_length(out, frame, local, body):
     """Writes (3, L) the derivatives by the lengths of a point that is (3, 12) in its frame into ``out``."""
     world, of_pivot, lengths_of = body.world, body.by_length, body.lengths_of
     out[:] = 0.0
-    for p in of_frame(lengths_of, frame, out.shape[1]):
+    for p in lengths_of_frame(lengths_of, frame, out.shape[1]):
         x, y, z = local[0, p], local[1, p], local[2, p]
         for a in range(3):
             out[a, p] = of_pivot[frame, a, p] + world[frame, a, 0] * x + world[frame, a, 1] * y
@@ -279,6 +279,6 @@ def stretch_into(out, normal, by_ends, t, frame, lengths_of):
     The girth is left out.
     """
     out[:] = 0.0
-    for p in of_frame(lengths_of, frame, len(out)):
+    for p in lengths_of_frame(lengths_of, frame, len(out)):
         for a in range(3):
             out[p] += normal[a] * ((1.0 - t) * by_ends[0, a, p] + t * by_ends[1, a, p])

@@ -10,14 +10,14 @@ from enliven_edge.tracking.body_model import model
 
 @njit(cache=True, nogil=True)
 def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
-    """Adds the term that keeps samples on the first capsule of each pair out of the second."""
+    """Adds the term that keeps samples on the first capsule of each pair outside the second capsule."""
     ends, radii, capsule_frame, by_ends = surface.ends, surface.radii, surface.frame, surface.by_ends
     filled, values = np.empty(matrix.shape[0], np.int64), np.empty(matrix.shape[0])
     normal, point, centre = np.empty(3), np.empty(3), np.empty(3)
     energy = 0.0
     for k in range(len(pairs)):
         i, j = pairs[k]
-        if _clear(ends[i], radii[i], ends[j], radii[j]):
+        if _are_bounds_apart(ends[i], radii[i], ends[j], radii[j]):
             continue
         for s in range(samples):
             # Take a sample on the first axis, and find the nearest point on the second axis.
@@ -44,14 +44,14 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
                 normal[a] = (point[a] - centre[a]) / distance
             first = (capsule_frame[i], point, by_ends[i], t)
             second = (capsule_frame[j], centre, by_ends[j], along)
-            count = _parting_row(filled, values, first, second, normal, body)
+            count = _separation_row(filled, values, first, second, normal, body)
             energy += weight * residual * residual
-            _add_few(matrix, gradient, filled, values, count, residual, weight)
+            _add_sparse_row(matrix, gradient, filled, values, count, residual, weight)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def _add_few(matrix, gradient, filled, values, count, residual, weight):
+def _add_sparse_row(matrix, gradient, filled, values, count, residual, weight):
     """Adds one weighted residual to the upper triangle of the normal equations.
 
     Its row has only ``count`` non-zero entries: the ``values`` at the ascending indices ``filled``.
@@ -65,7 +65,7 @@ def _add_few(matrix, gradient, filled, values, count, residual, weight):
 
 
 @njit(cache=True, nogil=True)
-def _clear(one, thick, other, broad):
+def _are_bounds_apart(one, thick, other, broad):
     """Returns True if the bounding balls of two capsules do not meet."""
     apart, first, second = 0.0, 0.0, 0.0
     for a in range(3):
@@ -77,7 +77,7 @@ def _clear(one, thick, other, broad):
 
 
 @njit(cache=True, nogil=True)
-def _parting_row(filled, values, first, second, normal, body):
+def _separation_row(filled, values, first, second, normal, body):
     """Writes normal . d(second - first)/d(unknowns) of two points, ``normal`` along the line between them.
 
     An unknown that moves both points rotates that line without changing its length. So only the unknowns that

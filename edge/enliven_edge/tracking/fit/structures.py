@@ -1,6 +1,6 @@
 """The named structures of the compiled fit: body model, posture, sums, prior and weights.
 
-F frames, C capsules, K rotational unknowns, L lengths: 12, or 0 if they are frozen.
+Sizes: F frames, C capsules, K rotational unknowns, and L lengths: 12, or 0 if they are frozen.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class FrameSums(NamedTuple):
 
 
 class FitPrior(NamedTuple):
-    """The prior: expectations that do not come from the frame.
+    """The prior of the fit: the predicted posture, the relaxed posture, joint ranges and proportions.
 
     ``stiffness`` and ``relaxedness`` (F,) are weights of rotations.
 
@@ -109,9 +109,10 @@ class FitConstants(NamedTuple):
 
 _NAMES = tuple(field.name for field in fields(FitSettings))
 FitWeights: Any = namedtuple("FitWeights", _NAMES)  # type: ignore[misc]
-"""The numbers of :class:`FitSettings` by their names. A new setting is a weight that every term can use."""
+"""A named tuple with the fields of :class:`FitSettings`. A new setting is automatically a weight that every
+term can use."""
 
 
 def create_weights(settings: FitSettings, width: float) -> Any:
-    """Returns the weights in the form that the compiled fit takes, all of one type, with another width."""
+    """Returns the settings as weights for the compiled fit: all floats, with another robust width."""
     return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))._replace(width=width)

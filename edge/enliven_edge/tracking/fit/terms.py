@@ -15,62 +15,61 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import (
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.kinematics import (
     capsules_into,
     deviation_into,
     forward_into,
-    model,
     pivots_by_length,
 )
 from enliven_edge.tracking.fit.data_term import depth_to_model
 from enliven_edge.tracking.fit.normal_equations import (
-    add_place,
-    add_ray,
+    add_direction_residual,
+    add_point_residual,
+    add_sums,
     by_length,
-    carried,
     empty_sums,
     ends_by_length,
-    gather,
     robust,
     stretch_into,
+    world_point_into,
 )
 from enliven_edge.tracking.fit.self_intersection import self_intersection
 from enliven_edge.tracking.fit.structures import CapsuleSurface, PlacedFrames
-from enliven_edge.tracking.frame import nearest_pixel
+from enliven_edge.tracking.frame.observation import nearest_pixel
 
 SQUARE_CM = 1e4
 """Square centimetres per square metre: energies are in square centimetres, residuals in metres."""
 _SIDE_COST_M = 0.04
-"""Cost in metres of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
-a forearm."""
+"""Cost in metres of a capsule's surface that is seen from the side, see :func:`capsules.nearest_capsules`. It
+is about the radius of a forearm."""
 _FREE_SPACE_WIDTH_M = 0.25
 """Robust width of the free-space term in metres. A whole forearm may be in the wrong place."""
 _CAPSULE_SAMPLES = np.int64(5)
-"""Points along a capsule that are tested for free space. A plain int would be a separate type for Numba."""
+"""Number of points along a capsule that are tested for free space. It is an int64, because Numba would
+compile a second version for an int."""
 _PAIR_SAMPLES = np.int64(3)
-"""Points along the first capsule of a pair that are kept out of the second."""
+"""Number of points along the first capsule of a pair that are kept outside the second capsule."""
 _INTERSECTION_WEIGHT = 0.02
 """Weight of the self-intersection term relative to that of all points together."""
 _SIZE_WEIGHT = 0.1
 """Weight of a person's size relative to that of the proportions. People differ more in size."""
 _FLOOR_TOLERANCE_M = 0.02
-"""Maximum error of the floor's height in metres: the floor may be this much higher than its estimate."""
+"""Tolerance of the floor's height in metres: limbs may be this far below the estimated floor."""
 
 
 @njit(cache=True, nogil=True)
 def free_space(sums, surface, view, weight, width, samples, violated):
-    """Adds the free-space term against limbs in space through which the camera saw.
+    """Adds the free-space term, which moves limbs out of the free space in front of the observed depth.
 
-    It also acts against limbs in front of the observed surface.
-
-    Points along every capsule's axis are projected into the image. Outside the person's silhouette they are
-    pulled to its nearest pixel, unless a nearer object hides them or the depth is unknown. Inside it, a
-    surface in front of the observed surface is pushed back.
+    Points along every capsule's axis are projected into the image. Points outside the person's silhouette are
+    moved to its nearest pixel, unless a nearer object hides them or the depth is unknown. Inside it, a
+    capsule in front of the observed surface is moved back.
 
     Args:
         sums: the sums, modified in place.
         surface: a :class:`~enliven_edge.tracking.fit.structures.CapsuleSurface`.
-        view: an :class:`~enliven_edge.tracking.frame.ImageView`.
+        view: an :class:`~enliven_edge.tracking.frame.observation.ImageView`.
         weight: the weight of the term.
         width: robust width in metres.
         samples: number of points per capsule.
@@ -99,7 +98,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):
             if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0]:
                 continue
             seen, inside = depth[v, u], mask[v, u]
-            # Inside the silhouette, push the surface behind the observed depth, with a tolerance of 3 cm.
+            # Inside the silhouette, move the surface behind the observed depth, with a tolerance of 3 cm.
             if inside:
                 residual = seen - (z - radius) - 0.03
                 if residual <= 0.0:
@@ -107,8 +106,8 @@ def free_space(sums, surface, view, weight, width, samples, violated):
                 for a in range(3):
                     normal[a] = -pose[a, 2]
             else:
-                # Outside the silhouette, skip occluded and unknown pixels, and pull the other samples towards
-                # the silhouette.
+                # Outside the silhouette, skip occluded and unknown pixels, and move the other samples to the
+                # silhouette.
                 if seen == 0.0 or seen < z - radius - 0.05:
                     continue
                 near_v, near_u = nearest_pixel(v, u, view.nearest)
@@ -126,7 +125,9 @@ def free_space(sums, surface, view, weight, width, samples, violated):
                 stretch[model.GIRTH] += radius / surface.girth if inside else 0.0
             cost, w = robust(residual, width)
             energy += per_sample * cost
-            add_ray(sums, surface.frame[c], normal, point, stretch, lengths_of, residual, per_sample * w)
+            add_direction_residual(
+                sums, surface.frame[c], normal, point, stretch, lengths_of, residual, per_sample * w
+            )
     return energy
 
 
@@ -154,18 +155,20 @@ def above_floor(sums, surface, weight, slack):
             if len(stretch) > 0:
                 stretch[model.GIRTH] += radii[c, e] / surface.girth
             energy += weight * residual * residual
-            add_ray(sums, surface.frame[c], down, ends[c, e], stretch, lengths_of, residual, weight)
+            add_direction_residual(
+                sums, surface.frame[c], down, ends[c, e], stretch, lengths_of, residual, weight
+            )
     return energy
 
 
 @njit(cache=True, nogil=True)
 def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
-    """Adds the term that pulls joints p to their landmarks with a robust weight: w |p - landmark|^2.
+    """Adds the landmark term w |p - landmark|^2 of joints p, with robust weights.
 
     Args:
         sums: the sums, modified in place.
         landmarks: (20, 5) x, y, z, the weight w and the robust width of each joint; (0, 5) without landmarks.
-        frames, local: (20,) and (20, 3, 12) the joints on the model.
+        frames, local: (20,) frames and (20, 3, 12) positions in them of the model's joints.
         lengths: (12,) metres.
         body: the frames of a posture.
         weight: the weight of the term.
@@ -176,7 +179,7 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
         w = weight * landmarks[j, 3]
         if w <= 0.0:
             continue
-        carried(point, frames[j], local[j], lengths, body)
+        world_point_into(point, frames[j], local[j], lengths, body)
         square = 0.0
         for a in range(3):
             apart[a] = point[a] - landmarks[j, a]
@@ -185,23 +188,22 @@ def near_landmarks(sums, landmarks, frames, local, lengths, body, weight):
         energy += w * cost
         if len(sums.tug) > 0:
             by_length(stretch, frames[j], local[j], body)
-        add_place(sums, frames[j], point, apart, stretch, body.lengths_of, w * doubt)
+        add_point_residual(sums, frames[j], point, apart, stretch, body.lengths_of, w * doubt)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def hold_build(matrix, gradient, lengths, reference, firmness, scale):
-    """Adds the term that keeps proportions near the reference's, and the size with a lower weight.
+def keep_proportions(matrix, gradient, lengths, reference, firmness, scale):
+    """Adds the term that keeps the bone lengths near the reference.
 
-    The weight of the size is ``scale`` times that of the proportions.
-
-    With the relative changes c of the bones and their mean m, the energy is f sum (c - m)^2 + scale f n m^2.
-    The girth, which comes last, has its own term f c^2.
+    The size has a lower weight, ``scale`` times that of the proportions. For n bones with the relative
+    changes c, their mean m and the weight f, the energy is f sum (c - m)^2 + scale f n m^2. The girth, the
+    last length, has its own term f c^2.
 
     Args:
         matrix, gradient: the normal equations, modified in place.
         lengths, reference: (12,) metres.
-        firmness: (12,) weights; the first is that of all bones.
+        firmness: (12,) weights; the first one is used for all bones.
         scale: the relative weight of the size.
     """
     bones = len(lengths) - 1
@@ -222,7 +224,7 @@ def hold_build(matrix, gradient, lengths, reference, firmness, scale):
 
 
 @njit(cache=True, nogil=True)
-def stay_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):
+def keep_rotations_near(matrix, gradient, rotations, reference, weights, dof_frame, dof_axis):
     """Adds the term that keeps rotations near a reference: weight * |log(reference' rotation)|^2."""
     energy = 0.0
     last, turned = -1, np.zeros(3)
@@ -271,14 +273,14 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     Args:
         matrix, gradient: receive the normal equations.
         state, shape, prior, weights: as in :mod:`enliven_edge.tracking.fit.structures`.
-        seen: a :class:`~enliven_edge.tracking.frame.SeenPerson`.
+        seen: a :class:`~enliven_edge.tracking.frame.observation.ObservationArrays`.
         support: (C,) receives the number of points that each capsule explains.
         violated: (C,) receives the fraction of each capsule through which the camera saw.
     """
     rotations, lengths, free = state.rotations, state.lengths, len(prior.firmness)
     frame, axis = shape.dof_frame, shape.dof_axis
     matrix[:], gradient[:] = 0.0, 0.0
-    body, surface = placed(state, shape, free)
+    body, surface = place_model(state, shape, free)
     sums = empty_sums(len(rotations), free)
     energy, explained = depth_to_model(
         sums, seen.points, seen.affinity, surface, SQUARE_CM, weights.width, _SIDE_COST_M, support
@@ -289,22 +291,22 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     joints = (shape.joint_frames, shape.joint_offsets)
     near = weights.landmarks * SQUARE_CM
     energy += near_landmarks(sums, seen.landmarks, joints[0], joints[1], lengths, body, near)
-    gather(matrix, gradient, sums, body)
+    add_sums(matrix, gradient, sums, body)
     energy += self_intersection(
         matrix, gradient, surface, body, shape.pairs, _INTERSECTION_WEIGHT * SQUARE_CM, _PAIR_SAMPLES
     )
     energy += joint_ranges(
         matrix, gradient, rotations, prior.middle, prior.reach, weights.ranges, frame, axis
     )
-    energy += stay_near(matrix, gradient, rotations, prior.rest, prior.relaxedness, frame, axis)
-    energy += stay_near(matrix, gradient, rotations, prior.predicted, prior.stiffness, frame, axis)
+    energy += keep_rotations_near(matrix, gradient, rotations, prior.rest, prior.relaxedness, frame, axis)
+    energy += keep_rotations_near(matrix, gradient, rotations, prior.predicted, prior.stiffness, frame, axis)
     if free > 0:
-        energy += hold_build(matrix, gradient, lengths, prior.reference, prior.firmness, _SIZE_WEIGHT)
+        energy += keep_proportions(matrix, gradient, lengths, prior.reference, prior.firmness, _SIZE_WEIGHT)
     return energy, explained
 
 
 @njit(cache=True, nogil=True)
-def placed(state, shape, free):
+def place_model(state, shape, free):
     """Returns the frames and the surface of a posture.
 
     ``free`` is the number of lengths that are not frozen.

@@ -15,11 +15,11 @@ _WINDOW_NS = 1_500_000_000
 """Length in nanoseconds of the window over which frame rate and loss are measured. A change shows within two
 seconds."""
 _MIN_INTERVALS = 6
-"""Minimum number of frame intervals used to estimate frame rate and loss. For a slow sensor this many
-intervals are kept even if they are older than the window."""
+"""Minimum number of frame intervals for an estimate of frame rate and loss. For a slow sensor, this number of
+intervals is kept even if they are older than the window."""
 _CLOCK_RESET_FRAMES = 3
-"""Consecutive frames with old but increasing times after which the clock counts as set back. Fewer are late
-frames."""
+"""If this number of consecutive frames have old but increasing times, the sensor's clock was set back. Fewer
+are late frames."""
 _MAX_STEP_NS = 2_000_000_000
 """Maximum interval between frames in nanoseconds. A longer interval is a pause of the stream, not lost
 frames."""
@@ -29,21 +29,21 @@ class FrameTiming:
     """Checks the order of frames by their times, and measures the frame rate and the share of missing frames.
 
     Attributes:
-        late: number of frames that came out of order; the caller drops them.
-        repeated: consecutive frames with the same time as the previous frame.
+        late: number of frames that arrived out of order; the caller drops them.
+        repeated: number of consecutive frames with the same time.
     """
 
     def __init__(self) -> None:
         self.late = 0
         self.repeated = 0
         self._newest: int | None = None
-        self._behind: deque[int] = deque(maxlen=_CLOCK_RESET_FRAMES)
-        self._steps: deque[int] = deque()
+        self._late_times: deque[int] = deque(maxlen=_CLOCK_RESET_FRAMES)
+        self._intervals: deque[int] = deque()
         self._rate: float | None = None
         self._lost = 0.0
 
     def admit(self, time_ns: int) -> bool:
-        """Returns True if a frame is newer than all before, or the first after the clock was set back."""
+        """Returns True if a frame is newer than all previous ones, or if the sensor's clock was set back."""
         newest = self._newest
         if newest is not None and time_ns == newest:
             self.repeated += 1
@@ -52,11 +52,11 @@ class FrameTiming:
             self.late += 1
             return False
         if newest is None or not 0 < time_ns - newest < _MAX_STEP_NS:
-            self._steps.clear()
+            self._intervals.clear()
         else:
-            self._steps.append(time_ns - newest)
+            self._intervals.append(time_ns - newest)
         self.repeated = 0
-        self._behind.clear()
+        self._late_times.clear()
         self._newest = time_ns
         self._measure()
         return True
@@ -70,37 +70,37 @@ class FrameTiming:
         return self._rate
 
     @property
-    def lost(self) -> float:
+    def lost_fraction(self) -> float:
         """Returns the estimated share of frames that are missing between the received ones."""
         return self._lost
 
     def _is_set_back(self, time_ns: int) -> bool:
         """Returns True if the clock has restarted: several old frames arrived in increasing order."""
-        if self._behind and time_ns <= self._behind[-1]:
-            self._behind.clear()
-        self._behind.append(time_ns)
-        return len(self._behind) == _CLOCK_RESET_FRAMES
+        if self._late_times and time_ns <= self._late_times[-1]:
+            self._late_times.clear()
+        self._late_times.append(time_ns)
+        return len(self._late_times) == _CLOCK_RESET_FRAMES
 
     def _measure(self) -> None:
         """Updates rate and loss from the last frame intervals."""
-        while len(self._steps) > _MIN_INTERVALS and sum(self._steps) > _WINDOW_NS:
-            self._steps.popleft()
-        count = len(self._steps)
+        while len(self._intervals) > _MIN_INTERVALS and sum(self._intervals) > _WINDOW_NS:
+            self._intervals.popleft()
+        count = len(self._intervals)
         if count < _MIN_INTERVALS:
             self._rate, self._lost = None, 0.0
             return
-        ordered = sorted(self._steps)
+        ordered = sorted(self._intervals)
         self._rate = 1e9 * count / sum(ordered)
-        # Take the interval at the lowest eighth. Short intervals are close to the true period, but the
-        # shortest one may be too short because of clock jitter.
+        # Estimate the period as the 12.5 % quantile of the intervals. Lost frames lengthen intervals, so
+        # short ones are close to the true period. Clock jitter may shorten the very shortest.
         period = ordered[count // 8]
-        due = sum(round(step / period) for step in self._steps)
-        self._lost = 1.0 - count / max(count, due)
+        expected_count = sum(round(step / period) for step in self._intervals)
+        self._lost = 1.0 - count / max(count, expected_count)
 
 
 _NEW_SIZE_FRAMES = 5
-"""Consecutive frames with another size after which that size is accepted as the sensor's new mode. A driver
-that restarts lets through one or two frames of the old or of an incomplete mode."""
+"""After this number of consecutive frames with another image size, that size is accepted as the sensor's new
+mode. A restarting driver sends one or two frames of the old or of an incomplete mode."""
 _MIN_IMAGE_SIDE_PX = 16
 """Minimum side of an image in pixels. A smaller image shows no person."""
 _MAX_IMAGE_SIDE_PX = 8192
@@ -110,14 +110,14 @@ Flaw = tuple[HealthKind, str]
 
 
 class FrameCheck:
-    """Decides why a frame cannot be used. It remembers the size of the previous frames."""
+    """Checks whether frames are usable. Keeps the image size of the previous frames for comparison."""
 
     def __init__(self) -> None:
         self._size: tuple[int, int] | None = None
         self._other: tuple[int, int] | None = None
         self._count = 0
 
-    def flaw(self, frame: Frame) -> Flaw | None:
+    def check(self, frame: Frame) -> Flaw | None:
         """Returns why the frame cannot be used, or None if it can."""
         reason = find_flaw(frame)
         if reason:
@@ -125,7 +125,7 @@ class FrameCheck:
         return self._check_size(frame) if isinstance(frame, DepthFrame) else None
 
     def _check_size(self, frame: DepthFrame) -> Flaw | None:
-        """Returns the flaw of a frame with a new size, or None. A size that stays is accepted."""
+        """Returns the flaw of a frame with a new image size, or None. Accepts a size after several frames."""
         height, width = frame.depth.shape
         size = (width, height)
         if self._size is None or size == self._size:
@@ -133,24 +133,24 @@ class FrameCheck:
             return None
         self._count = self._count + 1 if size == self._other else 1
         self._other = size
-        before = self._size
+        previous_size = self._size
         if self._count >= _NEW_SIZE_FRAMES:
             self._size, self._count = size, 0
             return None
-        return HealthKind.RESIZED, f"{width}x{height} pixels instead of {before[0]}x{before[1]}"
+        return HealthKind.RESIZED, f"{width}x{height} pixels instead of {previous_size[0]}x{previous_size[1]}"
 
 
 def find_flaw(frame: Frame) -> str:
     """Returns the fault of a single frame, or an empty string."""
     if not isinstance(frame, DepthFrame | BodyFrame):
-        return "it is neither an image nor a list of bodies"
+        return "it is neither a depth image nor a list of bodies"
     if type(frame.time_ns) is not int or abs(frame.time_ns) >= TIME_LIMIT_NS:
         return f"its time is {frame.time_ns!r}, not a possible number of nanoseconds"
     return _depth_flaw(frame) if isinstance(frame, DepthFrame) else _body_flaw(frame)
 
 
 def _depth_flaw(frame: DepthFrame) -> str:
-    camera, depth, colour, stand = frame.intrinsics, frame.depth, frame.colour, frame.world_from_camera
+    camera, depth, colour, pose = frame.intrinsics, frame.depth, frame.colour, frame.world_from_camera
     if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):
         return f"its depth is {depth.dtype} {depth.shape}, the camera's is {camera.height}x{camera.width}"
     if not all(_MIN_IMAGE_SIDE_PX <= side <= _MAX_IMAGE_SIDE_PX for side in depth.shape):
@@ -161,7 +161,7 @@ def _depth_flaw(frame: DepthFrame) -> str:
         return "its principal point or distortion is not a finite number"
     if colour is not None and (colour.dtype != np.uint8 or colour.ndim != 3 or colour.shape[2] != 3):
         return f"its colour image is {colour.dtype} {colour.shape}"
-    if stand is not None and (np.shape(stand) != (4, 4) or not np.isfinite(stand).all()):
+    if pose is not None and (np.shape(pose) != (4, 4) or not np.isfinite(pose).all()):
         return "its camera's pose is not a finite 4x4 transform"
     return ""
 
@@ -169,5 +169,5 @@ def _depth_flaw(frame: DepthFrame) -> str:
 def _body_flaw(frame: BodyFrame) -> str:
     for body in frame.bodies:
         if np.shape(body.joints) != (J, 3) or np.shape(body.confidence) != (J,):
-            return f"a body of it has joints of shape {np.shape(body.joints)}"
+            return f"one of its bodies has joints of shape {np.shape(body.joints)}"
     return ""

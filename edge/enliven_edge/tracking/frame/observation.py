@@ -1,4 +1,7 @@
-"""A frame in the world, and a person's points, normals and silhouette in it, at working resolution."""
+"""A depth frame in world coordinates, and one person's points, normals and silhouette in it.
+
+Both are at working resolution, the reduced resolution of the tracker.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from enliven_edge.tracking.frame.reduction import reduce_depth
 
 
 class WorkingCamera:
-    """The camera of the reduced image with its rays. Created once per sensor.
+    """The camera of the reduced image, with the ray of each pixel. Created once per sensor.
 
     Attributes:
         stride: full-resolution pixels per working pixel along each axis.
@@ -57,8 +60,8 @@ class ImageView(NamedTuple):
     world_from_camera: Float
 
 
-class SeenPerson(NamedTuple):
-    """An observation in the form that the compiled fit takes. ``points`` are (6, M), with their normals."""
+class ObservationArrays(NamedTuple):
+    """The arrays of an :class:`Observation`, for compiled kernels. ``points`` (6, M) include the normals."""
 
     points: Float32
     affinity: Float32
@@ -72,7 +75,7 @@ class Observation:
 
     Attributes:
         points: (M, 3) float32 metres, world frame, on the person's surface.
-        surface: (6, M) the same points and their outward unit normals, from :func:`side_by_side`.
+        surface: (6, M) the same points and their outward unit normals, from :func:`stack_rows`.
         pixels: (M, 2) row and column of the points in the working image.
         view: the depth image of the person.
         cut: whether the person extends beyond the lower border of the image.
@@ -90,23 +93,23 @@ class Observation:
     landmarks: Float = field(default_factory=lambda: np.zeros((0, 5)))
 
     @property
-    def seen(self) -> SeenPerson:
-        """Returns the observation in the form that the compiled fit takes."""
-        return SeenPerson(self.surface, self.affinity, self.view, self.landmarks)
+    def arrays(self) -> ObservationArrays:
+        """Returns the arrays of the observation, for compiled kernels."""
+        return ObservationArrays(self.surface, self.affinity, self.view, self.landmarks)
 
     @cached_property
     def held(self) -> HeldArguments:
-        """Returns the observation unpacked once for all fits."""
-        return hold(self.seen)
+        """Returns the arrays as reusable kernel arguments, which are unpacked only once for all fits."""
+        return hold(self.arrays)
 
-    def guided(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
-        """Returns a copy with other affinities, and with other landmarks unless they are None."""
+    def with_guides(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
+        """Returns a copy with new affinities, and with new landmarks unless they are None."""
         new_landmarks = self.landmarks if landmarks is None else landmarks
         return Observation(
             self.points, self.surface, self.pixels, self.view, self.cut, affinity, new_landmarks
         )
 
-    def thinned(self, step: int) -> Observation:
+    def thin(self, step: int) -> Observation:
         """Returns a copy with every ``step``-th point."""
         points, pixels = np.ascontiguousarray(self.points[::step]), np.ascontiguousarray(self.pixels[::step])
         surface, affinity = (np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.affinity))
@@ -114,13 +117,13 @@ class Observation:
 
     @property
     def crown(self) -> Float:
-        """Returns (3,) metres, world frame: the mean of the topmost points, on the head or a raised hand."""
+        """Returns (3,) metres, world frame: the mean of the highest points, on the head or a raised hand."""
         order = np.argsort(-self.points[:, 1])
         return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
 
 
 @njit(cache=True, nogil=True)
-def side_by_side(points, normals):
+def stack_rows(points, normals):
     """Returns (6, M) float32 from (M, 3) points and (M, 3) normals: one row per coordinate.
 
     This layout lets the compiler vectorise loops over the points.
@@ -154,7 +157,7 @@ def _world_points(z, ray, pose):
 def nearest_columns(mask):
     """Returns (h, w) int16: for every pixel, the nearest masked column in its row. -1 if the row has none.
 
-    Of two equally near columns it is the left one.
+    If two columns are equally near, the left one is returned.
     """
     height, width = mask.shape
     out = np.empty((height, width), np.int16)
@@ -169,7 +172,7 @@ def nearest_columns(mask):
         while not shown[first]:
             first += 1
         row[:first], last = first, first
-        # Stop at the last masked pixel. All pixels to its right get its column after the loop.
+        # Process columns up to the last masked pixel. All pixels to its right get its column after the loop.
         for u in range(first, width):
             if not shown[u]:
                 continue
@@ -217,31 +220,31 @@ def observe(
         mask: (h, w) the person's pixels.
         camera: the working camera.
         world_from_camera: (4, 4) the camera's pose.
-        points: at most this many surface points are kept, spread evenly over the pixels.
+        points: maximum number of surface points, spread evenly over the pixels.
     """
-    samples, both, pixels, nearest = _observed(surface, z, mask, world_from_camera[:3, 3].copy(), points)
+    samples, stacked, pixels, nearest = _observed(surface, z, mask, world_from_camera[:3, 3].copy(), points)
     view = ImageView(z, mask, nearest, camera.camera, world_from_camera)
     cut = bool(np.count_nonzero(mask[-2:]) > 0.05 * mask.shape[1])
-    return Observation(samples, both, pixels, view, cut)
+    return Observation(samples, stacked, pixels, view, cut)
 
 
 @njit(cache=True, nogil=True)
 def _observed(surface, z, mask, eye, points):
-    """Returns points, points with their normals, pixels and nearest columns, as in :class:`Observation`."""
-    pixels = sampled(mask, points)
+    """Returns four arrays as in :class:`Observation`: points, surface, pixels and nearest columns."""
+    pixels = sample_pixels(mask, points)
     samples, normals = surface_samples(surface, z, pixels, eye)
-    return samples, side_by_side(samples, normals), pixels, nearest_columns(mask)
+    return samples, stack_rows(samples, normals), pixels, nearest_columns(mask)
 
 
 @njit(cache=True, nogil=True)
-def sampled(mask, points):
+def sample_pixels(mask, points):
     """Returns (M, 2) rows and columns of at most ``points`` masked pixels, evenly spread in reading order."""
     pixels, width = pixels_of(mask), mask.shape[1]
     total = len(pixels)
     kept = min(points, total)
     out = np.empty((kept, 2), np.int64)
     for n in range(kept):
-        # Take index floor((n + 1/2) total / kept), which spreads the pixels evenly and takes none twice.
+        # The index floor((n + 1/2) total / kept) spreads the samples evenly and selects no pixel twice.
         pixel = pixels[((2 * n + 1) * total) // (2 * kept)]
         out[n, 0], out[n, 1] = pixel // width, pixel % width
     return out
@@ -251,8 +254,8 @@ def sampled(mask, points):
 def surface_samples(points, z, pixels, eye):
     """Returns (M, 3) float32 points at M pixels, and their unit normals from central differences.
 
-    Normals face the eye. If a neighbour is unknown or across a depth edge, the direction to the eye is used
-    instead.
+    Normals point to the sensor's side. If a neighbour is unknown or beyond a depth edge, the normal is the
+    direction to the sensor.
     """
     height, width = z.shape
     samples, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
@@ -264,9 +267,9 @@ def surface_samples(points, z, pixels, eye):
             right, left, down, up = z[v, u + 1], z[v, u - 1], z[v + 1, u], z[v - 1, u]
             low, high = min(min(right, left), min(down, up)), max(max(right, left), max(down, up))
             if low > 0.0 and high - low < 0.06 + 0.04 * low:
-                across = _between(points[v, u - 1], points[v, u + 1])
-                along = _between(points[v - 1, u], points[v + 1, u])
-                x, y, depth = _turned_to((x, y, depth), _cross(across, along))
+                across = _difference(points[v, u - 1], points[v, u + 1])
+                along = _difference(points[v - 1, u], points[v + 1, u])
+                x, y, depth = _negated_towards((x, y, depth), _cross(across, along))
         length = np.sqrt(x**2 + y**2 + depth**2) + 1e-12
         samples[i, 0], samples[i, 1], samples[i, 2] = point[0], point[1], point[2]
         out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, depth / length
@@ -274,7 +277,7 @@ def surface_samples(points, z, pixels, eye):
 
 
 @njit(cache=True, nogil=True)
-def _between(a, b):
+def _difference(a, b):
     """Returns the vector from one point to another."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
@@ -286,20 +289,20 @@ def _cross(a, b):
 
 
 @njit(cache=True, nogil=True)
-def _turned_to(a, b):
-    """Returns b, negated if it points away from a."""
+def _negated_towards(a, b):
+    """Returns the vector b, negated if its dot product with a is negative."""
     side = 1.0 if b[0] * a[0] + b[1] * a[1] + b[2] * a[2] >= 0.0 else -1.0
     return side * b[0], side * b[1], side * b[2]
 
 
 @dataclass(frozen=True)
 class FrameView:
-    """One reduced depth frame in the world.
+    """One reduced depth frame in world coordinates.
 
     Attributes:
         time_ns: the time by the sensor's clock.
-        z: (h, w) metres along the optical axis; 0 where unknown.
-        points: (h, w, 3) the same pixels in the world frame, metres.
+        z: (h, w) depth in metres along the optical axis; 0 where unknown.
+        points: (h, w, 3) world positions of the pixels, metres.
         camera: the working camera.
         world_from_camera: (4, 4) the pose of the sensor.
         has_floor: whether the height above the floor is known; otherwise it is guessed from the people.
@@ -312,8 +315,9 @@ class FrameView:
     world_from_camera: Float
     has_floor: bool = True
 
-    def raised(self, metres: float) -> FrameView:
-        """Returns the same frame in a world with a lower floor."""
+    def raise_by(self, metres: float) -> FrameView:
+        """Returns the frame with sensor and points raised by ``metres``, because the floor is lower than
+        assumed."""
         pose = self.world_from_camera.copy()
         pose[1, 3] += metres
         return replace(self, points=self.points + np.array([0.0, metres, 0.0]), world_from_camera=pose)

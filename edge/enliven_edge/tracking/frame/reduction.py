@@ -10,7 +10,7 @@ from enliven.arrays import UInt16
 from enliven.kernels import njit
 
 _SAMPLES = 12_000
-"""Approximate number of sampled pixels: enough for shares to one percent, at a fraction of the cost of all
+"""Approximate number of sampled pixels. They give fractions to one percent at a small part of the cost of all
 pixels."""
 _MIN_DEPTH_MM = 300
 """Minimum usable depth in millimetres. A nearer surface is a hand or a cloth in front of the lens."""
@@ -21,16 +21,16 @@ class DepthSurvey:
     """The statistics of one depth image.
 
     Attributes:
-        known: the share of the pixels with a known depth.
-        usable: the share that is known and at least 0.3 m away.
-        speckle: the share that is unknown between a known left and a known right neighbour.
-        mark: a hash of the image; two images with the same mark are the same image.
+        known_fraction: fraction of the pixels with a known depth.
+        usable_fraction: fraction of the pixels with a depth of at least 0.3 m.
+        speckle_fraction: fraction of the pixels that are unknown, with a known left and right neighbour.
+        image_hash: hash of the sampled pixels; images with equal hashes count as equal.
     """
 
-    known: float
-    usable: float
-    speckle: float
-    mark: int
+    known_fraction: float
+    usable_fraction: float
+    speckle_fraction: float
+    image_hash: int
 
 
 def survey(depth: UInt16) -> DepthSurvey:
@@ -44,7 +44,8 @@ def survey(depth: UInt16) -> DepthSurvey:
 
 @njit(cache=True, nogil=True)
 def _survey(depth, step, near):
-    """Counts over every ``step``-th row and column, and computes an FNV-1a hash of those pixels."""
+    """Samples every ``step``-th row and column: counts the pixels of each kind and computes an FNV-1a
+    hash."""
     height, width = depth.shape
     known_count, usable, speckle, count = 0, 0, 0, 0
     mark = np.uint64(14695981039346656037)
@@ -67,10 +68,9 @@ def _survey(depth, step, near):
 _BLOCK_SIDE = 3
 """Samples per block, along each axis."""
 _UNKNOWN_MIN_MM = np.uint16(0)
-"""Value of a sample without a measurement, in millimetres. No known sample is as near."""
+"""Depth in millimetres that means "not measured". Every measured depth is larger."""
 _UNKNOWN_MAX_MM = np.uint16(65535)
-"""Value of a sample without a measurement on some other sensors, in millimetres. No known sample is as
-far."""
+"""Depth in millimetres that means "not measured" on some other sensors. Every measured depth is smaller."""
 
 
 @njit(cache=True, nogil=True)
@@ -114,8 +114,8 @@ def _part_in_three(first, second, third, row):
 def _balance(samples, odd):
     """Replaces unknown samples of each column of (9, width) alternately by the minimum and the maximum.
 
-    A pair of them does not change the median of the known samples. A single one makes it the lower median. If
-    no sample is known, the median is the minimum, which is unknown again.
+    A pair of replacements does not change the median of the known samples. A single one turns it into the
+    lower median. If no sample is known, the median is the minimum, which means unknown.
     """
     odd[:] = False
     for k in range(len(samples)):
@@ -137,17 +137,17 @@ def _medians(samples, out):
     a, b, c, d, e, f, g, h, i = (samples[0], samples[1], samples[2], samples[3], samples[4], samples[5],
                                  samples[6], samples[7], samples[8])  # fmt: skip
     for u in range(len(out)):
-        low_a, middle_a, high_a = _ordered(a[u], b[u], c[u])
-        low_b, middle_b, high_b = _ordered(d[u], e[u], f[u])
-        low_c, middle_c, high_c = _ordered(g[u], h[u], i[u])
+        low_a, middle_a, high_a = _sort_three(a[u], b[u], c[u])
+        low_b, middle_b, high_b = _sort_three(d[u], e[u], f[u])
+        low_c, middle_c, high_c = _sort_three(g[u], h[u], i[u])
         low = max(low_a, max(low_b, low_c))
-        _, middle, _ = _ordered(middle_a, middle_b, middle_c)
+        _, middle, _ = _sort_three(middle_a, middle_b, middle_c)
         high = min(high_a, min(high_b, high_c))
-        out[u] = _ordered(low, middle, high)[1] * 1e-3
+        out[u] = _sort_three(low, middle, high)[1] * 1e-3
 
 
 @njit(cache=True, nogil=True)
-def _ordered(a, b, c):
+def _sort_three(a, b, c):
     """Returns three numbers in ascending order."""
     a, b = min(a, b), max(a, b)
     b, c = min(b, c), max(b, c)
@@ -165,14 +165,14 @@ def known_pixels(z):
 
 
 @njit(cache=True, nogil=True)
-def is_same(one, other):
+def is_same(first, second):
     """Returns True if two (h, w) images are equal. It stops at the first row that differs."""
-    if one.shape != other.shape:
+    if first.shape != second.shape:
         return False
-    for v in range(one.shape[0]):
+    for v in range(first.shape[0]):
         differ = 0
-        for u in range(one.shape[1]):
-            differ += one[v, u] != other[v, u]
+        for u in range(first.shape[1]):
+            differ += first[v, u] != second[v, u]
         if differ > 0:
             return False
     return True

@@ -16,18 +16,19 @@ class MessageTemplate:
 
     Attributes:
         severity: how severe the problem is.
-        what, mend: the problem and the remedy, one sentence each, with the facts in braces.
+        what, remedy: the problem and the remedy, one sentence each, with the facts in braces.
         raise_after, clear_after: seconds of trouble before it is reported, and seconds without trouble before
             it is over.
-        mend_made: the remedy if the sensor is a recording or synthetic, and has no cable; empty: the same.
+        remedy_made: the remedy if the sensor is a recording or synthetic, and so has no cable. If empty,
+            it is ``remedy``.
     """
 
     severity: Severity
     what: str
-    mend: str
+    remedy: str
     raise_after: float = 0.5
     clear_after: float = 1.0
-    mend_made: str = ""
+    remedy_made: str = ""
 
 
 def _read() -> dict[HealthKind, MessageTemplate]:
@@ -68,7 +69,7 @@ class Alarm:
         self._right_ns: int | None = None
 
     def update(self, wrong: bool | None, time_ns: int) -> bool:
-        """Takes in the state at one moment. Returns whether the alarm is active now.
+        """Updates the alarm with the state at one moment. Returns True if the alarm is active now.
 
         Args:
             wrong: whether there is trouble; None: unknown, and nothing changes.
@@ -92,7 +93,7 @@ class Alarm:
 
 
 class Alarms:
-    """Keeps an alarm for each kind of problem and performer, and logs when each begins and ends.
+    """The alarms of each kind of problem and performer. Logs the beginning and end of each.
 
     Args:
         sensor: the name of the sensor at the beginning of a sentence.
@@ -104,15 +105,15 @@ class Alarms:
     def __init__(self, sensor: str) -> None:
         self._sensor = sensor
         self.is_device = True
-        self._held: dict[Key, tuple[Alarm, dict[str, object]]] = {}
+        self._alarms: dict[Key, tuple[Alarm, dict[str, object]]] = {}
         self._logged: set[Key] = set()
 
     @property
     def states(self) -> list[HealthState]:
         """Returns the current problems, the most severe first."""
-        return sort_by_severity([self._state(key) for key, held in self._held.items() if held[0].active])
+        return sort_by_severity([self._state(key) for key, alarm in self._alarms.items() if alarm[0].active])
 
-    def note(
+    def update(
         self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object
     ) -> None:
         """Updates the alarm of one kind. ``wrong`` is None if its state is unknown.
@@ -122,34 +123,34 @@ class Alarms:
             wrong: whether there is trouble.
             now: nanoseconds.
             performer: the performer's id, or ``NO_PERFORMER``.
-            facts: the values in the message's sentence, kept from the last moment of trouble.
+            facts: values that are filled into the message. The values of the last moment of trouble are kept.
         """
         key = (kind, performer)
-        held = self._held.get(key)
-        if held is None:
+        alarm = self._alarms.get(key)
+        if alarm is None:
             if not wrong:
                 return
             message = HEALTH_MESSAGES[kind]
-            held = self._held[key] = (Alarm(message.raise_after, message.clear_after), {})
+            alarm = self._alarms[key] = (Alarm(message.raise_after, message.clear_after), {})
         if wrong and facts:
-            held[1].update(facts)
-        held[0].update(wrong, now)
+            alarm[1].update(facts)
+        alarm[0].update(wrong, now)
 
-    def between(
+    def is_too_low(
         self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER
     ) -> bool | None:
         """Returns True if a value is too low, with hysteresis. None if the value is unknown.
 
-        It becomes too low below ``bad``, and stays so until it is above ``good``.
+        The value becomes too low below ``bad``, and stays too low until it is above ``good``.
         """
         if value is None:
             return None
-        held = self._held.get((kind, performer))
-        return value < (good if held is not None and held[0].active else bad)
+        alarm = self._alarms.get((kind, performer))
+        return value < (good if alarm is not None and alarm[0].active else bad)
 
-    def tell(self) -> None:
+    def log_changes(self) -> None:
         """Logs each alarm that is new or over, once."""
-        active = {key for key, held in self._held.items() if held[0].active}
+        active = {key for key, alarm in self._alarms.items() if alarm[0].active}
         for key in active - self._logged:
             state = self._state(key)
             log.log(logging.INFO if state.severity is Severity.NOTE else logging.WARNING, "%s", state)
@@ -157,20 +158,20 @@ class Alarms:
             log.info("over: %s%s", kind, "" if performer == NO_PERFORMER else f" (performer {performer})")
         self._logged = active
 
-    def keep(self, present: set[int]) -> None:
+    def keep_present(self, present: set[int]) -> None:
         """Drops the alarms of performers that are not present."""
-        for key in [k for k in self._held if k[1] != NO_PERFORMER and k[1] not in present]:
-            del self._held[key]
+        for key in [k for k in self._alarms if k[1] != NO_PERFORMER and k[1] not in present]:
+            del self._alarms[key]
 
     def clear(self) -> None:
         """Drops all alarms."""
-        self._held.clear()
+        self._alarms.clear()
 
     def _state(self, key: Key) -> HealthState:
         kind, performer = key
-        alarm, facts = self._held[key]
+        alarm, facts = self._alarms[key]
         message = HEALTH_MESSAGES[kind]
         words = {**facts, "performer": f"Performer {performer}", "sensor": self._sensor}
-        mend = message.mend if self.is_device else message.mend_made or message.mend
-        problem, mend = message.what.format(**words), mend.format(**words)
-        return HealthState(kind, message.severity, alarm.since_ns, problem, mend, performer)
+        remedy = message.remedy if self.is_device else message.remedy_made or message.remedy
+        problem, remedy = message.what.format(**words), remedy.format(**words)
+        return HealthState(kind, message.severity, alarm.since_ns, problem, remedy, performer)

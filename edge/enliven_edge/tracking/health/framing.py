@@ -9,15 +9,16 @@ from enliven.camera import Intrinsics
 from enliven.person import Body, Joint
 
 _TOUCH_DISTANCE_M = 0.12
-"""Maximum distance in metres between joints of two people that touch: half of two limbs and a little air."""
+"""Maximum distance in metres between joints of two people that touch: the radii of two limbs and a small
+gap."""
 _MAX_REACH_M = 2.5
-"""Distance in metres between two people's hips, along each axis, beyond which no joints can touch."""
+"""Two people cannot touch if their hips are farther apart than this along an axis, in metres."""
 _MIN_DEPTH_M = 0.05
 """Minimum depth in metres along the optical axis for projecting a joint. It avoids a division by 0."""
 WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
 """The joints that must be in the image."""
 _NAMES = ("hips", "head", "feet", "feet")
-"""The name of each in a sentence."""
+"""The names of the watched joints in messages."""
 
 
 def find_touching(bodies: list[Body]) -> tuple[int, ...]:
@@ -32,7 +33,7 @@ def find_touching(bodies: list[Body]) -> tuple[int, ...]:
 
 
 def find_cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
-    """Returns a watched joint outside the image and the border. Two empty strings if all are inside.
+    """Returns the names of a watched joint outside the image and of the crossed border, or two empty strings.
 
     Args:
         local: (4, 3) metres, the watched joints in the camera frame.

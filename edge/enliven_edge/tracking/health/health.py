@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from enliven.arrays import Float
 from enliven.camera import Intrinsics
@@ -12,30 +13,40 @@ from enliven.health import HealthKind, HealthState
 from enliven.person import Body
 from enliven.settings import setting
 from enliven_edge.sensors import CHECK_IT, Condition
-from enliven_edge.tracking.frame import DepthSurvey, FrameCheck, FrameTiming, survey
+from enliven_edge.tracking.frame.frame_check import FrameCheck, FrameTiming
+from enliven_edge.tracking.frame.reduction import DepthSurvey, survey
 from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, find_cut_off, find_touching
 
+_MAX_MISSING_FRACTION = 0.28
+"""Fraction of the usual depth pixels that may be missing before it is reported."""
+_LEARNING_S = 2.0
+"""While the background model is younger than this, the edge reports that it is still being learnt."""
+_MIN_CONFIDENCE = 0.35
+"""A performer with a lower mean confidence is reported as unclear."""
+_FAR_MARGIN_M = 0.3
+"""A performer within this distance of the depth limit is reported as too far."""
+
 _FROZEN_FRAMES = 4
-"""Consecutive equal images above which a sensor may be frozen. Fewer may be chance."""
+"""A sensor may be frozen after more than this number of consecutive equal images. Fewer may be chance."""
 _REPEATED_FRAMES = 8
 """Minimum number of consecutive frames with the same time for a sensor to count as frozen: it sends one frame
 repeatedly."""
 _USUAL_FALL_S = 60.0
-"""Time constant in seconds for less depth to become the usual amount. A changed scene must not be a permanent
+"""Time constant in seconds for lowering the usual amount of depth. So a changed scene is not a permanent
 fault."""
 _USUAL_RISE_WEIGHT = 0.5
-"""Weight of a frame with more depth than usual in the usual amount. It becomes the usual amount within a few
-frames."""
+"""Weight of a frame with more depth than usual in the usual amount, which rises within a few frames."""
 _SLOW_RATE = 0.6
-"""Fraction of the promised frame rate below which a sensor is slow."""
+"""A sensor is slow below this fraction of its promised frame rate."""
 _SLOW_CLEARED_RATE = 0.75
-"""Fraction of the promised frame rate above which it is no longer slow. The alarm must not flicker."""
+"""A sensor is no longer slow above this fraction of its promised frame rate. The gap prevents a flickering
+alarm."""
 _DROPPED_FRACTION = 0.10
 """Fraction of lost frames above which the message appears."""
 _DROPPED_CLEARED_FRACTION = 0.05
-"""Fraction of lost frames below which the message disappears. The alarm must not flicker."""
+"""Fraction of lost frames below which the message disappears. The gap prevents a flickering alarm."""
 _LATE_SHOWN_NS = 2_000_000_000
 """Nanoseconds for which late frames are reported after the last of them: long enough to read."""
 _MOVED_SHOWN_NS = 3_000_000_000
@@ -52,15 +63,21 @@ _SPECKLE_CLEARED_FRACTION = 0.05
 _DEPTH_MARGIN = 0.1
 """Fraction of the usual depth that must be available above the limit for the message to disappear."""
 _UNCLEAR_MARGIN = 0.1
-"""Mean confidence above the limit at which a performer is clear again."""
+"""A performer is clear again if its mean confidence exceeds the limit by this margin."""
 _PLACE_MARGIN = 0.1
-"""Metres inside a distance limit at which a performer is in range again. Bodies sway."""
+"""A performer is in range again at this distance inside the limit in metres, because bodies sway."""
 
 
 @dataclass(frozen=True)
 class HealthSettings:
     """The limits beyond which a problem is reported."""
 
+    REMOVED_SETTINGS: ClassVar = (
+        "missing",
+        "far_margin",
+        "unclear",
+        "learning",
+    )
     frame_rate: float = setting(
         30.0,
         "Expected frame rate, used if the sensor does not state one. Slower sensors are reported.",
@@ -73,36 +90,18 @@ class HealthSettings:
     frozen: float = setting(
         0.7, "Time with an unchanged image after which a frozen sensor is reported.", unit="s", low=0.1
     )
-    missing: float = setting(
-        0.28,
-        "Fraction of the usual depth pixels that may be missing before it is reported.",
-        low=0.01,
-        high=1.0,
-    )
     near: float = setting(0.9, "A performer nearer than this is reported as too near.", unit="m", low=0.0)
-    far_margin: float = setting(
-        0.3, "A performer within this distance of the depth limit is reported as too far.", unit="m", low=0.0
-    )
-    unclear: float = setting(
-        0.35, "A performer with a lower mean confidence is reported as unclear.", low=0.0, high=1.0
-    )
-    learning: float = setting(
-        2.0,
-        "While the background model is younger than this, the edge reports that it is still being learnt.",
-        unit="s",
-        low=0.0,
-    )
 
 
 @dataclass(frozen=True)
 class TrackerState:
-    """The tracker's own report after a frame.
+    """The tracker's state after a frame, for the health monitor.
 
     Attributes:
         floor_known: whether the floor was found, or is in the settings.
         room_age: age of the background model in seconds.
         moved: whether this frame showed that the sensor was moved.
-        joined: the ids of performers that cannot be told apart.
+        joined: the ids of performers that cannot be distinguished.
     """
 
     floor_known: bool = True
@@ -112,7 +111,7 @@ class TrackerState:
 
 
 class HealthMonitor:
-    """Checks every frame before the tracker, and the bodies after it.
+    """Checks every frame before tracking, and the bodies after tracking.
 
     Args:
         settings: the limits; None: the defaults.
@@ -121,8 +120,9 @@ class HealthMonitor:
         name: name of the sensor, for edges with several sensors.
 
     Attributes:
-        late: number of late frames up to now, which were not admitted.
-        fault: why the last frame or read was unusable, one sentence; empty if it was usable or late.
+        late: number of frames that arrived out of order and were not admitted.
+        fault: the reason why the last frame or read was unusable, one sentence; empty if it was usable or
+            late.
     """
 
     def __init__(
@@ -169,13 +169,13 @@ class HealthMonitor:
 
         Args:
             frame: the frame.
-            fps: frame rate that the sensor promises now; None: as before.
+            fps: frame rate that the sensor promises now; None: unchanged.
 
         Returns:
             whether the tracker should use it: False for a frame that is out of order, repeated or unusable.
         """
         self._fps = fps or self._fps
-        flaw = self._check.flaw(frame)
+        flaw = self._check.check(frame)
         if flaw is not None:
             self._update_faults(*flaw)
             return False
@@ -189,28 +189,28 @@ class HealthMonitor:
         elif self._timing.late > is_late:
             self._late_ns = self._now_ns
         now = self._now_ns
-        self._alarms.note(HealthKind.NO_FRAMES, False, now)
+        self._alarms.update(HealthKind.NO_FRAMES, False, now)
         self._judge_frame_rate(now)
         depth_survey = survey(frame.depth) if is_usable and isinstance(frame, DepthFrame) else None
         self._judge_freeze(depth_survey, now)
         if depth_survey is not None:
             self._judge_image(depth_survey, now)
-        self._alarms.tell()
+        self._alarms.log_changes()
         return is_usable
 
     def failed(self, error: Exception) -> None:
         """Records that a read raised ``error`` instead of returning a frame."""
-        reason, mend = str(error) or "it gives no reason", ""
+        reason, remedy = str(error) or "it gives no reason", ""
         if isinstance(error, EnlivenError):
-            reason, mend = error.what, error.mend
+            reason, remedy = error.what, error.remedy
         kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST
-        self._update_faults(kind, reason, mend)
+        self._update_faults(kind, reason, remedy)
 
     def silent(self, seconds: float) -> None:
         """Records that no frame has come for ``seconds``, by the wall clock."""
         wrong = seconds >= self.settings.silent
-        self._alarms.note(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
-        self._alarms.tell()
+        self._alarms.update(HealthKind.NO_FRAMES, wrong, self._now_ns, seconds=seconds)
+        self._alarms.log_changes()
 
     def judge(
         self,
@@ -219,7 +219,7 @@ class HealthMonitor:
         world_from_camera: Float | None = None,
         tracker: TrackerState | None = None,
     ) -> None:
-        """Checks the tracker's result of a frame.
+        """Checks the tracker's result for a frame.
 
         Args:
             frame: the frame.
@@ -232,15 +232,15 @@ class HealthMonitor:
             self._judge_tracker(tracker, now)
         touching = (tracker.joined if tracker is not None else ()) or find_touching(bodies)
         names = " and ".join(str(i) for i in sorted(touching))
-        self._alarms.note(HealthKind.JOINED, len(touching) > 1, now, names=names)
-        # Do not check confidences from fused bodies, or from sensors that track people themselves.
+        self._alarms.update(HealthKind.JOINED, len(touching) > 1, now, names=names)
+        # Do not check the confidences of fused bodies, or of sensors that track people themselves.
         if isinstance(frame, DepthFrame):
             for body in bodies:
                 self._judge_body(body, now)
                 if world_from_camera is not None:
                     self._judge_place(body, frame.intrinsics, world_from_camera, now)
-        self._alarms.keep({body.id for body in bodies})
-        self._alarms.tell()
+        self._alarms.keep_present({body.id for body in bodies})
+        self._alarms.log_changes()
 
     def judge_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
         """Checks the device's own report, see :func:`judge_condition`. None: there is no report."""
@@ -249,59 +249,63 @@ class HealthMonitor:
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
-    def _update_faults(self, kind: HealthKind | None, reason: str, mend: str = "") -> None:
+    def _update_faults(self, kind: HealthKind | None, reason: str, remedy: str = "") -> None:
         """Updates the alarms of unusable frames and reads. ``kind`` None: the last one was usable."""
-        self.fault, do = reason, mend or CHECK_IT
+        self.fault, do = reason, remedy or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind proves that the sensor is connected. If the sensor is lost, the state of its
             # frames is unknown (None).
             wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
-            self._alarms.note(each, wrong, self._now_ns, why=reason.rstrip("."), mend=do.rstrip("."))
-        self._alarms.tell()
+            self._alarms.update(each, wrong, self._now_ns, why=reason.rstrip("."), remedy=do.rstrip("."))
+        self._alarms.log_changes()
 
     def _judge_frame_rate(self, now: int) -> None:
-        rate, lost = self._timing.rate, self._timing.lost
-        slow = self._alarms.between(
+        rate, lost = self._timing.rate, self._timing.lost_fraction
+        slow = self._alarms.is_too_low(
             HealthKind.SLOW, rate, _SLOW_CLEARED_RATE * self._fps, _SLOW_RATE * self._fps
         )
-        self._alarms.note(HealthKind.SLOW, slow, now, rate=rate or 0.0, promised=self._fps)
+        self._alarms.update(HealthKind.SLOW, slow, now, rate=rate or 0.0, promised=self._fps)
         limits = (-_DROPPED_CLEARED_FRACTION, -_DROPPED_FRACTION)
-        dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, *limits)
-        self._alarms.note(HealthKind.DROPPED, dropped, now, percent=100 * lost)
-        late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_SHOWN_NS
-        self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._timing.late)
+        dropped = None if rate is None else self._alarms.is_too_low(HealthKind.DROPPED, -lost, *limits)
+        self._alarms.update(HealthKind.DROPPED, dropped, now, percent=100 * lost)
+        is_late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_SHOWN_NS
+        self._alarms.update(HealthKind.OUT_OF_ORDER, is_late, now, count=self._timing.late)
 
     def _judge_freeze(self, depth_survey: DepthSurvey | None, now: int) -> None:
-        """Checks whether the same image, or the same time, comes repeatedly."""
+        """Checks whether the sensor repeats the same image or the same time."""
         if depth_survey is not None:
-            is_same = depth_survey.mark == self._mark and depth_survey.usable > 0
+            is_same = depth_survey.image_hash == self._mark and depth_survey.usable_fraction > 0
             self._same, self._same_ns = (self._same + 1, self._same_ns) if is_same else (1, now)
-            self._mark = depth_survey.mark
+            self._mark = depth_survey.image_hash
         is_still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
-        self._alarms.note(HealthKind.FROZEN, is_still or self._timing.repeated >= _REPEATED_FRAMES, now)
+        self._alarms.update(HealthKind.FROZEN, is_still or self._timing.repeated >= _REPEATED_FRAMES, now)
 
     def _judge_image(self, depth_survey: DepthSurvey, now: int) -> None:
-        covered = self._alarms.between(
-            HealthKind.COVERED, depth_survey.usable, _UNCOVERED_DEPTH, _COVERED_DEPTH
+        covered = self._alarms.is_too_low(
+            HealthKind.COVERED, depth_survey.usable_fraction, _UNCOVERED_DEPTH, _COVERED_DEPTH
         )
-        self._alarms.note(HealthKind.COVERED, covered, now)
+        self._alarms.update(HealthKind.COVERED, covered, now)
         if covered:
             return
         rate = self._timing.rate or self._fps
-        share = _USUAL_RISE_WEIGHT if depth_survey.known > self._normal else 1.0 / (rate * _USUAL_FALL_S)
-        self._normal += share * (depth_survey.known - self._normal)
-        clear_known = 1.0 - self.settings.missing
-        min_known = self._alarms.between(
+        known = depth_survey.known_fraction
+        weight = _USUAL_RISE_WEIGHT if known > self._normal else 1.0 / (rate * _USUAL_FALL_S)
+        self._normal += weight * (known - self._normal)
+        clear_known = 1.0 - _MAX_MISSING_FRACTION
+        min_known = self._alarms.is_too_low(
             HealthKind.MISSING_DEPTH,
-            depth_survey.known,
+            depth_survey.known_fraction,
             (clear_known + _DEPTH_MARGIN) * self._normal,
             clear_known * self._normal,
         )
-        holes = self._alarms.between(
-            HealthKind.MISSING_DEPTH, -depth_survey.speckle, -_SPECKLE_CLEARED_FRACTION, -_SPECKLE_FRACTION
+        holes = self._alarms.is_too_low(
+            HealthKind.MISSING_DEPTH,
+            -depth_survey.speckle_fraction,
+            -_SPECKLE_CLEARED_FRACTION,
+            -_SPECKLE_FRACTION,
         )
-        self._alarms.note(
-            HealthKind.MISSING_DEPTH, min_known or holes, now, percent=100 * (1 - depth_survey.known)
+        self._alarms.update(
+            HealthKind.MISSING_DEPTH, min_known or holes, now, percent=100 * (1 - depth_survey.known_fraction)
         )
 
     # --- the tracker and the performers --------------------------------------------------------------------
@@ -310,29 +314,29 @@ class HealthMonitor:
         if tracker.moved:
             self._moved_ns = now
         moved = self._moved_ns is not None and 0 <= now - self._moved_ns < _MOVED_SHOWN_NS
-        self._alarms.note(HealthKind.MOVED, moved, now)
-        self._alarms.note(HealthKind.NO_FLOOR, not tracker.floor_known, now)
-        self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)
+        self._alarms.update(HealthKind.MOVED, moved, now)
+        self._alarms.update(HealthKind.NO_FLOOR, not tracker.floor_known, now)
+        self._alarms.update(HealthKind.LEARNING_ROOM, tracker.room_age < _LEARNING_S, now)
 
     def _judge_body(self, body: Body, now: int) -> None:
         confidence = float(body.confidence.mean())
-        limit = self.settings.unclear
-        unclear = self._alarms.between(
+        limit = _MIN_CONFIDENCE
+        unclear = self._alarms.is_too_low(
             HealthKind.UNCLEAR, confidence, limit + _UNCLEAR_MARGIN, limit, body.id
         )
-        self._alarms.note(HealthKind.UNCLEAR, unclear, now, body.id)
+        self._alarms.update(HealthKind.UNCLEAR, unclear, now, body.id)
 
     def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
         """Checks whether a performer is too near, too far, or cut off by the image border."""
         local = (body.joints[WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
         distance = float(local[0, 2])
-        near, far = self.settings.near, self._far - self.settings.far_margin
-        close = self._alarms.between(HealthKind.TOO_NEAR, distance, near + _PLACE_MARGIN, near, body.id)
-        self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
-        away = self._alarms.between(HealthKind.TOO_FAR, -distance, _PLACE_MARGIN - far, -far, body.id)
-        self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
+        near, far = self.settings.near, self._far - _FAR_MARGIN_M
+        close = self._alarms.is_too_low(HealthKind.TOO_NEAR, distance, near + _PLACE_MARGIN, near, body.id)
+        self._alarms.update(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
+        away = self._alarms.is_too_low(HealthKind.TOO_FAR, -distance, _PLACE_MARGIN - far, -far, body.id)
+        self._alarms.update(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
         cut_part, side = find_cut_off(local, camera)
-        self._alarms.note(HealthKind.CUT_OFF, bool(cut_part), now, body.id, what=cut_part, side=side)
+        self._alarms.update(HealthKind.CUT_OFF, bool(cut_part), now, body.id, what=cut_part, side=side)
 
     def _forget_times(self) -> None:
         """Drops all measurements by the sensor's clock, because it was set back."""

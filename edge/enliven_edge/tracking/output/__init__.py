@@ -1,8 +1,4 @@
-"""Post-processing: joints are smoothed, limited in speed, mirrored, and predicted by the delay.
+"""Post-processing of fitted bodies: smooths joints, limits speeds, detects foot contacts, predicts, mirrors.
 
-Foot contacts are detected.
+The prediction compensates the delay between the sensor and the display.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

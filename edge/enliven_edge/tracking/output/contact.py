@@ -7,27 +7,37 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.kernels import copy_row, njit
 from enliven.person import Joint
-from enliven_edge.tracking.settings import FootContactSettings
+
+_MAX_STANDING_HEIGHT_M = 0.16
+"""Maximum height of a foot joint above the floor while the foot stands."""
+_MAX_STANDING_LIFT_M = 0.035
+"""A foot this far above its standing height counts as lifted."""
+_MAX_STANDING_SPEED_M_S = 0.35
+"""A foot that moves at this speed counts as lifted."""
+_STANDING_HYSTERESIS = 1.25
+"""Factor on both limits for a standing foot, so that contact does not flicker."""
+_LIMITS = (_MAX_STANDING_HEIGHT_M, _MAX_STANDING_LIFT_M, _MAX_STANDING_SPEED_M_S, _STANDING_HYSTERESIS)
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
-"""(2, 2) the joints at ball and ankle of each foot. A foot stands on either."""
+"""(2, 2) the joints at ball and ankle of each foot. A foot may stand on either of them."""
 _JOINT_HEIGHTS_M = np.array([0.0, 0.06])
 """(2,) height in metres of ball and ankle above the ball of a standing foot."""
 _GROUND_RISE_RATE = 0.03
-"""Rate in metres per second at which a standing foot's ground height may rise, so that one low frame is not
-final."""
+"""Rate in metres per second at which the remembered ground height of a standing foot may rise. So a single
+frame that is too low has no lasting effect."""
 _SPEED_CUTOFF_HZ = 6.0
-"""Cut-off in Hz of the low-pass on the speed of a foot. It suppresses the fit's noise, and a step still
-begins within a few frames."""
+"""Cut-off in Hz of the low-pass on the speed of a foot. It suppresses the fit's noise, and a step is still
+detected within a few frames."""
 _LOGISTIC_SLOPE = 5.0
-"""Slope of the logistic function from a foot's fraction of its limits to a probability: 0.92 at half of
-them."""
+"""Slope of the logistic function that converts a foot's height and speed, relative to their limits, to a
+probability. At half of the limits the probability is 0.92."""
 _MAX_GAP_S = 1.0
 """Seconds without a frame after which the state of the feet is reset."""
 _FULL_CONFIDENCE = 0.1
-"""Confidence of a foot's joints above which its contact counts fully. Below, it counts in proportion."""
+"""Minimum confidence of a foot's joints for its full contact probability. Below it, the probability is scaled
+down in proportion."""
 _STANDING_FRACTION = 0.6
-"""Fraction of the maximum height below which a foot counts as standing in its first frame."""
+"""A foot counts as standing in its first frame if it is below this fraction of the maximum height."""
 
 
 class FootContacts:
@@ -38,17 +48,15 @@ class FootContacts:
     counts as lifted.
     """
 
-    def __init__(self, settings: FootContactSettings) -> None:
+    def __init__(self) -> None:
         self._last: Float | None = None
-        limits = (settings.floor, settings.lift, settings.speed, settings.hysteresis)
-        self._limits = tuple(float(limit) for limit in limits)
         self._speed = np.zeros((2, 2))
         self._ground = np.zeros((2, 2))
         self._stands = np.zeros(2, bool)
         self._time_ns = 0
 
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> Float:
-        """Returns (2,) left and right, in [0, 1]. 0 for a foot that is not visible.
+        """Returns (2,) the contact probabilities of left and right foot. 0 for a foot that is not visible.
 
         Args:
             joints: (20, 3) metres, world frame, the floor at y = 0.
@@ -60,28 +68,31 @@ class FootContacts:
         if self._last is None or not 0.0 < seconds < _MAX_GAP_S:
             self._last, seconds = np.zeros((2, 2, 3)), 0.0
         feet = (self._last, self._speed, self._ground, self._stands)
-        return np.asarray(step_feet(joints, confidence, *feet, seconds, *self._limits))
+        return np.asarray(update_contacts(joints, confidence, *feet, seconds, *_LIMITS))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis):
-    """Returns (2,), see :meth:`FootContacts.__call__`. Updates the state of the feet by a frame, in place.
+def update_contacts(
+    joints, confidence, last, speed, ground, stands, seconds, floor, lift, fastest, hysteresis
+):
+    """Returns (2,) contact probabilities, see :meth:`FootContacts.__call__`. Updates the feet's state in
+    place.
 
     Args:
         joints: (20, 3) metres, world frame.
         confidence: (20,) of the joints.
         last: (2, 2, 3) metres, the last positions of the points of the feet.
         speed: (2, 2) metres per second, low-passed.
-        ground: (2, 2) metres, the height of the points while they stand.
-        stands: (2,) whether each foot stood.
+        ground: (2, 2) metres, the height of the points while the foot stands.
+        stands: (2,) whether each foot stands.
         seconds: time since the last frame; 0 without a last frame.
-        floor, lift, fastest, hysteresis: from :class:`FootContactSettings`.
+        floor, lift, fastest, hysteresis: the constants of this module.
     """
     out = np.empty(2)
     if seconds == 0.0:
-        _begin(joints, speed, ground, stands, floor)
+        _initialise_feet(joints, speed, ground, stands, floor)
     else:
-        _go_on(joints, last, speed, ground, seconds, floor)
+        _update_motion(joints, last, speed, ground, seconds, floor)
     for foot in range(2):
         stiff = hysteresis if stands[foot] else 1.0
         lowest, seen = np.inf, 0.0
@@ -98,8 +109,8 @@ def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, l
 
 
 @njit(cache=True, nogil=True)
-def _begin(joints, speed, ground, stands, floor):
-    """Initialises the state of the feet in a first frame: a low foot stands at its current height."""
+def _initialise_feet(joints, speed, ground, stands, floor):
+    """Initialises the state of the feet in their first frame: a low foot counts as standing on the ground."""
     for foot in range(2):
         stands[foot] = False
         for k in range(2):
@@ -109,7 +120,7 @@ def _begin(joints, speed, ground, stands, floor):
 
 
 @njit(cache=True, nogil=True)
-def _go_on(joints, last, speed, ground, seconds, floor):
+def _update_motion(joints, last, speed, ground, seconds, floor):
     """Updates the low-passed speed of the feet, and their recent minimum height."""
     follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF_HZ * seconds))
     for foot in range(2):

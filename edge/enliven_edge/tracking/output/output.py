@@ -1,7 +1,8 @@
 """Turns the fits of the people in view into the output bodies of the tracker.
 
-The steps: replace NaN, limit the speed, smooth, detect foot contacts, predict, mirror. Every step works per
-person and may be off. With smoothing 0 and no other step on, the fit is output unchanged.
+The steps are: replace NaN, limit the speed, smooth, detect foot contacts, predict, mirror. Every step
+processes each person separately and can be switched off. With smoothing 0 and all other steps off, the fit is
+output unchanged.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from enliven.person import Body, mirror_body
 from enliven_edge.tracking.output.contact import FootContacts
 from enliven_edge.tracking.output.prediction import Predictor
 from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
-from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, finite_turns
+from enliven_edge.tracking.output.speed_limit import SpeedLimit, replace_nan_joints, replace_nan_rotations
 from enliven_edge.tracking.settings import TrackerSettings
 
 _FORGET_AFTER_NS = 10_000_000_000
-"""Nanoseconds after which the state of a person out of view is deleted, to free memory. The filters are reset
-earlier."""
+"""Nanoseconds after which the state of a person that is out of view is deleted, to free memory. The filters
+are reset earlier."""
 _MAX_LATENCY_S = 0.3
-"""Maximum measured latency in seconds that is predicted: the bound of the setting ``predict``."""
+"""Maximum latency in seconds that the prediction compensates: the upper bound of the setting ``predict``."""
 _MAX_AMOUNTS = 64
 """Maximum number of people with their own smoothing amount, because viewers may send any number of ids."""
 _MIN_AMOUNT = 1e-3
@@ -45,7 +46,7 @@ class Output:
         self._time_ns: int | None = None
 
     def smooth(self, person: int, amount: float | None) -> None:
-        """Sets the amount of smoothing of one performer from now on. None: the settings' amount."""
+        """Sets the amount of smoothing of one performer. None: uses the amount in the settings."""
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
@@ -55,6 +56,17 @@ class Output:
         if person in self._people:
             self._people[person].set_amount(self.amount(person))
 
+    @property
+    def amounts(self) -> dict[int, float]:
+        """Returns the amounts of smoothing that were set for single people, by id."""
+        return dict(self._amounts)
+
+    @amounts.setter
+    def amounts(self, amounts: dict[int, float]) -> None:
+        self._amounts = dict(amounts)
+        for person, state in self._people.items():
+            state.set_amount(self.amount(person))
+
     def amount(self, person: int) -> float:
         """Returns the amount of smoothing of a performer. 0 is off."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
@@ -63,8 +75,8 @@ class Output:
     @property
     def ahead(self) -> float:
         """Returns the prediction time of the joints in seconds."""
-        wanted = self.settings.output.predict
-        return min(max(self.latency, 0.0), _MAX_LATENCY_S) if wanted == "measured" else float(wanted)
+        prediction = self.settings.output.predict
+        return min(max(self.latency, 0.0), _MAX_LATENCY_S) if prediction == "measured" else float(prediction)
 
     def __call__(
         self, bodies: list[Body], time_ns: int, world_from_camera: Float | None = None
@@ -84,7 +96,7 @@ class Output:
         return output_bodies
 
     def forget(self) -> None:
-        """Forgets all people. The next bodies are not smoothed together with earlier ones."""
+        """Forgets all people. The next bodies are not smoothed with earlier ones."""
         self._people.clear()
 
     def _person(self, person: int) -> _Person:
@@ -93,7 +105,7 @@ class Output:
         return self._people[person]
 
     def _forget(self, time_ns: int) -> None:
-        """Forgets people that are out of view for long, and all people if the clock was set back."""
+        """Forgets people that have been out of view for long, and all people if the clock was set back."""
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns
@@ -107,11 +119,11 @@ class _Person:
 
     def __init__(self, settings: TrackerSettings, amount: float) -> None:
         self.time_ns = 0
-        self._limit = SpeedLimit(settings.output)
+        self._limit = SpeedLimit()
         self._joints = OneEuro(settings.smoothing, amount)
         self._turns = OneEuroTurns(settings.smoothing, amount)
         self._undelayed = settings.smoothing.undelayed
-        self._contacts = FootContacts(settings.output.contact)
+        self._contacts = FootContacts()
         self._predictor = Predictor()
         self._last: Float | None = None
         self._last_turns: Float | None = None
@@ -122,8 +134,10 @@ class _Person:
     def __call__(self, body: Body, time_ns: int, ahead: float) -> Body:
         """Filters one frame of this person."""
         self.time_ns = time_ns
-        joints, confidence = finite_joints(body.joints, body.confidence, self._last)
-        turns = None if body.orientations is None else finite_turns(body.orientations, self._last_turns)
+        joints, confidence = replace_nan_joints(body.joints, body.confidence, self._last)
+        turns = (
+            None if body.orientations is None else replace_nan_rotations(body.orientations, self._last_turns)
+        )
         self._last, self._last_turns = joints, turns
         if self._joints.amount > 0.0:
             joints, confidence = self._limit(joints, confidence, time_ns)

@@ -13,22 +13,23 @@ _PARENTS = np.array(PARENTS)
 _CUTOFF_HZ = 3.0
 """Cut-off in Hz of the low-pass on the speeds. The prediction multiplies their noise, and must not jitter."""
 _MAX_SPEED = 6.0
-"""Maximum speed in metres per second of the extrapolation of a joint: a fast hand. Higher speeds are mostly
-bad frames."""
+"""Maximum speed in metres per second at which a joint is extrapolated: a fast hand. Higher speeds are mostly
+errors of single frames."""
 _MAX_TURN_RATE = 10.0
-"""Maximum angular speed in radians per second of the extrapolation of a bone: a fast forearm. Higher speeds
-are mostly bad frames."""
+"""Maximum angular speed in radians per second at which a bone is extrapolated: a fast forearm. Higher speeds
+are mostly errors of single frames."""
 _HALF_SPEED = 0.5
-"""Speed in metres per second at which half of a filter's delay is compensated. A joint at rest must not
-jitter, and has no visible lag. On the tuning sequences a lag of 16 ms becomes 8 ms with 2 % more jitter."""
+"""Speed in metres per second at which half of the smoothing filter's delay is compensated. At rest nothing is
+compensated, because a joint at rest must not jitter and has no visible lag. On the tuning sequences this
+reduces a lag of 16 ms to 8 ms, with 2 % more jitter."""
 _HALF_TURN_RATE = 3.0
-"""The same for the rotation of a bone, in radians per second."""
+"""Angular speed in radians per second at which half of the delay of a bone's rotation is compensated."""
 _MAX_GAP_S = 0.5
 """Maximum seconds between two frames for a speed to be computed from them."""
 
 
 class Predictor:
-    """Extrapolates one person's joints and orientations by their smoothed speeds. Bones keep their length."""
+    """Extrapolates one person's joints and orientations by their smoothed speeds. Keeps bone lengths."""
 
     def __init__(self) -> None:
         self._joints: Float | None = None
@@ -53,8 +54,8 @@ class Predictor:
             turns: (20, 4) unit quaternions, or None.
             time_ns: the sensor's clock.
             seconds: the prediction time.
-            delay: (20,) present lag of the joints in seconds. It is compensated for moving joints.
-            turn_delay: (20,) seconds, the same for the orientations.
+            delay: (20,) present lag of the joints in seconds, which is compensated for moving joints.
+            turn_delay: (20,) present lag of the orientations in seconds.
         """
         passed = (time_ns - self._time_ns) * 1e-9
         if self._joints is None or not 0.0 < passed < _MAX_GAP_S:
@@ -64,17 +65,17 @@ class Predictor:
             self._joints, self._turns, self._time_ns = joints, turns, time_ns
             return joints, turns
         before, turned = joints if self._joints is None else self._joints, None
-        moved = foreseen_places(joints, before, self._speed, delay, passed, seconds)
+        moved = predict_joints(joints, before, self._speed, delay, passed, seconds)
         if turns is not None:
             since = 0.0 if self._turns is None else passed
             facing = turns if self._turns is None else self._turns
-            turned = np.asarray(foreseen_turns(turns, facing, self._spin, turn_delay, since, seconds))
+            turned = np.asarray(predict_rotations(turns, facing, self._spin, turn_delay, since, seconds))
         self._joints, self._turns, self._time_ns = joints, turns, time_ns
         return np.asarray(moved), turned
 
 
 @njit(cache=True, nogil=True)
-def foreseen_places(joints, before, speed, delay, passed, seconds):
+def predict_joints(joints, before, speed, delay, passed, seconds):
     """Returns (J, 3) the predicted joints, and updates their (J, 3) speeds with this frame.
 
     Args:
@@ -82,7 +83,7 @@ def foreseen_places(joints, before, speed, delay, passed, seconds):
         before: (J, 3) the joints of the previous frame.
         speed: (J, 3) metres per second, updated.
         delay: (J,) seconds that are compensated for moving joints.
-        passed: seconds since the previous frame; 0: there is none, and nothing moves.
+        passed: seconds since the previous frame; 0 without a previous frame: nothing moves then.
         seconds: the prediction time.
     """
     share = _share(passed)
@@ -90,17 +91,18 @@ def foreseen_places(joints, before, speed, delay, passed, seconds):
         for a in range(3):
             moved = (joints[j, a] - before[j, a]) / passed if passed > 0.0 else 0.0
             speed[j, a] += share * (moved - speed[j, a])
-    return moved_on(joints, speed, ahead_of(speed, delay, seconds, _HALF_SPEED))
+    return move_for(joints, speed, prediction_times(speed, delay, seconds, _HALF_SPEED))
 
 
 @njit(cache=True, nogil=True)
-def foreseen_turns(turns, before, spin, delay, passed, seconds):
-    """Returns (J, 4) the predicted rotations, by their (J, 3) angular velocities in radians per second."""
+def predict_rotations(turns, before, spin, delay, passed, seconds):
+    """Returns (J, 4) the predicted rotations, and updates their (J, 3) angular velocities in radians per
+    second."""
     if passed > 0.0:
-        learn_spin(spin, before, turns, passed, _share(passed))
+        update_spin(spin, before, turns, passed, _share(passed))
     else:
         spin[:] = 0.0
-    return turned_on(turns, spin, ahead_of(spin, delay, seconds, _HALF_TURN_RATE))
+    return rotate_for(turns, spin, prediction_times(spin, delay, seconds, _HALF_TURN_RATE))
 
 
 @njit(cache=True, nogil=True)
@@ -110,10 +112,11 @@ def _share(passed):
 
 
 @njit(cache=True, nogil=True)
-def ahead_of(velocity, delay, seconds, half):
+def prediction_times(velocity, delay, seconds, half):
     """Returns (J,) seconds to predict: ``seconds``, plus the part of the delay that the velocity justifies.
 
-    That part is 0 at rest, half of the delay at the speed ``half``, and nearly all of it far beyond.
+    That part is 0 at rest, half of the delay at the speed ``half``, and nearly the whole delay at much higher
+    speeds.
     """
     out = np.empty(len(velocity))
     for j in range(len(velocity)):
@@ -123,7 +126,7 @@ def ahead_of(velocity, delay, seconds, half):
 
 
 @njit(cache=True, nogil=True)
-def learn_spin(spin, before, turns, passed, share):
+def update_spin(spin, before, turns, passed, share):
     """Updates the low-pass on (J, 3) angular velocities, in place.
 
     They are in radians per second about each bone's own axes.
@@ -142,7 +145,7 @@ def learn_spin(spin, before, turns, passed, share):
 
 
 @njit(cache=True, nogil=True)
-def turned_on(turns, spin, seconds):
+def rotate_for(turns, spin, seconds):
     """Returns (J, 4) rotations after (J,) seconds at (J, 3) angular velocities."""
     out = turns.copy()
     for j in range(len(out)):
@@ -152,8 +155,8 @@ def turned_on(turns, spin, seconds):
 
 
 @njit(cache=True, nogil=True)
-def moved_on(joints, speed, seconds):
-    """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds. Every bone keeps its length."""
+def move_for(joints, speed, seconds):
+    """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) velocities. Keeps bone lengths."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
         far = seconds[j] * _limit(speed[j], _MAX_SPEED)

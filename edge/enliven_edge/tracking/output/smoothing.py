@@ -8,18 +8,25 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven_edge.tracking.settings import SmoothingSettings
 
+_REST_CUTOFF_HZ = 3.0
+"""Cut-off frequency at rest for amount 1. Lower values remove more jitter."""
+_CUTOFF_PER_SPEED = 4.0
+"""Increase of the cut-off frequency with speed. Higher values reduce lag in fast motion. In Hz/(m/s)."""
+_CUTOFF_PER_TURN = 1.5
+"""Increase of the cut-off frequency with rotation speed. Higher values reduce lag in fast turns. In
+Hz/(rad/s)."""
+
 
 class _Filter:
-    """The common part of both filters: off at amount 0, reset after a gap, time between two values.
+    """Base class of both filters: measures the time between values, resets after a gap, is off at amount 0.
 
     Attributes:
         amount: 0 is off, more is smoother; may be changed at any time.
-        delay: (J,) lag of the last result behind its input, in seconds: the group delay of the low-pass with
+        delay: (J,) lag in seconds of the last result behind its input: the group delay of the low-pass at
             each joint's cut-off.
     """
 
     def __init__(self, settings: SmoothingSettings, amount: float | None = None) -> None:
-        self.settings = settings
         self.amount = settings.amount if amount is None else amount
         self._value: Float | None = None
         self._velocity = np.zeros((0, 3))
@@ -63,7 +70,7 @@ class OneEuro(_Filter):
 
     def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
-        cutoff, slope = self.settings.cutoff / self.amount, self.settings.speed / self.amount
+        cutoff, slope = _REST_CUTOFF_HZ / self.amount, _CUTOFF_PER_SPEED / self.amount
         filter_places(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
         return filtered
 
@@ -71,14 +78,13 @@ class OneEuro(_Filter):
 class OneEuroTurns(_Filter):
     """The same filter for (20, 4) rotations.
 
-    Differences are rotation vectors in the filtered bone's own frame.
-
-    So the result rotates with the world, and does not depend on the axes chosen for a bone.
+    Differences are rotation vectors in the filtered bone's own frame. So the result does not depend on the
+    axes of the world or of the bone.
     """
 
     def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
-        cutoff, slope = self.settings.cutoff / self.amount, self.settings.turn / self.amount
+        cutoff, slope = _REST_CUTOFF_HZ / self.amount, _CUTOFF_PER_TURN / self.amount
         filter_turns(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
         return filtered
 

@@ -8,23 +8,28 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven.person import PARENTS, Joint
 from enliven.rotation import normalized
-from enliven_edge.tracking.settings import OutputSettings
+
+_MAX_JOINT_SPEED_M_S = 12.0
+"""Maximum reported speed of a joint, in m/s. Smoothing 0 removes the limit."""
+_JUMP_HOLD_S = 0.1
+"""Time that a joint waits after a jump above the maximum speed before it follows."""
 
 _PARENTS = np.array([max(p, 0) for p in PARENTS])
 _MAX_GAP_S = 1.0
-"""Seconds without a frame after which a joint may be anywhere, so that no speed limit applies."""
+"""After this gap between frames in seconds no speed limit applies, because a joint may be anywhere."""
 
 
-def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple[Float, Float]:
+def replace_nan_joints(joints: Float, confidence: Float, last: Float | None) -> tuple[Float, Float]:
     """Returns (20, 3) joints and (20,) confidence without NaN.
 
     A joint with NaN keeps its last position, with confidence 0.
 
-    Without a last position it is placed at its parent. The root is placed at the middle of the other joints.
+    Without a last position the joint is placed at its parent. The root is placed at the mean of the other
+    joints.
     """
-    is_finite, sure, every = _known(joints, confidence)
-    if every:
-        return joints, sure
+    is_finite, clamped_confidence, are_all_finite = _check_joints(joints, confidence)
+    if are_all_finite:
+        return joints, clamped_confidence
     completed = np.where(is_finite[:, None], joints, 0.0 if last is None else last)
     if last is None:
         if not is_finite[Joint.HIP_CENTER]:
@@ -32,12 +37,13 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
         for joint in np.flatnonzero(~is_finite):
             if joint:
                 completed[joint] = completed[_PARENTS[joint]]
-    return completed, sure
+    return completed, clamped_confidence
 
 
 @njit(cache=True, nogil=True)
-def _known(joints, confidence):
-    """Returns (J,) whether a joint is finite, (J,) confidence in [0, 1], and whether all are finite.
+def _check_joints(joints, confidence):
+    """Returns (J,) whether each joint is finite, (J,) confidence in [0, 1], and whether all joints are
+    finite.
 
     The confidence of a joint that is not finite is 0.
     """
@@ -50,8 +56,9 @@ def _known(joints, confidence):
     return is_finite, sure, every
 
 
-def finite_turns(orientations: Float, last: Float | None) -> Float:
-    """Returns (20, 4) unit quaternions. One that is not finite keeps its last value, or is the identity."""
+def replace_nan_rotations(orientations: Float, last: Float | None) -> Float:
+    """Returns (20, 4) unit quaternions. Replaces ones that are not finite by the last value or the
+    identity."""
     if _are_units(orientations):
         return orientations
     length = np.einsum("ji,ji->j", orientations, orientations)
@@ -75,13 +82,12 @@ class SpeedLimit:
     """Delays a joint that moves faster than a person can.
 
     A joint jumps if it is farther from its last reported position than a limb can move in the time. It then
-    waits there, moved along with the hips, for ``hold`` seconds, so that one bad frame does not throw a limb
+    waits there, moved along with the hips, for 0.1 seconds, so that one bad frame does not throw a limb
     across the room. If it is still far away after that, it follows at the maximum speed. Meanwhile its
     confidence is lowered: to 0 while it waits, and by the allowed fraction of the distance while it follows.
     """
 
-    def __init__(self, settings: OutputSettings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
         self._last: Float | None = None
         self._waited = np.zeros(20)
         self._time_ns = 0
@@ -93,12 +99,11 @@ class SpeedLimit:
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> tuple[Float, Float]:
         """Returns (20, 3) joints and (20,) confidence within the limit at ``time_ns``."""
         seconds = (time_ns - self._time_ns) * 1e-9
-        fastest = self._settings.fastest
         last, self._time_ns = self._last, time_ns
-        if last is None or fastest == 0.0 or not 0.0 < seconds < _MAX_GAP_S:
+        if last is None or not 0.0 < seconds < _MAX_GAP_S:
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
-        allowed = fastest * seconds
+        allowed = _MAX_JOINT_SPEED_M_S * seconds
         if not _leaps(joints, last, allowed):
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
@@ -106,7 +111,7 @@ class SpeedLimit:
         distance = np.sqrt(np.einsum("ji,ji->j", step, step))
         leaps = distance > allowed
         self._waited = np.where(leaps, self._waited + seconds, 0.0)
-        waits = leaps & (self._waited <= self._settings.hold)
+        waits = leaps & (self._waited <= _JUMP_HOLD_S)
         share = np.where(waits, 0.0, np.minimum(1.0, allowed / np.maximum(distance, 1e-9)))
         carried = np.zeros(3) if leaps[Joint.HIP_CENTER] else step[Joint.HIP_CENTER]
         limited = last + share[:, None] * step

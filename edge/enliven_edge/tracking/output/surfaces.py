@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, Int16
-from enliven.deformation.constraints import ObservedPoints
+from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.kernels import njit
-from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
+from enliven_edge.tracking.frame.observation import FrameView, sample_pixels, surface_samples
 
 
 def visible_surfaces(
@@ -23,9 +23,9 @@ def visible_surfaces(
     """
     surfaces = {}
     for index, person in enumerate(ids.tolist()):
-        mask = inner_pixels(view.z, owner, index)
+        mask = pixels_with_normal(view.z, owner, index)
         if person >= 0 and mask.any():
-            samples, normals = surface_samples(view.points, view.z, sampled(mask, points), view.eye)
+            samples, normals = surface_samples(view.points, view.z, sample_pixels(mask, points), view.eye)
             surfaces[person] = ObservedPoints(samples, normals)
     return surfaces
 
@@ -36,17 +36,17 @@ def mirror_surfaces(
     """Mirrors the surfaces at the plane through ``point`` (3,) with the unit ``normal`` (3,)."""
     flip = np.eye(3) - 2 * np.outer(normal, normal)
     return {
-        person: ObservedPoints((seen.points - point) @ flip + point, seen.normals @ flip)
-        for person, seen in surfaces.items()
+        person: ObservedPoints((surface.points - point) @ flip + point, surface.normals @ flip)
+        for person, surface in surfaces.items()
     }
 
 
 @njit(cache=True, nogil=True)
-def inner_pixels(z, owner, index):
+def pixels_with_normal(z, owner, index):
     """Returns the (h, w) pixels of a person that have a measurable normal.
 
-    All neighbours belong to the person and have a similar depth. At a silhouette a normal is only a guess.
-    Wrong normals would pull a surface that follows them farther and farther away.
+    All their neighbours belong to the person and have a similar depth. At a silhouette the normal is not
+    measurable, and a mesh that follows wrong normals drifts away from the person.
     """
     height, width = z.shape
     out = np.zeros((height, width), np.bool_)

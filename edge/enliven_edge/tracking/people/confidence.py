@@ -1,8 +1,8 @@
 """The confidence of each joint: the probability that its error is below ten centimetres.
 
-It is a logistic regression on the frame's evidence for and against the joint (:mod:`evidence`).
-``calibrate_confidence.py`` of the benchmarks fits its weights to synthetic sequences with exact joints, and
-checks them on other sequences. The left and the right side share their weights.
+A logistic regression computes it from the frame's evidence for and against the joint (:mod:`evidence`). The
+benchmark ``calibrate_confidence.py`` fits the weights to synthetic sequences with exact joints, and checks
+them on other sequences. Left and right joints share their weights.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, model
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.people.evidence import NAMES
 
 GROUPS = (
@@ -36,15 +37,16 @@ GROUPS = (
 GROUP_OF_JOINT = np.array([0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 9, 10, 11, 8, 9, 10, 11])
 """(20,) the index of each joint's group in :data:`GROUPS`."""
 WITH_NETWORK, ALONE = "weights", "weights alone"
-"""The tables of weights: with the network's estimate as evidence, and without one."""
+"""Names of the two tables of weights: for evidence with and without the network's estimate."""
 _SEATED_HIP_RATIO = 0.42
-"""Height of the hips relative to leg length below which an upright person sits on the floor."""
+"""If the hips of an upright person are lower than this fraction of the leg length, the person sits on the
+floor."""
 _UPRIGHT_COSINE = 0.5
 """Minimum cosine between the trunk and the vertical of a sitting person. A lying person has less."""
 _MAX_SEATED_LEG = 0.7
-"""Maximum confidence of a knee, ankle or foot of a person that sits on the floor. Without it, 30 % of the
-joints with 0.9 or more had an error of 10 cm or more in the tuning films. Legs that point to the sensor show
-only their feet."""
+"""Maximum confidence of a knee, ankle or foot of a person that sits on the floor. Of legs that point to the
+sensor only the feet are visible. Without this limit, 30 % of the joints with a confidence of 0.9 or more had
+an error of 10 cm or more in the tuning films."""
 _IS_LEG = np.isin(np.arange(20), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 _OUTSIDE = NAMES.index("outside")
 _UNSEEN_FRACTION = 0.99
@@ -59,13 +61,13 @@ def confidence(evidence: Float, *, alone: bool = False) -> Float:
 
     Args:
         evidence: as returned by :func:`evidence.evidence`.
-        alone: whether the fit ran without the network.
+        alone: whether the fit used depth alone, without the network.
     """
-    return np.asarray(_likely(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
+    return np.asarray(_logistic(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
 
 
 def limit_when_seated(sure: Float, posture: Posture) -> Float:
-    """Returns (20,) confidence with that of the legs limited if the person sits on the floor, y = 0."""
+    """Returns (20,) confidence. If the person sits on the floor, y = 0, that of the legs is limited."""
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
     if float(posture.position[1]) > _SEATED_HIP_RATIO * leg:
         return sure
@@ -76,8 +78,8 @@ def limit_when_seated(sure: Float, posture: Posture) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _likely(evidence, weights):
-    """Computes (J,) for :func:`confidence`, with (J, F) weights."""
+def _logistic(evidence, weights):
+    """Computes the (J,) logistic function of (J, F) evidence with (J, F) weights, for :func:`confidence`."""
     out = np.empty(len(evidence))
     for j in range(len(evidence)):
         score = 0.0

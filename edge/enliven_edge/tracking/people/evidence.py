@@ -8,10 +8,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import HeldArguments, hold, njit
-from enliven_edge.tracking.body_model import Posture, capsules_of, frames_of, joints_into, model
-from enliven_edge.tracking.estimator import Estimate
-from enliven_edge.tracking.fit import FitReport, PlacedFrames, cholesky, point_row
-from enliven_edge.tracking.frame import Observation
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import Posture, capsules_of, frames_of, joints_into
+from enliven_edge.tracking.estimator.estimator import Estimate
+from enliven_edge.tracking.fit.fit import FitReport
+from enliven_edge.tracking.fit.gauss_newton import cholesky
+from enliven_edge.tracking.fit.normal_equations import point_row
+from enliven_edge.tracking.fit.structures import PlacedFrames
+from enliven_edge.tracking.frame.observation import Observation
 
 NAMES = (
     "constant",
@@ -32,19 +36,20 @@ NAMES = (
     "spread",
     "apart",
 )
-"""The columns of :func:`evidence`. "beside" means the neighbouring part of the body. The last two come from
-the network's estimate and are 0 without one."""
+"""Names of the columns of :func:`evidence`. Columns with "beside" belong to the
+neighbouring bone. The last two columns come from the network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
 _JOINT_TOLERANCE_M = 0.02
-"""Metres added to the distance of a joint from the network's joint. Smaller distances are not informative."""
+"""Metres added to the distance between a joint and the network's joint before the logarithm. Differences
+between smaller distances are not informative."""
 _FULL_SUPPORT = 0.35
-"""Fraction of the points expected on a capsule that supports it fully: a third, because parts occlude each
-other."""
+"""Fraction of a capsule's expected points that counts as full support. It is a third, because body parts
+occlude each other."""
 _CAPSULE_SAMPLES = 5
 """Samples along a capsule for its visible fraction: about 8 cm apart on a thigh."""
 _SURFACE_TOLERANCE_M = 0.07
-"""Maximum distance in metres between the model's surface and the observed one to be the same: clothes, and
-the fit's error."""
+"""Maximum distance in metres between the model's surface and the observed one to count as the same surface.
+It covers clothes and the fit's error."""
 
 
 def _neighbour_averages() -> tuple[Float, Float]:
@@ -67,16 +72,16 @@ _FIRST, _SECOND = _neighbour_averages()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
-"""Arguments of :func:`joints_held` that come from the model."""
+"""Arguments of :func:`joint_uncertainty` that come from the model."""
 _SURFACE = (model.CAPSULES.frame, model.CAPSULES.ends, model.CAPSULES.radii)
 """Arguments of :func:`capsules_of` that come from the model."""
 _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
-"""Joints and spread in place of the network's, if it was not run."""
+"""Empty arrays that replace the network's joints and spread if it was not run."""
 
 
 @cache
-def _body() -> HeldArguments:
-    """Returns the constant data of the model, held."""
+def _held_model() -> HeldArguments:
+    """Returns the constant data of the model as reusable kernel arguments."""
     return hold((_SKELETON, _SURFACE, _TURNS, _JOINTS, _FIRST, _SECOND))
 
 
@@ -91,7 +96,7 @@ def evidence(
 
     Args:
         posture: the fitted posture.
-        report: of the fit that ended in the posture.
+        report: the report of the fit that found the posture.
         observation: the observed person.
         unsupported: (20,) frames since each joint was last supported.
         estimate: the network's estimate of the frame; None without one.
@@ -99,8 +104,8 @@ def evidence(
     network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
     fit = (report.support, report.violated, report.explained)
     state = (posture.position, posture.rotations, posture.lengths)
-    seen, body = observation.held, _body()
-    return np.asarray(_evidence(seen, body, *state, report.information, *fit, unsupported, *network))
+    observed, body = observation.held, _held_model()
+    return np.asarray(_evidence(observed, body, *state, report.information, *fit, unsupported, *network))
 
 
 @njit(cache=True, nogil=True)
@@ -110,28 +115,30 @@ def _evidence(
 ):  # fmt: skip
     """Computes (20, 17) for :func:`evidence`.
 
-    ``observed`` and ``body`` are held, ``body`` from :func:`_body`.
+    ``observed`` and ``body`` are reusable kernel arguments, ``body`` from :func:`_held_model`.
     """
     skeleton, surface, turns, carried, first, second = body.values
     ends, radii = capsules_of(position, rotations, lengths, skeleton[0], skeleton[1], *surface)
-    shares = capsule_shares(ends, radii, observed.values.image)
-    joints, loose = joints_held(
+    shares = capsule_visibility(ends, radii, observed.values.image)
+    joints, loose = joint_uncertainty(
         information, position, rotations, lengths, skeleton[0], skeleton[1], turns, *carried
     )
     fit = support, violated, explained
-    return gathered(shares, *fit, loose, unsupported, joints, seen, spread, first, second)
+    return assemble_evidence(shares, *fit, loose, unsupported, joints, seen, spread, first, second)
 
 
 @njit(cache=True, nogil=True)
-def gathered(shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second):
+def assemble_evidence(
+    shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second
+):
     """Assembles (20, 17) for :func:`evidence`.
 
     Args:
-        shares: (C, 4) from :func:`capsule_shares`.
+        shares: (C, 4) from :func:`capsule_visibility`.
         support, violated, explained: (C,), (C,) and a number, from :class:`FitReport`.
-        loose: (20,) from :func:`joints_held`.
+        loose: (20,) uncertainties from :func:`joint_uncertainty`.
         unsupported: (20,) frames since each joint was last supported.
-        joints: (20, 3) metres, of the posture.
+        joints: (20, 3) metres, the posture's joints.
         seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
         first, second: (20, C) from :func:`_neighbour_averages`.
     """
@@ -157,8 +164,9 @@ def gathered(shares, support, violated, explained, loose, unsupported, joints, s
 
 
 @njit(cache=True, nogil=True)
-def capsule_shares(ends, radii, view):
-    """Returns (C, 4) fractions of each capsule's samples: visible, occluded, seen through, outside the image.
+def capsule_visibility(ends, radii, view):
+    """Returns (C, 4) fractions of each capsule's samples that are visible, occluded, seen through or outside.
+    A sample is seen through if the measured depth lies behind it. Outside means outside the image.
 
     Args:
         ends, radii: the capsules.
@@ -196,17 +204,18 @@ def capsule_shares(ends, radii, view):
 
 
 def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """Returns (C,) how well each capsule is supported by its explained points, and not seen through."""
+    """Returns (C,) the confidence of each capsule in [0, 1]: its support times its fraction not seen
+    through."""
     count = len(observation.points)
-    return np.asarray(_supported(report.support, report.violated, *posture.capsules(), count))
+    return np.asarray(_capsule_support(report.support, report.violated, *posture.capsules(), count))
 
 
 @njit(cache=True, nogil=True)
-def _supported(support, violated, ends, radii, count):
+def _capsule_support(support, violated, ends, radii, count):
     """Computes :func:`capsule_confidence`.
 
-    A capsule is fully supported by a third of the points that it would get if the whole body were visible.
-    That number is its part of the ``count`` points, by its frontal area.
+    A capsule's expected number of points is its part of the ``count`` points, by its frontal area. A third of
+    that number supports it fully.
     """
     area = np.empty(len(ends))
     for c in range(len(ends)):
@@ -220,12 +229,11 @@ def _supported(support, violated, ends, radii, count):
 
 
 @njit(cache=True, nogil=True)
-def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, frames, local):
+def joint_uncertainty(matrix, position, rotations, lengths, parents, offsets, turns, frames, local):
     """Returns (J, 3) joints, world frame, and (J,) the relative uncertainty of each: sqrt(trace(J H^-1 J')).
-
-    That is the root of the trace of its covariance. H is the Gauss-Newton matrix of the frame alone, without
-    the temporal prior. So a joint that nothing in the image constrains is uncertain, however steadily it was
-    predicted. With the Cholesky factor U of H the value is |U'^-1 J'|.
+    This is the square root of the trace of the joint's covariance. H is the Gauss-Newton matrix of the frame
+    alone, without the temporal prior. So a joint that the image does not constrain is uncertain, even if the
+    prediction is steady. With the Cholesky factor U of H the value is |U'^-1 J'|.
 
     Args:
         matrix: (30, 30) the upper triangle of H, from :class:`FitReport`.

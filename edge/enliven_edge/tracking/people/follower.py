@@ -5,20 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.tracking.body_model import Posture, model, predict_next
-from enliven_edge.tracking.detect import (
-    EstimateAtPoints,
-    Facing,
-    PoseRecovery,
-    cost,
-    detect,
-    estimates_by_facing,
-    facing,
-    quality,
-)
-from enliven_edge.tracking.estimator import shipped_estimator
-from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.frame import FrameView, Observation
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import Posture, predict_next
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing
+from enliven_edge.tracking.detect.detection import detect, estimates_by_facing
+from enliven_edge.tracking.detect.fit_quality import Facing, cost, quality
+from enliven_edge.tracking.detect.recovery import PoseRecovery
+from enliven_edge.tracking.estimator.estimator import shipped_estimator
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.frame.observation import FrameView, Observation
 from enliven_edge.tracking.people.confidence import confidence, limit_when_seated
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.people.redetection import (
@@ -30,7 +25,7 @@ from enliven_edge.tracking.people.redetection import (
     run_network,
     start_detection,
 )
-from enliven_edge.tracking.segment import pixels_near_bodies
+from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, BudgetedTask, Steps, run_to_end
 
@@ -38,54 +33,61 @@ _MIN_DETECTION_QUALITY = 0.68
 """Minimum quality in [0, 1], see :func:`detection.quality`, for a detected body to be accepted as a
 person."""
 _BAD_QUALITY = 0.45
-"""Quality up to which a frame is bad. It is lower than for a new body, because a known one may be half
-hidden."""
+"""Frames up to this quality in [0, 1] are bad. The limit is lower than for a new body, because a tracked
+person may be half hidden."""
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
 _MIN_EXPLAINED = 0.93
-"""Fraction of the points below which a frame is fitted a second time with a larger robust width, because a
-limb was too fast."""
+"""Minimum explained fraction of the points. Below it the frame is fitted again with a larger robust width,
+because a limb may have moved fast."""
 _WIDE_WIDTH_M = 0.25
 """Robust width of the second fit in metres: about the movement of a fast hand in a frame."""
 _DOUBTFUL_COST = 8.5
-"""Cost of a frame in square centimetres per point above which the person is detected again."""
+"""Maximum cost of a frame in square centimetres per point. Above it the person is detected again from
+scratch."""
 _DOUBTFUL_EXPLAINED = 0.87
-"""Fraction of explained points below which a doubtful person is detected again, whatever the network sees."""
+"""Minimum fraction of explained points. Below it a doubtful person is detected again, even if the network
+agrees with the posture."""
 _LIMB_JOINTS = 3
-"""Joints of a limb that moves by itself: elbow, wrist and hand, or knee, ankle and foot."""
+"""Number of joints of one limb: elbow, wrist and hand, or knee, ankle and foot."""
 _MAX_COST_RATIO = 0.8
-"""Maximum cost of a new detection relative to the present cost. A smaller gain may be chance."""
+"""Maximum cost of a new detection relative to the present cost for it to be accepted. A smaller gain may be
+chance."""
 _FIRST_REDETECTION_FRAMES = 30
-"""Initial number of frames between two detections of a doubtful person. Each takes several frames. The
-tuning, close and held-out films were no better with twice as many detections."""
+"""Initial number of frames between two detections of a doubtful person. A detection takes several frames.
+Twice the number of detections did not improve the tuning, close and held-out films."""
 _MAX_REDETECTION_INTERVAL = 120
-"""Maximum number of frames between two detections. The wait doubles up to this while nothing better is
-found."""
+"""Maximum number of frames between two detections. The wait doubles up to this number while no better posture
+is found."""
 _RESET_COST_RATIO = 1.2
-"""Factor on the cost of the last failed detection above which the wait is reset."""
+"""The wait is reset if the cost exceeds that of the last failed detection by this factor."""
 _KNOWN_LENGTHS_FRAMES = 120
-"""Well fitted frames, four seconds, after which the lengths are reliable enough for a detection."""
+"""Number of well fitted frames, four seconds, after which the bone lengths are reliable enough to use in a
+detection."""
 _SHAPING_FRAMES = 30
-"""Well fitted frames, one second, in which every fit includes the lengths. At first they are far from
-correct."""
+"""Number of well fitted frames, one second, in which every fit includes the bone lengths. They are far from
+correct at first."""
 _SHAPING_INTERVAL = 2
-"""Interval in frames between two fits of the lengths after that. Without lengths a fit is a third faster, and
-joints of the tuning, close and held-out films came nearer by up to a millimetre."""
+"""Interval in frames between two fits that include the lengths, after that. Without lengths a fit is a third
+faster, and the joint errors of the tuning, close and held-out films fell by up to a millimetre."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_WINDOW_S = 0.4
-"""Seconds over which the walking speed is averaged: less than a step, more than the noise of a frame."""
+"""Seconds over which the walking speed is averaged: shorter than a step, long enough to suppress the noise of
+single frames."""
 _MIN_SUPPORT = np.log1p(4)
 """Minimum evidence of support, log(1 + points), for a joint to count as supported in a frame."""
 _MIN_VISIBLE_BONE = 0.3
-"""Minimum visible fraction of a joint's bone for its support to count. Fewer samples may be an edge."""
+"""Minimum visible fraction of a joint's bone for its support to count. A smaller visible part may be an edge
+of another object."""
 _MIN_PROBABILITY = 0.02
 """Blobs below this network probability of being a person are skipped without a fit."""
 _MIN_FLOORLESS_PROBABILITY = 0.3
-"""The same limit if the floor is guessed. Heights, which exclude most objects, are then unknown."""
+"""Minimum network probability while the floor is guessed. Heights, which exclude most objects, are then
+unknown."""
 _CLOTHES_DISTANCE_M = 0.12
 """Distance in metres from the model's surface beyond which a point belongs to another object. Clothes stay
 within."""
 _MIN_BARE_FRACTION = 0.5
-"""Minimum fraction of a blob on the model for a search without the other pixels to be worth it."""
+"""Minimum fraction of a blob's pixels on the model for a second search without the other pixels."""
 MIN_PERSON_PIXELS = 60
 """Minimum number of pixels of the working image in which a posture is visible."""
 
@@ -93,11 +95,11 @@ MIN_PERSON_PIXELS = 60
 class Follower:
     """The track of one person, fitted in every frame.
 
-    :meth:`found` creates one from a new person. Then call :meth:`follow` once per frame.
+    :meth:`detect` creates a follower from a new person's pixels. Then call :meth:`follow` once per frame.
 
     Attributes:
-        posture: of the last fitted frame.
-        confidence: (20,) of its joints, in [0, 1]; all 0 in a frame that did not show the person.
+        posture: the posture in the last fitted frame.
+        confidence: (20,) confidence of its joints in [0, 1]; all 0 if the last frame did not show the person.
         evidence: (20, 17) the last frame's evidence for and against every joint.
         lost: whether the fit has been bad for longer than the settings allow.
         person_probability: the network's probability in [0, 1] in the last frame that this is a person and
@@ -112,8 +114,8 @@ class Follower:
         self.evidence = np.zeros((20, len(NAMES)))
         self.lost = False
         self.person_probability = 1.0
-        self._fitter = fitter.limber
-        self._recovery = PoseRecovery(fitter.limber)
+        self._fitter = fitter.for_tracked_people
+        self._recovery = PoseRecovery(fitter.for_tracked_people)
         self._facing = Facing()
         self._before: Posture | None = None
         self._fitted = 0
@@ -126,17 +128,17 @@ class Follower:
         self._wait, self._failed_cost = _FIRST_REDETECTION_FRAMES, np.inf
 
     @classmethod
-    def found(
+    def detect(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
-        """Returns a person in the (h, w) ``pixels`` and its quality, up to 1. None without a person."""
-        return run_to_end(cls.sought(view, pixels, settings, fitter))
+        """Detects a person in the (h, w) ``pixels``. Returns it with its quality, up to 1, or None."""
+        return run_to_end(cls.detect_incrementally(view, pixels, settings, fitter))
 
     @classmethod
-    def sought(
+    def detect_incrementally(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter, *, entire: bool = False
     ) -> Steps[tuple[Follower, float] | None]:
-        """Does the work of :meth:`found` incrementally: yields the cost of each step.
+        """Generator version of :meth:`detect` that yields the cost of each step in coarse fits.
 
         Args:
             view: the frame.
@@ -149,27 +151,29 @@ class Follower:
         if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
             return None
         observation = create_observation(view, pixels, settings)
-        seen, by_facing = None, None
+        network_output, by_facing = None, None
         if settings.estimator:
-            seen = run_network(view, pixels, observation, None)
+            network_output = run_network(view, pixels, observation, None)
             yield NETWORK_COST
-            if seen.estimate.person_probability < (
+            if network_output.estimate.person_probability < (
                 _MIN_PROBABILITY if view.has_floor else _MIN_FLOORLESS_PROBABILITY
             ):
                 return None
             network, pose = shipped_estimator(), view.world_from_camera
-            by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
+            by_facing = yield from estimates_by_facing(network, network_output.estimate, pose)
         height = settings.body_height
-        posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
+        posture, report = yield from detect(fitter, observation, view.eye, height, network_output, by_facing)
         if quality(report) < _MIN_DETECTION_QUALITY:
             bare = pixels & pixels_near_bodies(view, [posture], 0.0, _CLOTHES_DISTANCE_M)
             # Search again without the pixels of objects that touch the person, such as a table.
             if entire or not _MIN_BARE_FRACTION < bare.sum() / pixels.sum() < 1.0:
                 return None
-            return (yield from cls.sought(view, bare, settings, fitter))
+            return (yield from cls.detect_incrementally(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
-        follower.person_probability = 1.0 if seen is None else seen.estimate.person_probability
-        follower._update_evidence(report, observation, seen)
+        follower.person_probability = (
+            1.0 if network_output is None else network_output.estimate.person_probability
+        )
+        follower._update_evidence(report, observation, network_output)
         return follower, quality(report)
 
     @property
@@ -181,18 +185,18 @@ class Follower:
         """Handles a frame that does not show the person."""
         self.confidence, self._redetection = np.zeros(20), None
 
-    def predicted(self) -> Posture:
+    def predict(self) -> Posture:
         """Returns the posture expected in the next frame, extrapolated from the last two."""
         return self.posture.copy() if self._before is None else predict_next(self._before, self.posture)
 
-    def carry(self, step: Float) -> None:
+    def translate(self, step: Float) -> None:
         """Moves the posture as a whole by (3,) metres, in a frame that is not fitted."""
         self.posture.position = self.posture.position + step
         if self._before is not None:
             self._before.position = self._before.position + step
 
     def follow(self, view: FrameView, pixels: Bool, predicted: Posture | None = None) -> bool:
-        """Fits a frame in which the (h, w) ``pixels`` are this person's. Returns False if they do not fit.
+        """Fits the posture to the person's (h, w) ``pixels``. Returns False if the fit is bad.
 
         Args:
             view: the frame.
@@ -202,34 +206,38 @@ class Follower:
         self.confidence = np.zeros(20)
         if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
             return self._count_bad_frame()
-        predicted = self.predicted() if predicted is None else predicted
+        predicted = self.predict() if predicted is None else predicted
         observation = create_observation(view, pixels, self.settings)
-        seen = None
+        network_output = None
         if self.settings.estimator:
-            seen = run_network(view, pixels, observation, facing(predicted, view.eye))
-            self.person_probability = seen.estimate.person_probability
-            observation = add_guides(observation, seen, self.settings.fit.affinity)
+            network_output = run_network(view, pixels, observation, facing(predicted, view.eye))
+            self.person_probability = network_output.estimate.person_probability
+            observation = add_guides(observation, network_output, self.settings.fit.affinity)
         posture, report = self._fit_frame(observation, predicted, self._length_weights())
         certain = capsule_confidence(report, observation, posture)
-        # Run only one kind of search per frame, because a frame with both kinds would be the slowest.
+        # Do not try arms while a redetection runs, because a frame with both searches would take too long.
         reconsider, arms = self._recovery.reconsider, not self.redetecting
-        posture, report = reconsider(observation, posture, report, certain, seen, arms=arms)
+        posture, report = reconsider(observation, posture, report, certain, network_output, arms=arms)
         velocity = self._update_velocity(posture.position, view.time_ns)
-        flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
-        if flipped and seen is not None:
-            posture, seen = flip_with_estimate(posture, seen, view)
-            observation = add_guides(observation, seen, self.settings.fit.affinity)
+        flipped = network_output is not None and self._facing.is_wrong(
+            network_output, posture, view.eye, velocity
+        )
+        if flipped and network_output is not None:
+            posture, network_output = flip_with_estimate(posture, network_output, view)
+            observation = add_guides(observation, network_output, self.settings.fit.affinity)
             posture, report = self._fitter.fit(observation, posture)
-        redetected = self._try_redetection(observation, posture, report, seen, view.eye)
+        redetected = self._try_redetection(observation, posture, report, network_output, view.eye)
         if redetected is not None:
             posture, report = redetected
-            seen = None if seen is None else estimate_with_facing(posture, seen, view)
-        bad = quality(report) <= _BAD_QUALITY
-        if bad and not self._count_bad_frame() and self.lost:
+            network_output = (
+                None if network_output is None else estimate_with_facing(posture, network_output, view)
+            )
+        is_bad = quality(report) <= _BAD_QUALITY
+        if is_bad and not self._count_bad_frame() and self.lost:
             return False
         self._before, self.posture = (None if flipped or redetected else self.posture), posture
-        self._update_evidence(report, observation, seen)
-        if bad:
+        self._update_evidence(report, observation, network_output)
+        if is_bad:
             return False
         self._fitted, self._bad_frames = self._fitted + 1, 0
         return True
@@ -251,48 +259,51 @@ class Follower:
         observation: Observation,
         posture: Posture,
         report: FitReport,
-        seen: EstimateAtPoints | None,
+        network_output: EstimateAtPoints | None,
         eye: Float,
     ) -> tuple[Posture, FitReport] | None:
         """Detects a doubtful person from scratch. Returns a fit only if it explains the frame much better.
 
-        A detection takes several frames. So one starts at most every second, less often while detections
-        fail, and never if the network sees the same posture. A posture found in an earlier frame is fitted to
-        this frame and must explain it better too.
+        A detection takes several frames. So a new one starts at most every second, less often while
+        detections fail, and never while the network agrees with the posture. The result belongs to an earlier
+        frame, so it is also fitted to this frame and must explain it better too.
         """
         self._since_detected += 1
         height = self.settings.body_height
-        current_cost = cost(report, posture, seen, eye, height)
-        plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
+        current_cost = cost(report, posture, network_output, eye, height)
+        plain = observation.with_guides(_NO_AFFINITY, _NO_LANDMARKS)
         # Start a detection if the tracking is doubtful and the waiting time is over.
         if self._redetection is None:
             if current_cost < _DOUBTFUL_COST or current_cost > _RESET_COST_RATIO * self._failed_cost:
                 self._wait = _FIRST_REDETECTION_FRAMES
             is_doubtful = current_cost >= _DOUBTFUL_COST and self._since_detected >= self._wait
-            if not is_doubtful or _is_confirmed(posture, report, seen):
+            if not is_doubtful or _is_confirmed(posture, report, network_output):
                 return None
             self._since_detected = 0
             known_lengths = posture.lengths if self._fitted > _KNOWN_LENGTHS_FRAMES else None
-            steps = start_detection(self._fitter, plain, seen, eye, height, posture, known_lengths)
-            redetection = (observation, seen, posture, current_cost, known_lengths is not None)
+            steps = start_detection(self._fitter, plain, network_output, eye, height, posture, known_lengths)
+            redetection = (observation, network_output, posture, current_cost, known_lengths is not None)
             self._redetection = Redetection(BudgetedTask(steps), *redetection)
         under_way = self._redetection
-        if not under_way.task.go_on(self.budget):
+        if not under_way.task.advance(self.budget):
             return None
         self._redetection, detection = None, under_way.task.result
         # Compare the detection with the fit, first in the frame in which the detection began, then in the
         # present frame.
-        better = (
+        is_better = (
             detection is not None
-            and cost(detection[1], detection[0], under_way.seen, eye, height)
+            and cost(detection[1], detection[0], under_way.network_output, eye, height)
             <= _MAX_COST_RATIO * under_way.cost
         )
-        if detection is not None and better and under_way.observation is not observation:
+        if detection is not None and is_better and under_way.observation is not observation:
             detection = self._carry_to_frame(
                 detection[0], posture.position - under_way.posture.position, plain
             )
-            better = cost(detection[1], detection[0], seen, eye, height) <= _MAX_COST_RATIO * current_cost
-        if not better:
+            is_better = (
+                cost(detection[1], detection[0], network_output, eye, height)
+                <= _MAX_COST_RATIO * current_cost
+            )
+        if not is_better:
             self._wait = min(2 * self._wait, _MAX_REDETECTION_INTERVAL)
             self._failed_cost = current_cost
             return None
@@ -332,24 +343,25 @@ class Follower:
         return False
 
     def _update_evidence(
-        self, report: FitReport, observation: Observation, seen: EstimateAtPoints | None
+        self, report: FitReport, observation: Observation, network_output: EstimateAtPoints | None
     ) -> None:
-        """Gathers the frame's evidence for and against every joint, and updates the confidence."""
-        estimate = None if seen is None else seen.estimate
+        """Computes the frame's evidence for and against every joint, and updates the confidence."""
+        estimate = None if network_output is None else network_output.estimate
         self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > _MIN_VISIBLE_BONE) & (
             self.evidence[:, _SUPPORT] > _MIN_SUPPORT
         )
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
-        sure = confidence(self.evidence, alone=seen is None)
-        self.confidence = limit_when_seated(sure, self.posture)
+        joint_confidence = confidence(self.evidence, alone=network_output is None)
+        self.confidence = limit_when_seated(joint_confidence, self.posture)
 
     def _length_weights(self) -> Float | None:
         """Returns (12,) weights of the prior on the bones' lengths, low at first.
 
         None if the lengths are frozen.
 
-        They are frozen once they are settled, and before that in every other frame after the first ones.
+        Lengths are frozen after they have settled. Before that, they are fitted in every frame of the first
+        second and in every other frame later.
         """
         settings = self.settings.fit
         settled = self._fitted > 3 * settings.settle_frames
@@ -361,14 +373,14 @@ class Follower:
         return np.full(len(model.LENGTHS), firmness)
 
 
-def _is_confirmed(posture: Posture, report: FitReport, seen: EstimateAtPoints | None) -> bool:
-    """Returns True if a posture explains most of the frame and the network agrees except for a limb.
+def _is_confirmed(posture: Posture, report: FitReport, network_output: EstimateAtPoints | None) -> bool:
+    """Returns True if a posture explains most of the frame and the network agrees with it, except for one
+    limb.
 
-    At most one limb is clearly elsewhere for the network.
-
-    A limb is tried elsewhere anyway. Of 227 detections that began in such frames of the tuning and close
-    films 12 were accepted. Six led to a better and six to a worse posture, by a few centimetres at most.
+    A single wrong limb needs no detection, because :class:`PoseRecovery` tries limbs in other places. Of 227
+    detections that began in such frames of the tuning and close films, 12 were accepted. Six led to a better
+    and six to a worse posture, by a few centimetres at most.
     """
-    if seen is None or report.explained <= _DOUBTFUL_EXPLAINED:
+    if network_output is None or report.explained <= _DOUBTFUL_EXPLAINED:
         return False
-    return seen.estimate.count_apart(posture.joints()) <= _LIMB_JOINTS
+    return network_output.estimate.count_disagreeing(posture.joints()) <= _LIMB_JOINTS

@@ -1,4 +1,4 @@
-"""Tracks all people in view through a frame: divides the pixels among them, fits, hides and drops them."""
+"""Tracks all people in view: divides the pixels of each frame among them, fits them, and drops lost ones."""
 
 from __future__ import annotations
 
@@ -9,50 +9,65 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, UInt8
-from enliven_edge.tracking.body_model import Posture
-from enliven_edge.tracking.fit import Fitter
-from enliven_edge.tracking.frame import FrameView, is_same, known_pixels
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.fit.fit import Fitter
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.frame.reduction import is_same, known_pixels
 from enliven_edge.tracking.people.follower import MIN_PERSON_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.track_manager import Duplicates, TrackManager
 from enliven_edge.tracking.people.visibility import occluded_fractions
-from enliven_edge.tracking.segment import Segments, segment_people
+from enliven_edge.tracking.segment.segmentation import Segments, segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
 _HIDDEN_OCCLUSION = 0.55
-"""Occluded fraction of a body above which the person counts as hidden. The rest seldom fits well."""
+"""Maximum occluded fraction of a visible person. Above it the person counts as hidden, because few visible
+pixels seldom give a good fit."""
 _LEFT_IMAGE_FRACTION = 0.85
-"""If more than this fraction of a body is outside the image, few remaining pixels mean that the person is
-gone, not hidden."""
+"""If more than this fraction of a body is outside the image and few pixels remain, the person has left and is
+not hidden."""
 _HIDDEN_PENALTY_M = 0.06
 """Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
 _COVERED_DEPTH = 0.01
-"""Fraction of pixels with depth below which the lens is covered. A covered lens still shows a few."""
+"""Minimum fraction of pixels with depth. Below it the lens is covered. A covered lens still measures a few
+pixels."""
 _LONG_BLIND_NS = 250_000_000
-"""Nanoseconds of a covered or frozen image after which people are searched again, because they have moved
-on."""
+"""Duration in nanoseconds of a covered or frozen image after which all people are searched again, because
+they have moved meanwhile."""
 _DOUBT_NS = 4_000_000_000
-"""Nanoseconds within which a doubtful person must move to be accepted. Few people stand still that long."""
+"""Nanoseconds within which a doubtful person must move; otherwise it is dropped. Few people stand still that
+long."""
 _WHOLE_BODY_TOLERANCE = 0.12
-"""Maximum fraction, such as a hand or a foot, that may be occluded or outside the image of a whole body."""
+"""Maximum fraction of a body that is occluded, or outside the image, for the whole body to count as visible:
+a hand or a foot."""
 _ZONE_MARGIN_M = 0.15
-"""Metres outside the zone at which a performer has left it. The border must not flicker."""
+"""A performer has left the zone at this distance outside it in metres, so that people at the border do not
+flicker."""
 _REDETECTION_BUDGET = 0.15
 """Fraction of a frame's search budget for redetection of tracked people."""
 
 
 @dataclass
 class _Visibility:
-    """The pixels of a person in a frame, and whether the person is hidden or completely visible."""
+    """The visibility of a person in a frame.
+
+    Attributes:
+        person: the person.
+        expected: the posture predicted for the frame.
+        pixels: (h, w) the person's pixels.
+        is_hidden: whether another object hides the person, or too few pixels are left.
+        is_whole: whether the whole body is visible.
+        is_fitted: whether the person was fitted in this frame.
+    """
 
     person: Person
     expected: Posture
     pixels: Bool
-    behind: bool
-    whole: bool
-    fitted: bool = False
+    is_hidden: bool
+    is_whole: bool
+    is_fitted: bool = False
 
 
 class MultiPersonTracker:
@@ -78,16 +93,16 @@ class MultiPersonTracker:
 
     @property
     def people(self) -> list[Person]:
-        """Returns the tracked people, in the order in which they were found."""
+        """Returns the tracked people, in the order of their detection."""
         return self.track_manager.people
 
     def segment_ids(self) -> Int:
         """Returns (K,) ids of the people by their index in the last frame's segments."""
         return np.array([p.id for p in self.track_manager.segmented], np.int64)
 
-    def travelled_ids(self) -> Int:
-        """Returns (K,) the same ids, with -1 for each person that has never moved."""
-        return np.array([p.id if p.travelled else -1 for p in self.track_manager.segmented], np.int64)
+    def moved_ids(self) -> Int:
+        """Returns (K,) ids like :meth:`segment_ids`, with -1 for each person that has never moved."""
+        return np.array([p.id if p.has_moved else -1 for p in self.track_manager.segmented], np.int64)
 
     def forget(self) -> None:
         """Drops all people. A person that comes next, or is still present, gets a new id."""
@@ -102,6 +117,11 @@ class MultiPersonTracker:
         self.track_manager.sensor_moved(time_ns)
         self.finder.clear()
 
+    def search_again(self, time_ns: int) -> None:
+        """Drops all people until they are found again at their places. The sensor was not moved."""
+        self.track_manager.leave_all(time_ns)
+        self.finder.clear()
+
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits the tracked people. Returns the person at each pixel of the frame."""
         self._allot_budgets(view.time_ns)
@@ -112,26 +132,28 @@ class MultiPersonTracker:
             self._blind_ns = view.time_ns
         if dark:
             return self._wait_while_covered(view, kind)
-        handicap = np.array([_HIDDEN_PENALTY_M if p.hidden else 0.0 for p in self.people])
-        expected = [p.expected() for p in self.people]
+        handicap = np.array([_HIDDEN_PENALTY_M if p.is_hidden else 0.0 for p in self.people])
+        expected = [p.predict_posture() for p in self.people]
         segments = segment_people(view, kind, expected, handicap)
         self.track_manager.segmented = list(self.people)
         if self._blind_ns is not None and not frozen:
             if view.time_ns - self._blind_ns > _LONG_BLIND_NS:
                 self._refind_all(self._blind_ns, view, segments)
-                expected = [p.expected() for p in self.people]
+                expected = [p.predict_posture() for p in self.people]
             self._blind_ns = None
         fitted = self._choose_fitted()
-        shown = [
+        visibilities = [
             self._estimate_visibility(p, expected[k], k, view, segments)
             for k, p in enumerate(self.track_manager.segmented)
         ]
-        self._fit_all([v for v in shown if not v.behind and (v.person in fitted or v.person.hidden)], view)
-        for visibility in shown:
+        self._fit_all(
+            [v for v in visibilities if not v.is_hidden and (v.person in fitted or v.person.is_hidden)], view
+        )
+        for visibility in visibilities:
             self._update_status(visibility, view)
-        for second in self._duplicates.found(self.people):
+        for second in self._duplicates.find(self.people):
             self.track_manager.drop_duplicate(second)
-        self.track_manager.decide(view.time_ns)
+        self.track_manager.decide_identities(view.time_ns)
         self.track_manager.gallery.forget_old(view.time_ns, self.track_manager.lock.ids or frozenset())
         return segments
 
@@ -139,7 +161,7 @@ class MultiPersonTracker:
         """Divides the frame's search budget between new people and redetections."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
         self._before_ns = time_ns
-        whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
+        whole = frame_budget(self.settings.search.fits_per_frame, elapsed).remaining
         redetecting = [p.follower for p in self.people if p.follower.redetecting]
         for person in self.people:
             # A search that begins in this frame continues only in the next one, because its share of the
@@ -150,7 +172,7 @@ class MultiPersonTracker:
         self.finder.allot(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
-        """Handles a frame of a covered lens: all people continue like hidden ones."""
+        """Handles a frame of a covered lens: treats all people as hidden."""
         for person in list(self.people):
             person.hide(view.time_ns)
             if person.hidden_for(view.time_ns) > self.settings.people.hidden:
@@ -165,25 +187,27 @@ class MultiPersonTracker:
             self._refind(person, k, view, segments)
 
     def _refind(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
-        """Searches for a person in any posture around the last place. Much may have happened unseen."""
+        """Detects a person again in any posture around the last place, after a time without usable images."""
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
         for group in segments.loose:
             places = [p.place for p in self.track_manager.segmented]
-            away = [float(np.linalg.norm((group.centre - place)[[0, 2]])) for place in places]
-            if away[k] < reach and away[k] == min(away):
+            distances = [float(np.linalg.norm((group.centre - place)[[0, 2]])) for place in places]
+            if distances[k] < reach and distances[k] == min(distances):
                 pixels = pixels | segments.group(group)
-        detection = Follower.found(view, pixels, self.track_manager.of_height(person.looks), self._fitter)
+        detection = Follower.detect(
+            view, pixels, self.track_manager.settings_for_person(person.measurements), self._fitter
+        )
         if detection is not None:
-            person.replaced(detection[0], view.time_ns)
+            person.replace_fit(detection[0], view.time_ns)
             segments.owner[pixels], segments.labels[pixels] = k, 0
             segments.counts[k] = np.count_nonzero(pixels)
 
     def _choose_fitted(self) -> list[Person]:
         """Returns the people to fit in this frame: the first ones always, the others in turn."""
-        seen = [p for p in self.people if p.hidden_ns is None]
+        visible_people = [p for p in self.people if p.hidden_ns is None]
         count = self.settings.people.full_rate
-        always, others = seen[:count], seen[count:]
+        always, others = visible_people[:count], visible_people[count:]
         if others:
             self._turn += 1
             always = [*always, others[self._turn % len(others)]]
@@ -197,19 +221,24 @@ class MultiPersonTracker:
         ``k`` is the person's index in the segments.
         """
         covered, outside = occluded_fractions(view, expected, segments.owner, k)
-        few = bool(segments.counts[k] < 2 * MIN_PERSON_PIXELS)
+        has_few_pixels = bool(segments.counts[k] < 2 * MIN_PERSON_PIXELS)
         behind = covered > _HIDDEN_OCCLUSION or (
-            few and covered > 0.5 * _HIDDEN_OCCLUSION and outside < _LEFT_IMAGE_FRACTION
+            has_few_pixels and covered > 0.5 * _HIDDEN_OCCLUSION and outside < _LEFT_IMAGE_FRACTION
         )
         whole = covered < _WHOLE_BODY_TOLERANCE and outside < _WHOLE_BODY_TOLERANCE
         return _Visibility(
-            person, expected, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole)
+            person,
+            expected,
+            segments.pixels(k),
+            bool(behind or (person.is_hidden and has_few_pixels)),
+            bool(whole),
         )
 
     def _fit_all(self, visible: list[_Visibility], view: FrameView) -> None:
-        """Fits people in parallel threads. No fit reads another's result, so the order makes no difference.
+        """Fits people in parallel threads.
 
-        This thread fits as well, because waking another thread takes longer than starting at once.
+        The fits are independent, so their order makes no difference. The calling thread fits as well, because
+        waking another thread takes longer than starting at once.
         """
         waiting = deque(visible)
 
@@ -219,8 +248,8 @@ class MultiPersonTracker:
                     each = waiting.popleft()
                 except IndexError:  # Another thread has taken the last item.
                     return
-                each.person.follow(view, each.pixels, whole=each.whole, expected=each.expected)
-                each.fitted = True
+                each.person.follow(view, each.pixels, whole=each.is_whole, expected=each.expected)
+                each.is_fitted = True
 
         beside = min(len(visible), self.settings.people.threads) - 1
         if beside > 0 and self._threads is None:
@@ -234,23 +263,25 @@ class MultiPersonTracker:
             other.result()
 
     def _update_status(self, visibility: _Visibility, view: FrameView) -> None:
-        """Decides after a frame whether a person stays, is hidden, has left, or was an object."""
+        """Decides after a frame whether a person is still tracked, is hidden, has left, or is an object."""
         person = visibility.person
-        if visibility.behind and person.fleeting:
-            self._refuse(person, view.time_ns)
-        elif visibility.behind:
+        if visibility.is_hidden and person.is_too_weak_to_hide:
+            self._reject(person, view.time_ns)
+        elif visibility.is_hidden:
             person.hide(view.time_ns)
-        elif visibility.fitted:
-            if person.follower.lost or not self.track_manager.zone.holds(person.place, _ZONE_MARGIN_M):
+        elif visibility.is_fitted:
+            if person.follower.lost or not self.track_manager.zone.contains(person.place, _ZONE_MARGIN_M):
                 self.track_manager.leave(person, view.time_ns)
-            elif person.vague or (person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS):
-                self._refuse(person, view.time_ns)
+            elif person.is_probably_object or (
+                person.is_doubtful and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS
+            ):
+                self._reject(person, view.time_ns)
         else:
-            person.coast(view, visibility.pixels)
+            person.move_with_pixels(view, visibility.pixels)
         if person.hidden_for(view.time_ns) > self.settings.people.hidden and person in self.people:
             self.track_manager.leave(person, view.time_ns)
 
-    def _refuse(self, person: Person, time_ns: int) -> None:
+    def _reject(self, person: Person, time_ns: int) -> None:
         """Drops a body that never moved and does not look like a person: an object."""
         self.people.remove(person)
-        self.finder.refuse(person.place, time_ns)
+        self.finder.reject(person.place, time_ns)

@@ -5,19 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from enliven.arrays import Bool, Float
-from enliven_edge.tracking.body_model import Posture
-from enliven_edge.tracking.detect import (
-    EstimateAtPoints,
-    align_to_estimate,
-    detect_another,
-    estimate_at_points,
-    estimates_by_facing,
-    facing,
-    flip_posture,
-)
-from enliven_edge.tracking.estimator import shipped_estimator
-from enliven_edge.tracking.fit import FitReport, Fitter
-from enliven_edge.tracking.frame import FrameView, Observation, observe
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_at_points, facing, flip_posture
+from enliven_edge.tracking.detect.detection import detect_another, estimates_by_facing
+from enliven_edge.tracking.detect.hypotheses import align_to_estimate
+from enliven_edge.tracking.estimator.estimator import shipped_estimator
+from enliven_edge.tracking.fit.fit import FitReport, Fitter
+from enliven_edge.tracking.frame.observation import FrameView, Observation, observe
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import BudgetedTask, Steps
 
@@ -27,15 +21,15 @@ class Redetection:
     """A detection from scratch, in progress, of a person that is already tracked.
 
     Attributes:
-        task: the detection.
-        observation, seen: the frame in which the detection began, and the network's estimate of it.
-        posture, cost: of the ordinary fit to that frame.
-        known: whether the person's build was known.
+        task: the detection, which runs step by step.
+        observation, network_output: the frame in which the detection began, and the network's estimate of it.
+        posture, cost: the ordinary fit to that frame, and its cost.
+        known: whether the person's bone lengths were known.
     """
 
     task: BudgetedTask[tuple[Posture, FitReport] | None]
     observation: Observation
-    seen: EstimateAtPoints | None
+    network_output: EstimateAtPoints | None
     posture: Posture
     cost: float
     known: bool
@@ -44,23 +38,21 @@ class Redetection:
 def start_detection(
     fitter: Fitter,
     observation: Observation,
-    seen: EstimateAtPoints | None,
+    network_output: EstimateAtPoints | None,
     eye: Float,
     height: float,
     posture: Posture,
     lengths: Float | None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Runs the network for each likely facing, then :func:`detect_another`.
-
-    It is a generator that yields its costs.
+    """Generator: runs the network for each likely facing, then :func:`detect_another`. Yields the costs.
 
     The arguments are those of :func:`detect_another`.
     """
     by_facing = None
-    if seen is not None:
+    if network_output is not None:
         network, pose = shipped_estimator(), observation.view.world_from_camera
-        by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
-    steps = detect_another(fitter, observation, seen, eye, height, posture, by_facing, lengths)
+        by_facing = yield from estimates_by_facing(network, network_output.estimate, pose)
+    steps = detect_another(fitter, observation, network_output, eye, height, posture, by_facing, lengths)
     return (yield from steps)
 
 
@@ -78,21 +70,25 @@ def run_network(
     return estimate_at_points(observation, estimate)
 
 
-def add_guides(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
+def add_guides(observation: Observation, network_output: EstimateAtPoints, affinity: float) -> Observation:
     """Returns the observation with the network's affinities of its points and landmarks of the joints."""
-    return observation.guided(seen.affinity(affinity), seen.estimate.guides)
+    return observation.with_guides(network_output.affinity(affinity), network_output.estimate.guides)
 
 
 def flip_with_estimate(
-    posture: Posture, seen: EstimateAtPoints, view: FrameView
+    posture: Posture, network_output: EstimateAtPoints, view: FrameView
 ) -> tuple[Posture, EstimateAtPoints]:
-    """Flips a posture by 180 degrees. Returns it with the network's estimate conditioned on that facing."""
+    """Returns the posture flipped by 180 degrees, and the network's estimate for that facing."""
     turned = flip_posture(posture)
-    now = estimate_with_facing(turned, seen, view)
-    return align_to_estimate(turned, now.estimate), now
+    estimate = estimate_with_facing(turned, network_output, view)
+    return align_to_estimate(turned, estimate.estimate), estimate
 
 
-def estimate_with_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
+def estimate_with_facing(
+    posture: Posture, network_output: EstimateAtPoints, view: FrameView
+) -> EstimateAtPoints:
     """Runs the network on the same crop again, conditioned on the facing of a posture."""
     facings: list[float | None] = [facing(posture, view.eye)]
-    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, facings)[0])
+    return network_output.of(
+        shipped_estimator().estimates(network_output.estimate.crop, view.world_from_camera, facings)[0]
+    )

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from enliven.arrays import Float
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.search import ScoredDetection, Search
-from enliven_edge.tracking.segment import Candidate
+from enliven_edge.tracking.segment.candidate import Candidate
 from enliven_edge.tracking.work_budget import Budget, BudgetedTask
 
 
@@ -25,7 +25,7 @@ class DetectedBody:
         follower: the fit to that frame.
     """
 
-    newcomer: Candidate
+    candidate: Candidate
     shown: Candidate
     centre: Float
     follower: Follower
@@ -35,29 +35,29 @@ class SpreadSearch:
     """Searches the candidates of one frame for bodies, with a part of the work in each frame.
 
     Attributes:
-        view: the frame that is searched.
+        view: the frame in which the search runs.
     """
 
     def __init__(self, search: Search) -> None:
         self._search = search
         self._task: BudgetedTask[None] | None = None
-        self._tried: list[tuple[Candidate, Candidate, Float]] = []
-        self._made: list[ScoredDetection] = []
+        self._searched: list[tuple[Candidate, Candidate, Float]] = []
+        self._detections: list[ScoredDetection] = []
         self.view: FrameView | None = None
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """Returns True if a search is in progress."""
         return self._task is not None
 
     @property
-    def sought(self) -> list[Candidate]:
-        """Returns the candidates that are searched."""
-        return [newcomer for newcomer, _, _ in self._tried]
+    def searched_candidates(self) -> list[Candidate]:
+        """Returns the candidates of the running search."""
+        return [candidate for candidate, _, _ in self._searched]
 
     def stop(self) -> None:
         """Aborts the search in progress."""
-        self._task, self._tried, self._made, self.view = None, [], [], None
+        self._task, self._searched, self._detections, self.view = None, [], [], None
 
     def start(
         self,
@@ -68,28 +68,30 @@ class SpreadSearch:
         alone: bool,
         most: int,
     ) -> None:
-        """Starts to search a frame. Arguments are those of :meth:`Search.looked`."""
+        """Starts a search in a frame. Arguments are those of :meth:`Search.search_candidates`."""
         self.stop()
-        self._tried = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
-        shown = [copied for _, copied, _ in self._tried]
-        here, there = shown[: len(sure)], shown[len(sure) :]
-        self._task = BudgetedTask(self._search.looked(view, here, there, self._made, alone=alone, most=most))
+        self._searched = [(n, copy.copy(n), n.centre) for n in (*sure, *others)]
+        copies = [copied for _, copied, _ in self._searched]
+        certain, uncertain = copies[: len(sure)], copies[len(sure) :]
+        self._task = BudgetedTask(
+            self._search.search_candidates(view, certain, uncertain, self._detections, alone=alone, most=most)
+        )
         self.view = view
 
-    def go_on(self, budget: Budget) -> list[DetectedBody]:
+    def advance(self, budget: Budget) -> list[DetectedBody]:
         """Continues the search. Returns the bodies that were found, all at once when it is done.
 
-        They are returned together because of people that hold hands: the first one that is tracked would be
-        fitted to both.
+        They are returned together because people may hold hands. The first tracked one would be fitted to the
+        pixels of both.
         """
-        if self._task is None or not self._task.go_on(budget):
+        if self._task is None or not self._task.advance(budget):
             return []
-        for newcomer, tried, _ in self._tried:
-            newcomer.settle(tried)
-        bodies = [self._found_body(each) for each in self._made]
-        self._task, self._tried = None, []
+        for candidate, tried, _ in self._searched:
+            candidate.copy_search_times(tried)
+        bodies = [self._body_of(detection) for detection in self._detections]
+        self._task, self._searched = None, []
         return bodies
 
-    def _found_body(self, found: ScoredDetection) -> DetectedBody:
-        newcomer, centre = next((n, at) for n, shown, at in self._tried if shown is found[0])
-        return DetectedBody(newcomer, found[0], centre, found[1])
+    def _body_of(self, detection: ScoredDetection) -> DetectedBody:
+        candidate, centre = next((n, at) for n, copied, at in self._searched if copied is detection[0])
+        return DetectedBody(candidate, detection[0], centre, detection[1])

@@ -1,4 +1,4 @@
-"""The list of tracked people: ids, performers by zone and lock, returning people, duplicate tracks."""
+"""Manages the list of tracked people: ids, admission as performers, return, and duplicate tracks."""
 
 from __future__ import annotations
 
@@ -10,38 +10,42 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import height_of
+from enliven_edge.tracking.body_model.model import height_of
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.person import UNDECIDED, Person
 from enliven_edge.tracking.people.reidentification import AbsentPerson, BodyMeasurements, PersonGallery
-from enliven_edge.tracking.scene import Zone, ZoneLock
-from enliven_edge.tracking.segment import Candidate
+from enliven_edge.tracking.scene.zone import Zone, ZoneLock
+from enliven_edge.tracking.segment.candidate import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 
 _MAX_UNDECIDED_NS = 1_500_000_000
-"""Nanoseconds after which a new person gets an id, certain or not. A performer must not wait longer."""
+"""Maximum time in nanoseconds until a new person gets an id, even if re-identification is not certain.
+Performers must not wait longer."""
 _RETURN_RADIUS_M = 1.5
-"""Horizontal radius in metres in which a lost person is awaited: two steps from the place of leaving."""
+"""Horizontal radius in metres around the place of leaving in which a lost person may reappear: two steps."""
 _CROWN_TOLERANCE_M = 0.12
-"""Maximum height of a crown above a hidden person's stature in metres: a hat, and noise."""
+"""Maximum height difference in metres of a candidate's crown above a hidden person's stature: a hat, and
+noise."""
 _KNOWN_FRAMES = 10
-"""Frames after which a person's proportions are known well enough to use in a search."""
+"""Number of frames after which a person's proportions are known well enough for a search."""
 _MIN_BODY_HEIGHT_M = 0.5
-"""Minimum body height in metres to start a search with: the bound of the setting ``body_height``."""
+"""Minimum body height in metres in the settings of a search: the lower bound of the setting
+``body_height``."""
 _MAX_BODY_HEIGHT_M = 2.5
-"""Maximum body height in metres to start a search with: the bound of the setting ``body_height``."""
+"""Maximum body height in metres in the settings of a search: the upper bound of the setting
+``body_height``."""
 
 
 class TrackManager:
-    """The tracked people, with the decision on the identity of each new one.
+    """The tracked people. Decides on the identity of each new person.
 
     Attributes:
         settings: the settings.
-        people: the tracked people, in the order in which they were found.
+        people: the tracked people, in the order of their detection.
         segmented: the people by their index in the last frame's segments.
         lock: the ids that may perform.
         zone: the area on the floor for performers.
-        gallery: the ids, and the people that are out of view.
+        gallery: assigns ids, and remembers the people that are out of view.
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -55,13 +59,13 @@ class TrackManager:
 
     @property
     def performers(self) -> list[Person]:
-        """Returns the people with an id that zone and lock admit."""
+        """Returns the people with an id that the lock admits."""
         return [p for p in self.people if p.id != UNDECIDED and self.lock.admits(p.id)]
 
     @property
-    def missing(self) -> bool:
+    def has_missing_people(self) -> bool:
         """Returns True if a person is out of view or hidden."""
-        return bool(self.gallery.absent) or any(p.hidden for p in self.people)
+        return bool(self.gallery.absent) or any(p.is_hidden for p in self.people)
 
     def lock_to(self, ids: Iterable[int] | None) -> None:
         """Admits only these ids, or all people tracked now, as performers from now on."""
@@ -79,33 +83,34 @@ class TrackManager:
     def leave(self, person: Person, time_ns: int) -> None:
         """Stops tracking a person, and remembers the person."""
         self.people.remove(person)
-        if person.id != UNDECIDED and not person.doubted:
-            self.gallery.leave(person.id, person.looks, person.place.copy(), time_ns)
+        if person.id != UNDECIDED and not person.is_doubtful:
+            self.gallery.leave(person.id, person.measurements, person.place.copy(), time_ns)
 
     def drop_duplicate(self, person: Person) -> None:
-        """Drops a duplicate track: another fit tracks the same person.
-
-        The place of leaving is meaningless.
-        """
+        """Drops a duplicate track. Remembers no place of leaving, because the person has not left."""
         self.people.remove(person)
         if person.id != UNDECIDED:
-            self.gallery.leave(person.id, person.looks, None, person.seen_ns)
+            self.gallery.leave(person.id, person.measurements, None, person.seen_ns)
 
     def sensor_moved(self, time_ns: int) -> None:
         """Treats all people as absent. The sensor was moved, so only proportions can re-identify them."""
+        self.leave_all(time_ns)
+        self.gallery.forget_places()
+
+    def leave_all(self, time_ns: int) -> None:
+        """Treats all people as absent. They are re-identified by their places and proportions."""
         for person in list(self.people):
             self.leave(person, time_ns)
-        self.gallery.moved()
 
     def admits(self, place: Float) -> bool:
         """Returns True if a new person at a (3,) place may be a performer."""
-        if not self.zone.holds(place):
+        if not self.zone.contains(place):
             return False
         awaited = {a.id for a in self.gallery.absent}
-        awaited |= {p.id for p in self.people if p.hidden}
+        awaited |= {p.id for p in self.people if p.is_hidden}
         return self.lock.ids is None or bool(self.lock.ids & awaited)
 
-    def awaits(self, place: Float) -> bool:
+    def expects_return(self, place: Float) -> bool:
         """Returns True if a person was lost near a (3,) place."""
         if any(float(np.linalg.norm((place - at)[[0, 2]])) < _RETURN_RADIUS_M for at in self._dropped):
             return True
@@ -116,45 +121,45 @@ class TrackManager:
             at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _RETURN_RADIUS_M for at in lost
         )
 
-    def expecting(self, newcomer: Candidate, time_ns: int) -> TrackerSettings:
+    def settings_for_candidate(self, candidate: Candidate, time_ns: int) -> TrackerSettings:
         """Returns the settings with the height of the person that may return, if there is exactly one."""
-        hidden = self.hidden_near(newcomer, time_ns)
-        awaited = [a.looks for a in self.gallery.absent] if hidden is None else [hidden.looks]
-        return self.of_height(awaited[0]) if len(awaited) == 1 else self.settings
+        hidden = self.find_hidden_person(candidate, time_ns)
+        awaited = [a.measurements for a in self.gallery.absent] if hidden is None else [hidden.measurements]
+        return self.settings_for_person(awaited[0]) if len(awaited) == 1 else self.settings
 
-    def of_height(self, looks: BodyMeasurements) -> TrackerSettings:
+    def settings_for_person(self, looks: BodyMeasurements) -> TrackerSettings:
         """Returns the settings with a person's own height, if it is well known."""
         if looks.weight < _KNOWN_FRAMES:
             return self.settings
         height = min(_MAX_BODY_HEIGHT_M, max(_MIN_BODY_HEIGHT_M, height_of(looks.lengths)))
         return dataclasses.replace(self.settings, body_height=height)
 
-    def hidden_near(self, newcomer: Candidate, time_ns: int) -> Person | None:
-        """Returns the nearest hidden person that may have reappeared here, or None.
+    def find_hidden_person(self, candidate: Candidate, time_ns: int) -> Person | None:
+        """Returns the nearest hidden person that may have reappeared as this candidate, or None.
 
-        It must not be much shorter than the candidate.
+        People much shorter than the candidate are excluded.
         """
         best, least = None, np.inf
         for person in self.people:
             if person.hidden_ns is None:
                 continue
-            away = float(np.linalg.norm((person.place - newcomer.centre)[[0, 2]]))
-            stature = person.looks.stature
-            taller = stature is not None and newcomer.shape.crown > stature + _CROWN_TOLERANCE_M
-            if away < min(least, person.uncertainty(time_ns)) and not taller:
-                best, least = person, away
+            distance = float(np.linalg.norm((person.place - candidate.centre)[[0, 2]]))
+            stature = person.measurements.stature
+            taller = stature is not None and candidate.shape.crown > stature + _CROWN_TOLERANCE_M
+            if distance < min(least, person.uncertainty(time_ns)) and not taller:
+                best, least = person, distance
         return best
 
-    def welcome(
+    def start_track(
         self,
-        newcomer: Candidate,
+        candidate: Candidate,
         shown: Candidate,
         follower: Follower,
         time_ns: int,
         *,
         has_floor: bool = True,
     ) -> Person:
-        """Starts to track a found person: a hidden one at the same place, or a new one without an id.
+        """Starts to track a found body: as a hidden person that reappeared, or as a new one without an id.
 
         Args:
             newcomer: the candidate in its current state.
@@ -163,50 +168,52 @@ class TrackManager:
             time_ns: the frame's time.
             has_floor: whether heights are above a known floor; otherwise no stature is measured.
         """
-        person = self.hidden_near(newcomer, time_ns)
+        person = self.find_hidden_person(candidate, time_ns)
         if person is not None:
-            person.replaced(follower, time_ns)
+            person.replace_fit(follower, time_ns)
         else:
-            looks = BodyMeasurements()
-            if shown.shape.whole:
-                looks.see(follower.posture.lengths, shown.shape.crown if has_floor else None)
-            person = Person(UNDECIDED, follower, looks, time_ns)
-            person.doubted = not (shown.convincing or shown.awaited)
-            person.shapely = shown.shape.upright
+            measurements = BodyMeasurements()
+            if shown.shape.shows_crown:
+                measurements.update(follower.posture.lengths, shown.shape.crown if has_floor else None)
+            person = Person(UNDECIDED, follower, measurements, time_ns)
+            person.is_doubtful = not (shown.is_convincing or shown.is_awaited)
+            person.has_person_outline = shown.shape.is_upright
             self.people.append(person)
-            self.decide(time_ns)
+            self.decide_identities(time_ns)
         self._dropped = [
             at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _RETURN_RADIUS_M
         ]
         return person
 
-    def decide(self, time_ns: int) -> None:
+    def decide_identities(self, time_ns: int) -> None:
         """Assigns ids to new people: that of a returned absent person, once this is clear, or a new id."""
         undecided = [p for p in self.people if p.id == UNDECIDED]
         if not undecided:
             return
-        match = self.gallery.matched([(p.looks, p.place) for p in undecided], time_ns)
-        for person, (absent, sure) in zip(undecided, match, strict=True):
-            if not sure and 0 <= time_ns - person.found_ns < _MAX_UNDECIDED_NS:
+        match = self.gallery.match([(p.measurements, p.place) for p in undecided], time_ns)
+        for person, (absent, is_certain) in zip(undecided, match, strict=True):
+            if not is_certain and 0 <= time_ns - person.found_ns < _MAX_UNDECIDED_NS:
                 continue
             if absent is not None:
                 self._adopt_identity(person, absent)
-            elif self.lock.closed:
+            elif self.lock.is_closed:
                 self.people.remove(person)
             else:
-                person.id = self.gallery.new()
+                person.id = self.gallery.new_id()
 
     def _adopt_identity(self, person: Person, absent: AbsentPerson) -> None:
         """Gives a person the id and the looks of an absent one."""
-        self.gallery.take(absent)
+        self.gallery.remove(absent)
         person.id = absent.id
-        person.looks = absent.looks
+        person.measurements = absent.measurements
 
 
 _DUPLICATE_DISTANCE_M = 0.2
-"""Metres between two hip centres, and on average between two trunks, below which both are one person."""
+"""Minimum distance in metres between the hip centres, and between the trunks on average, of two different
+people."""
 _DUPLICATE_FRAMES = 6
-"""Frames for which two fits must share a place. People that squeeze past each other do so for fewer."""
+"""Number of frames in which two fits must share a place to be duplicates. People that squeeze past each other
+do so for fewer frames."""
 _TRUNK = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
 
 
@@ -216,9 +223,9 @@ class Duplicates:
     def __init__(self) -> None:
         self._doubts: dict[tuple[int, int], int] = {}
 
-    def found(self, people: Sequence[Person]) -> list[Person]:
+    def find(self, people: Sequence[Person]) -> list[Person]:
         """Returns the people that have shared the place of an earlier track for some frames."""
-        ordered = sorted((p for p in people if not p.hidden), key=lambda p: p.found_ns)
+        ordered = sorted((p for p in people if not p.is_hidden), key=lambda p: p.found_ns)
         together, duplicates = set(), []
         for i, first in enumerate(ordered):
             for second in ordered[i + 1 :]:

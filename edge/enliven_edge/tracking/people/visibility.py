@@ -1,4 +1,5 @@
-"""The visibility of a body: its fractions under occlusion, outside the image, and on a person's pixels."""
+"""The visibility of a body under occlusion: fractions that are occluded or outside the image, and samples on
+the person's own pixels."""
 
 from __future__ import annotations
 
@@ -6,18 +7,20 @@ import numpy as np
 
 from enliven.arrays import Bool, Int16
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import Posture, model
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.observation import FrameView
 
 _CAPSULE_SAMPLES = 3
 """Samples along a capsule: its ends and its middle show whether it is occluded."""
 _OCCLUDER_DISTANCE_M = 0.12
-"""Metres in front of a capsule's surface beyond which depth occludes it. Nearer depth may be clothes."""
+"""Minimum distance in metres in front of a capsule's surface for depth to occlude it. At smaller distances it
+may be clothes."""
 _MIN_DEPTH_M = 0.1
-"""Minimum metres in front of the sensor for a sample to be projected into the image."""
+"""Minimum depth in metres of a sample to be projected into the image."""
 _MIN_TRUNK_FRACTION = 0.25
-"""Minimum fraction of the trunk that must be unoccluded and in the image for fractions of this part to be
-meaningful."""
+"""Minimum fraction of the trunk that is unoccluded and in the image. With less, fractions of this visible
+part are meaningless."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 
@@ -28,21 +31,25 @@ def occluded_fractions(view: FrameView, posture: Posture, owner: Int16, index: i
     Args:
         view: the frame.
         posture: the body.
-        owner: (h, w) the index of the person at each pixel; a person's own arm occludes nothing.
+        owner: (h, w) the index of the person at each pixel; a person's own pixels occlude nothing.
         index: the index of this person.
     """
-    at = (view.z, owner, index, view.camera.camera, view.world_from_camera)
-    hidden, outside = _hidden(*posture.capsules(), *at)
+    view_arguments = (view.z, owner, index, view.camera.camera, view.world_from_camera)
+    hidden, outside = _hidden(*posture.capsules(), *view_arguments)
     return hidden, outside
 
 
 def visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bool) -> float:
     """Returns the fraction of the visible trunk and head that lies on the (h, w) ``pixels``, in [0, 1]."""
     ends, radii = posture.capsules()
-    at = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
-    inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *at)
-    due = inside & ~(covered & ~own)
-    return float((own & due).sum() / len(own)) if due.mean() < _MIN_TRUNK_FRACTION else float(own[due].mean())
+    view_arguments = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
+    inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *view_arguments)
+    is_visible = inside & ~(covered & ~own)
+    return (
+        float((own & is_visible).sum() / len(own))
+        if is_visible.mean() < _MIN_TRUNK_FRACTION
+        else float(own[is_visible].mean())
+    )
 
 
 @njit(cache=True, nogil=True)

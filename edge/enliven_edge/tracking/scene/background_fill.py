@@ -8,9 +8,9 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 
 _PATCH_SIDE_PX = 31
-"""Side in pixels of the square window around a pixel that shows whether the background is known there."""
+"""Side in pixels of the square window around a pixel in which known pixels are counted."""
 _MIN_PATCH_FRACTION = 0.12
-"""Minimum fraction of known pixels in the window. A few pixels may be the tip of a foot that the person's
+"""Minimum fraction of known pixels in the window. A few known pixels may belong to a foot that the person's
 mask missed."""
 _FAR = 1e9
 """A distance in pixels that is larger than any image."""
@@ -23,8 +23,8 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 
     The depth is 0 if nothing is known at all.
 
-    The fill is the depth of the nearest known patch. A patch of the floor is continued as the floor plane,
-    because its depth does not predict objects that stand on the floor. A few known pixels are not a patch.
+    The fill is the depth of the nearest known patch of several pixels. Patches of the floor are extended as
+    the floor plane, because the floor's depth does not predict objects that stand on it.
 
     Args:
         z: (h, w) metres along the optical axis; 0 where the background is not known.
@@ -33,12 +33,12 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
         floor_band: metres above y = 0 up to which a point belongs to the floor.
     """
     pose = np.ascontiguousarray(world_from_camera)
-    return np.asarray(_with_floor(z, filled(_patches(z, ray, pose, floor_band)), ray, pose))
+    return np.asarray(_with_floor(z, fill_from_nearest(_patches(z, ray, pose, floor_band)), ray, pose))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _patches(z, ray, pose, floor_band):
-    """Returns (h, w) the depth where enough is known around a pixel, negated on the floor. 0 elsewhere."""
+    """Returns (h, w) the depth at pixels with enough known neighbours, negated on the floor. 0 elsewhere."""
     height, width = z.shape
     out, enough = np.empty((height, width)), _MIN_PATCH_FRACTION * _PATCH_SIDE_PX * _PATCH_SIDE_PX
     around = _known_around(z)
@@ -58,11 +58,11 @@ def _known_around(z):
     """
     height, width = z.shape
     columns, out = np.zeros(width, np.int32), np.empty((height, width), np.int32)
-    rows, places = _mirrored(height), _mirrored(width)
+    rows, places = _mirrored_indices(height), _mirrored_indices(width)
     for v in range(_PATCH_SIDE_PX - 1):
-        _count(columns, z[rows[v]], 1)
+        _add_row(columns, z[rows[v]], 1)
     for v in range(height):
-        _count(columns, z[rows[v + _PATCH_SIDE_PX - 1]], 1)
+        _add_row(columns, z[rows[v + _PATCH_SIDE_PX - 1]], 1)
         total = 0
         for u in range(_PATCH_SIDE_PX - 1):
             total += columns[places[u]]
@@ -70,26 +70,26 @@ def _known_around(z):
             total += columns[places[u + _PATCH_SIDE_PX - 1]]
             out[v, u] = total
             total -= columns[places[u]]
-        _count(columns, z[rows[v]], -1)
+        _add_row(columns, z[rows[v]], -1)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _mirrored(size):
+def _mirrored_indices(size):
     """Returns the mirrored indices of a row of ``size``, extended by half a window at both ends."""
     places = np.arange(-(_PATCH_SIDE_PX // 2), size + _PATCH_SIDE_PX // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
 
 @njit(cache=True, nogil=True)
-def _count(columns, row, sign):
-    """Adds ``sign`` to each column's count where the row is known."""
+def _add_row(columns, row, sign):
+    """Adds ``sign`` to the count of each column that has a known pixel in the row."""
     for u in range(len(row)):
         columns[u] += sign if row[u] > 0.0 else 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _with_floor(z, made, ray, pose):
+def _with_floor(z, fill, ray, pose):
     """Returns (h, w) the known depth, else the filled depth, else the floor plane for a negative fill."""
     height, width = z.shape
     out = np.empty((height, width))
@@ -97,13 +97,13 @@ def _with_floor(z, made, ray, pose):
         for u in range(width):
             rise = ray[v, u, 0] * pose[1, 0] + ray[v, u, 1] * pose[1, 1] + pose[1, 2]
             floor = max(-pose[1, 3] / min(rise, -_MIN_SINE), 0.0) if rise < -_MIN_SINE else 0.0
-            likely = floor if made[v, u] < 0.0 else made[v, u]
+            likely = floor if fill[v, u] < 0.0 else fill[v, u]
             out[v, u] = z[v, u] if z[v, u] > 0.0 else likely
     return out
 
 
 @njit(cache=True, nogil=True)
-def filled(z):
+def fill_from_nearest(z):
     """Returns (h, w) the depth, with unknown pixels set to that of the nearest known pixel.
 
     All depths are 0 if none is known.

@@ -1,4 +1,4 @@
-"""Compiled kernels that classify pixels against the background model and update it. See :mod:`room`.
+"""Compiled kernels that classify pixels against the background model and update it.
 
 Nearly every pixel shows the same depth as before. So each row is processed twice: first as a whole with
 vector instructions, which updates all unchanged pixels, and then the few other pixels one by one.
@@ -14,25 +14,25 @@ from enliven.arrays import Float, Float32, Int32
 from enliven.kernels import njit
 
 BACKGROUND = 0
-"""Class of a pixel that shows the background, or nothing."""
+"""Class of a pixel that shows the background, or has no depth."""
 FOREGROUND = 1
-"""Class of a pixel that shows an object in front of the known background: foreground."""
+"""Class of a pixel that shows an object in front of the known background."""
 UNSEEN = 2
 """Class of a pixel without known background, nearer than the background around it."""
 UNLIKELY = 3
-"""Class of a pixel without known background, about as deep as the background around it. It is hardly a
-person."""
+"""Class of a pixel without known background, about as deep as the background around it. It is unlikely to be
+a person."""
 _MAX_FLIPS = 6.0
-"""Number of times that a pixel may change to the same nearer depth and back. A pixel that does so more often
-is an edge of the background, and the nearer depth becomes the background."""
+"""Maximum number of times that a pixel changes to the same nearer depth and back. A pixel that changes more
+often is a flickering edge of the background, so the nearer depth becomes its background."""
 _FOLLOW_RATE = 0.3
-"""Fraction of a difference within the noise that the background model takes over per second. It drifts
-slowly."""
+"""Rate per second at which the background model follows small differences within the noise, such as slow
+drift."""
 _FLIP_DECAY_RATE = 0.1
-"""Fraction of its flips that a pixel forgets per second."""
+"""Rate per second at which a pixel's count of flips decays."""
 _RETURN_FRACTION = 0.7
-"""Waiting time, as a fraction of ``absorb_after``, that a replaced depth starts with after farther depth
-replaced it. So the old object is absorbed sooner than a new one when it returns."""
+"""If farther depth replaces the background, the old depth keeps this fraction of the waiting time
+``absorb_after``. So the removed object is absorbed sooner than a new one when it returns."""
 _WORD_PIXELS = 8
 """Pixels that are tested as one 64-bit number, with one byte per pixel."""
 
@@ -42,13 +42,15 @@ class BackgroundState(NamedTuple):
 
     Attributes:
         z: metres, the background's depth; 0 where it was never seen.
-        nearer: metres, another depth that was observed.
+        nearer: metres, the last depth that was observed in front of the background, or at a pixel without
+            background.
         waited: seconds for which that depth was observed.
         away: seconds for which the measured depth was farther than the background, or missing.
         guarded: the id of the person that was last seen there, or -1.
         guard_z: metres, the depth of that person there.
-        flips: number of changes to the nearer depth and back; its sign tells the last state.
-        still, still_z: seconds of constant depth, and that depth, where no background is known.
+        flips: number of changes to the nearer depth and back; the sign stores the last state.
+        still, still_z: seconds for which the depth was constant, and that depth, at pixels without known
+            background.
     """
 
     z: Float
@@ -69,7 +71,8 @@ class LearningRate(NamedTuple):
     Attributes:
         step: time since the previous frame.
         absorb_after, clear_after: from the settings.
-        seen_for: time for which a depth must be constant where the background was never seen; 0: at once.
+        seen_for: time for which a depth must be constant to be learnt at pixels without known background; 0:
+            at once.
         dark: time without a measurement after which the background is forgotten; infinite: never.
     """
 
@@ -88,8 +91,9 @@ def empty_background(shape: tuple[int, int]) -> BackgroundState:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def classified(z, points, room, fill, near, far, floor_band):
-    """See :meth:`BackgroundModel.classify`. The loop has no branch, so that the compiler can vectorise it."""
+def classify_pixels(z, points, room, fill, near, far, floor_band):
+    """Computes :meth:`BackgroundModel.classify`, without a branch, so that the compiler can vectorise the
+    loop."""
     height, width = z.shape
     out = np.empty((height, width), np.uint8)
     for v in range(height):
@@ -105,7 +109,8 @@ def classified(z, points, room, fill, near, far, floor_band):
 
 @njit(cache=True, nogil=True)
 def learn_frame(z, person, hold, state, rate):
-    """Learns one frame. Returns the numbers of pixels compared, clearly nearer and clearly farther.
+    """Learns one frame. Returns the numbers of pixels that were compared, are clearly nearer, and clearly
+    farther.
 
     Args:
         z: (h, w) metres.
@@ -130,21 +135,21 @@ def learn_frame(z, person, hold, state, rate):
     for v in range(height):
         # Update all pixels that show the known background, and mark the others.
         compared += _mark_row(usual, other, room[v], z[v], person[v])
-        _time_still(room[v], z[v], still[v], still_z[v], np.float32(step))
-        _follow_room(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
+        _update_still_time(room[v], z[v], still[v], still_z[v], np.float32(step))
+        _update_unchanged(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
         # Learn the marked pixels one by one.
-        for u in _places_of(chosen, other, words):
+        for u in _marked_pixels(chosen, other, words):
             d, has_background = z[v, u], room[v, u] > 0.0
             if d <= 0.0:
-                _not_measured(room, waited, away, v, u, step, dark)
+                _update_unmeasured(room, waited, away, v, u, step, dark)
                 continue
-            # If the background is unknown here, learn the depth after it was constant for long enough.
+            # The background is unknown here. Learn the depth after it was constant for long enough.
             if not has_background:
                 same = abs(d - nearer[v, u]) <= _margin(d)
                 if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
                     room[v, u], waited[v, u] = d, 0.0
                     continue
-            # If the depth is farther than the background, an object was removed.
+            # The depth is farther than the background, so an object was removed.
             elif d > room[v, u]:
                 compared, count_farther = compared + 1, count_farther + 1
                 guarded[v, u] = -1
@@ -161,9 +166,9 @@ def learn_frame(z, person, hold, state, rate):
 
 @njit(cache=True, nogil=True)
 def _mark_row(usual, other, room, z, person):
-    """Marks the pixels of a row that show the known background, and those to be learnt one by one.
+    """Marks the pixels of a row that show the known background, and the pixels to be learnt one by one.
 
-    Returns the number of background pixels. A person's pixels are neither.
+    A person's pixels are marked as neither. Returns the number of background pixels.
     """
     count = 0
     for u in range(len(z)):
@@ -176,8 +181,8 @@ def _mark_row(usual, other, room, z, person):
 
 
 @njit(cache=True, nogil=True)
-def _places_of(chosen, marks, words):
-    """Returns the indices of the marks that are set, in ``chosen``. ``words`` are eight marks each."""
+def _marked_pixels(chosen, marks, words):
+    """Writes the indices of the set marks into ``chosen`` and returns them. A word covers eight marks."""
     count = 0
     for word in range(len(words)):
         if words[word] == 0:
@@ -195,7 +200,7 @@ def _margin(d):
 
 
 @njit(cache=True, nogil=True)
-def _follow_room(usual, z, room, flips, waited, away, guarded, step):
+def _update_unchanged(usual, z, room, flips, waited, away, guarded, step):
     """Updates the pixels of a row that show the known background, in one loop per quantity."""
     follow, keep = min(1.0, _FOLLOW_RATE * step), np.float32(1.0 - _FLIP_DECAY_RATE * step)
     passed, none = np.float32(step), np.float32(0.0)
@@ -245,10 +250,10 @@ def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold
 
 
 @njit(cache=True, nogil=True)
-def _time_still(room, z, still, still_z, step):
-    """Updates how long the pixels of a row have had a constant depth, where no background is known.
+def _update_still_time(room, z, still, still_z, step):
+    """Updates the time of constant depth of the pixels of a row that have no known background.
 
-    It includes the pixels of people.
+    Pixels of people are included.
     """
     none, twice = np.float32(0.0), np.float32(2.0) * step
     for u in range(len(z)):
@@ -263,7 +268,7 @@ def _time_still(room, z, still, still_z, step):
 
 
 @njit(cache=True, nogil=True)
-def _not_measured(room, waited, away, v, u, step, dark):
+def _update_unmeasured(room, waited, away, v, u, step, dark):
     """Updates a pixel without a measurement. Its background is forgotten after ``dark`` seconds."""
     if room[v, u] == 0.0:
         waited[v, u] = max(0.0, waited[v, u] - 2.0 * step)
@@ -275,7 +280,7 @@ def _not_measured(room, waited, away, v, u, step, dark):
 
 @njit(cache=True, nogil=True)
 def guard(owner, ids, z, guarded, guard_z):
-    """See :meth:`BackgroundModel.guard`. A tracked person guards only the pixels of this frame."""
+    """Computes :meth:`BackgroundModel.guard`. A tracked person guards only its pixels in this frame."""
     height, width = owner.shape
     for v in range(height):
         row = guarded[v]
@@ -288,7 +293,7 @@ def guard(owner, ids, z, guarded, guard_z):
 
 
 @njit(cache=True, nogil=True)
-def widened(mask, pixels):
+def dilate(mask, pixels):
     """Returns the (h, w) mask dilated by a square of ``pixels`` to every side.
 
     It first unites each row with the rows around it, and then shifts the result by up to ``pixels`` columns.

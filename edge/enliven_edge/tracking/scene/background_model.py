@@ -1,6 +1,6 @@
-"""The background model: the depth of the room without people at every working pixel.
+"""The background model: the depth of the scene without people, at every pixel of the working image.
 
-It is updated with each frame.
+Each frame updates it.
 """
 
 from __future__ import annotations
@@ -10,46 +10,51 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, UInt8
-from enliven_edge.tracking.frame import FrameView, known_pixels
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.frame.reduction import known_pixels
 from enliven_edge.tracking.scene.background_fill import background_fill
 from enliven_edge.tracking.scene.background_kernels import (
     LearningRate,
-    classified,
+    classify_pixels,
+    dilate,
     empty_background,
     guard,
     learn_frame,
-    widened,
 )
 from enliven_edge.tracking.settings import BackgroundSettings
 
 _FILL_INTERVAL_NS = 300_000_000
-"""Nanoseconds between two checks of how much background is known. Check and fill pass over the whole
+"""Nanoseconds between two checks of the amount of known background. Both check and fill process the whole
 image."""
 _FILL_CHANGE = 0.002
-"""Change of the known part, as a fraction of the image, that triggers a new background fill."""
+"""If the known part changes by more than this fraction of the image, the background is filled again."""
 _FILL_CHECKS = 6
-"""Checks after which a new fill is computed without such a change, because known depths change too."""
+"""Number of checks after which the background is filled again in any case, because known depths change
+too."""
 _MIN_FILL_FRACTION = 0.05
 """Minimum fraction of known background pixels before unseen pixels are filled in. Below it the visible
 background may be only the outline of a person in front of a hall too deep for the sensor. The person would
 then be taken for background."""
 _STARTUP_S = 0.1
-"""Seconds at the start in which everything is learnt at once, because the whole background is new."""
+"""Seconds after the start in which every depth is learnt at once, because the whole background is new."""
 _CONSTANT_FOR_S = 0.25
-"""Time for which a depth must stay constant before it is learnt at a pixel without known background, in
-seconds. If the fit has lost an arm, in front of a hall too deep for the sensor, the arm moves on sooner."""
+"""Seconds for which a depth must stay constant before it is learnt at a pixel without known background. An
+arm that the fit has lost moves on sooner. In a hall too deep for the sensor it would otherwise be learnt."""
 _FORGET_AFTER_S = 2.0
-"""Seconds without a measurement after which the background is forgotten at a pixel. Flicker is shorter."""
+"""Seconds without a measurement after which a pixel's background is forgotten. Flickering pixels have shorter
+gaps."""
 _MIN_MEASURED = 0.5
-"""Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
+"""Pixels are forgotten only if at least this fraction of the known background is measured. With less the lens
+is covered."""
 _FURNITURE_AFTER_S = 0.5
-"""Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
+"""Seconds of constant depth after which a pixel next to a person counts as furniture. Standing people sway,
+so their depth varies."""
 _DEPTH_NOISE_M = 0.04
 """Difference in metres up to which two depths near the sensor are the same."""
 _DEPTH_NOISE_PER_M = 0.01
 """Increase of this difference with the square of the depth, in 1/metres: the noise of depth sensors."""
 _MAX_TIME_STEP_S = 0.5
-"""Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
+"""Maximum time step in seconds. A longer gap in the stream counts as this step."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +62,8 @@ class Agreement:
     """The agreement of a frame with the background model before the frame was learnt.
 
     Attributes:
-        compared: number of pixels that are known in both and do not belong to a person.
-        nearer, farther: the fractions of them that are clearly nearer or farther than the background.
+        compared: number of pixels with depth in both frame and model that do not belong to a person.
+        nearer, farther: fractions of these pixels that are clearly nearer or farther than the background.
     """
 
     compared: int
@@ -93,7 +98,7 @@ class BackgroundModel:
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
         """Returns (h, w) the class of every pixel: BACKGROUND, FOREGROUND, UNSEEN or UNLIKELY."""
         self._fill(view, floor_band)
-        return np.asarray(classified(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
+        return np.asarray(classify_pixels(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
 
     def learn(
         self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
@@ -120,7 +125,7 @@ class BackgroundModel:
             seen_for,
             _FORGET_AFTER_S if measured else np.inf,
         )
-        compared, nearer, farther = learn_frame(z, widened(person, 2), hold, self._state, rate)
+        compared, nearer, farther = learn_frame(z, dilate(person, 2), hold, self._state, rate)
         return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
 
     def guard(self, owner: AnyArray, ids: AnyArray, z: Float) -> None:
@@ -136,8 +141,8 @@ class BackgroundModel:
     def still_pixels(self, z: Float) -> Bool:
         """Returns (h, w) the pixels without known background that keep their depth longer than people can.
 
-        A pixel that shows another depth now is left out. If a visitor passes in front of a motionless
-        person, the person does not become background.
+        Pixels that show another depth in this frame are left out. So a motionless person does not become
+        background when another person passes in front.
 
         Args:
             z: (h, w) metres of this frame.

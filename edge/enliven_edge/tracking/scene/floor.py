@@ -16,11 +16,11 @@ table."""
 _MAX_SENSOR_HEIGHT_M = 4.0
 """Maximum height of the sensor above the floor in metres. Sensors are mounted no higher."""
 _TRIALS = 400
-"""RANSAC trials: planes through three points. Suppose that a tenth of the points is on the floor, and half of
-the triples consist of neighbours. Then at least one trial hits the floor with a probability of 99.9 %."""
+"""Number of RANSAC trials, planes through three points. If a tenth of the points is on the floor and half of
+the triples are neighbours, at least one trial hits the floor with a probability of 99.9 %."""
 _MAX_NEIGHBOUR_STEP = 0.05
-"""Maximum distance between the points of a neighbouring triple, as a fraction of all points in image order.
-That is a few rows."""
+"""Maximum index distance between the points of a neighbouring triple, as a fraction of the number of points
+in image order: a few rows."""
 _MIN_PLANE_POINTS = 200
 """Minimum number of points for a plane. Fewer are noise, or a corner of the floor."""
 
@@ -69,8 +69,8 @@ def _triples(count: int, random: np.random.Generator) -> Int:
     """
     triples = random.integers(0, count, (_TRIALS, 3))
     reach = max(3, round(_MAX_NEIGHBOUR_STEP * count))
-    near = triples[::2, :1] + random.integers(-reach, reach + 1, (len(triples[::2]), 2))
-    triples[::2, 1:] = np.clip(near, 0, count - 1)
+    neighbours = triples[::2, :1] + random.integers(-reach, reach + 1, (len(triples[::2]), 2))
+    triples[::2, 1:] = np.clip(neighbours, 0, count - 1)
     return triples
 
 
@@ -97,8 +97,8 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
         height = -(normal * a).sum()
         if abs(upward) / length < steepest or not lowest < height < highest:
             continue
-        # The score is the number of inliers minus three times the number of points below. A floor has no
-        # points below it.
+        # The score is the number of inliers minus three times the number of points below the plane, because a
+        # floor has no points below it.
         on, below = 0, 0
         for i in range(len(points)):
             p = points[i]
@@ -136,8 +136,8 @@ not the floor."""
 _SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of a normal distribution divided by its median absolute deviation."""
 _MAX_DEVIATIONS = 2.0
-"""Maximum deviation of a floor point, in standard deviations of the floor's own noise. This excludes the foot
-of a wall, which would pull the far end of the plane up."""
+"""Maximum deviation of a floor point in standard deviations of the floor's noise. It excludes the lower edge
+of a wall, which would raise the far end of the plane."""
 _UNEVENNESS_M = 0.003
 """Unevenness of the floor itself in metres."""
 _FIT_PASSES = 8
@@ -146,20 +146,20 @@ fits."""
 _MAX_PLANE_DISTANCE_M = 0.08
 """Maximum distance in metres of floor points from the first plane."""
 _FIT_POINTS = 2000
-"""Approximate number of floor points used for the plane fit. With all of them, ten thousand or more, one
-frame per second took twice as long as the others."""
+"""Approximate number of floor points for the plane fit. With all points, ten thousand or more, the frame with
+the fit (one per second) took twice as long as the others."""
 _MIN_SPREAD_M = 0.15
 """Minimum standard deviation in metres of the floor's points along x and along z. A narrower patch does not
 constrain the tilt."""
 
 
 def correct_mounting(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
-    """Returns (4, 4) the mounting moved slightly towards the observed floor.
+    """Returns (4, 4) the sensor's pose, moved slightly towards agreement with the observed floor.
 
-    It is unchanged if too little floor is visible.
+    The pose is unchanged if too little floor is visible.
 
     Args:
-        world_from_camera: (4, 4) the current mounting.
+        world_from_camera: (4, 4) the current pose of the sensor.
         points: (h, w, 3) the points of a frame, world frame.
         usable: (h, w) known pixels that do not belong to a person.
         gain: the fraction of the correction that is applied, in (0, 1].
@@ -176,10 +176,10 @@ def correct_mounting(world_from_camera: Float, points: Float, usable: Bool, gain
 
 
 def _level_mounting(world_from_camera: Float, plane: Float, gain: float) -> Float:
-    """Returns (4, 4) a mounting that is rotated and lifted by a fraction of its deviation from a floor plane.
+    """Returns the sensor's (4, 4) pose, rotated and lifted by a fraction of its deviation from a floor plane.
 
     Args:
-        plane: (3,) a, b, c of the floor y = a x + b z + c in the world of the current mounting.
+        plane: (3,) a, b, c of the floor y = a x + b z + c, in the world frame of the current pose.
         gain: the fraction, in (0, 1].
     """
     normal = np.array([-plane[0] * gain, 1.0, -plane[1] * gain])
@@ -234,7 +234,8 @@ def _level_plane(points, ranges):
         if near < _MIN_PLANE_POINTS:
             return np.zeros(3), 0.0
         noise = _SIGMA_OF_MEDIAN * np.median(weights[:near])
-        # Fit a plane to the inliers for that noise, with weights.
+        # Fit a plane to the points within this noise of the plane. Far points weigh less, because
+        # noise grows with the range.
         count = 0
         for i in range(points.shape[1]):
             if off[i] < _MAX_DEVIATIONS * noise * ranges[i] + _UNEVENNESS_M:

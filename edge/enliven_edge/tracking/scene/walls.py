@@ -7,11 +7,11 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.frame.observation import FrameView
 
 _TRIALS = 150
-"""RANSAC trials: lines through two random points. If a fifth of the points is on a wall, at least one line
-lies along it with a probability of 99.8 %."""
+"""Number of RANSAC trials, lines through two random points seen from above. If a fifth of the points is on a
+wall, at least one line lies along it with a probability of 99.8 %."""
 _SAMPLES = 1500
 """Approximate number of points for evaluating a line. The cost of a trial grows with them."""
 _MAX_WALLS = 4
@@ -21,15 +21,16 @@ _MIN_WALL_AREA_M2 = 0.9
 _MIN_WALL_WIDTH_M = 0.9
 """Minimum width of a wall in metres. An upright plane of this width is not a person."""
 _MIN_OCCUPIED = 0.8
-"""Minimum fraction of occupied cells along a wall. Two people at a distance leave a gap."""
+"""Minimum fraction of occupied cells along a wall. Two separate people leave a gap."""
 _CELL_M = 0.15
 """Width of such a cell in metres: less than the gap between two people."""
 _WALL_TOLERANCE_M = 0.03
 """Maximum distance in metres of a wall's points from its plane, at the sensor. Walls are not quite flat."""
 _TOLERANCE_GROWTH = 0.006
-"""Growth of that distance in metres per square metre of depth, like a depth sensor's noise."""
+"""Increase of that distance with the squared depth, in 1/metres, like a depth sensor's noise."""
 _MIN_POINT_DISTANCE_M = 0.3
-"""Minimum distance in metres between the two points of a line. Nearer ones give no direction."""
+"""Minimum distance in metres between the two points of a line. Points that are closer give no reliable
+direction."""
 
 
 def remove_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
@@ -37,28 +38,28 @@ def remove_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
-    seen, squares = _seen_from_above(view.points, view.z, pixels)
+    plan, squares = _project_to_plan(view.points, view.z, pixels)
     for _ in range(_MAX_WALLS):
         if squares * pixel < _MIN_WALL_AREA_M2:
             break
         step = max(1, len(pixels) // _SAMPLES)
-        some = np.ascontiguousarray(seen[:2, ::step].T)
-        deep = np.ascontiguousarray(seen[2, ::step])
-        pairs = random.integers(0, len(some), (_TRIALS, 2))
-        line = _best_line(some, _thickness(deep), deep * deep * pixel * step, pairs)
-        on, along, flat = _lying_on(seen, line)
-        if not line.any() or flat * pixel < _MIN_WALL_AREA_M2 or not _is_wall(along):
+        sampled = np.ascontiguousarray(plan[:2, ::step].T)
+        deep = np.ascontiguousarray(plan[2, ::step])
+        pairs = random.integers(0, len(sampled), (_TRIALS, 2))
+        line = _best_line(sampled, _plane_tolerance(deep), deep * deep * pixel * step, pairs)
+        is_on_line, coordinates, flat = _points_on_plane(plan, line)
+        if not line.any() or flat * pixel < _MIN_WALL_AREA_M2 or not _is_wall(coordinates):
             break
-        rest = np.flatnonzero(~on)
-        pixels, seen, squares = pixels[rest], seen.take(rest, axis=1), squares - flat
-    left = np.zeros(mask.shape, bool)
-    left.ravel()[pixels] = True
-    return left
+        rest = np.flatnonzero(~is_on_line)
+        pixels, plan, squares = pixels[rest], plan.take(rest, axis=1), squares - flat
+    remaining = np.zeros(mask.shape, bool)
+    remaining.ravel()[pixels] = True
+    return remaining
 
 
 @njit(cache=True, nogil=True)
-def _seen_from_above(points, z, pixels):
-    """Returns (3, N) world x, world z and depth of (N,) flat indices, and the sum of the squared depths.
+def _project_to_plan(points, z, pixels):
+    """Returns (3, N) world x, world z and depth of the pixels, and the sum of their squared depths.
 
     Args:
         points: (h, w, 3) metres, world frame.
@@ -75,14 +76,14 @@ def _seen_from_above(points, z, pixels):
 
 
 @njit(cache=True, nogil=True)
-def _lying_on(seen, line):
+def _points_on_plane(seen, line):
     """Returns (N,) whether each point lies on the vertical plane through a line.
 
-    For the points on the plane it also returns their coordinates along the line in metres, and their sum of
-    z^2.
+    It also returns the coordinates of these points along the line in metres, and the sum of their squared
+    depths.
 
     Args:
-        seen: as returned by :func:`_seen_from_above`.
+        seen: as returned by :func:`_project_to_plan`.
         line: as returned by :func:`_best_line`.
     """
     on, along = np.empty(seen.shape[1], np.bool_), np.empty(seen.shape[1])
@@ -99,9 +100,9 @@ def _lying_on(seen, line):
 
 
 def _is_wall(along: Float) -> bool:
-    """Returns True if the points ``along`` a line, in metres, form one long stretch.
+    """Returns True if points with the coordinates ``along`` a line, in metres, form one long stretch.
 
-    Two people at a distance leave a gap.
+    Two separate people leave a gap.
     """
     ordered = np.sort(along)
     low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)
@@ -111,7 +112,7 @@ def _is_wall(along: Float) -> bool:
     return bool(np.mean(counts > 0.25 * counts.mean()) > _MIN_OCCUPIED)
 
 
-def _thickness(z: Float) -> Float:
+def _plane_tolerance(z: Float) -> Float:
     """Returns (N,) the maximum distance in metres from a wall's plane for points at each of (N,) depths."""
     return np.asarray(_WALL_TOLERANCE_M + _TOLERANCE_GROWTH * z * z)
 

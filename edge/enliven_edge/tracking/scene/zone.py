@@ -1,4 +1,4 @@
-"""The zone: the area of the floor for performers, and the lock that admits no new performers."""
+"""The zone, the floor area for performers, and the lock, which excludes new performers."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Zone:
     def __init__(self, corners: tuple[tuple[float, float], ...] = ()) -> None:
         self.corners = corners
 
-    def holds(self, place: Float, margin: float = 0.0) -> bool:
-        """Returns True if (3,) ``place`` is above the area, or at most ``margin`` metres outside it."""
+    def contains(self, place: Float, margin: float = 0.0) -> bool:
+        """Returns True if a (3,) ``place`` is above the zone, or at most ``margin`` metres outside it."""
         if len(self.corners) < 3:
             return True
         x, z = float(place[0]), float(place[2])
@@ -49,7 +49,7 @@ class ZoneLock:
         self.ids: frozenset[int] | None = None
 
     @property
-    def closed(self) -> bool:
+    def is_closed(self) -> bool:
         """Returns True if new people are bystanders."""
         return self.ids is not None
 

@@ -1,4 +1,4 @@
-"""Candidates: blobs of pixels that may be a new person, observed until they are proven."""
+"""Candidates: blobs of pixels that may be a new person, observed until they are confirmed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.segment.candidate import Candidate, measure_blob
 from enliven_edge.tracking.segment.person_shape import MAX_AREA_M2, MIN_AREA_M2, BlobShape, measure_shape
 from enliven_edge.tracking.segment.pieces import Part, add_fragments, split_people, split_walls
@@ -21,12 +21,13 @@ _FORGET_AFTER_NS = 400_000_000
 _MAX_GROUPS = 8
 """Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
 _MAX_GROUPS_AT_FIRST = 16
-"""The same limit while the background model is young. Much of the background is then itself a loose group."""
+"""The maximum while the background model is young. Large parts of the background are then loose groups
+themselves."""
 _REFUSED_RADIUS_M = 0.4
-"""Horizontal radius in metres around an object once taken for a person in which no candidate is accepted:
-about its size."""
+"""Horizontal radius in metres, about the size of furniture, around an object that was mistaken for a person.
+No candidate is accepted there."""
 _REFUSED_FOR_NS = 20_000_000_000
-"""Time for which that holds, in nanoseconds. The background model needs less time to absorb the object."""
+"""Nanoseconds for which candidates there are rejected. The background model absorbs the object sooner."""
 _USUAL_AREA_M2 = 0.5
 """Approximate visible area of a person in square metres."""
 _MIN_SPLIT_AREA_M2 = 0.45
@@ -36,7 +37,7 @@ _MIN_PART_PIXELS = 30
 
 
 class Candidates:
-    """All candidates, and the places of objects that were taken for people."""
+    """All candidates, and the places of objects that were mistaken for people."""
 
     def __init__(self) -> None:
         self._known: list[Candidate] = []
@@ -47,7 +48,7 @@ class Candidates:
         self._known.clear()
         self._refused.clear()
 
-    def refuse(self, place: Float, time_ns: int) -> None:
+    def reject(self, place: Float, time_ns: int) -> None:
         """Rejects all candidates at a (3,) place for a while: an object there was taken for a person."""
         self._refused.append((place.copy(), time_ns))
 
@@ -57,8 +58,8 @@ class Candidates:
 
     @property
     def bystanders(self) -> int:
-        """Returns the number of candidates that are proven to be people but may not perform."""
-        return sum(1 for n in self._known if n.bystander and n.proven)
+        """Returns the number of candidates that are confirmed people but may not perform."""
+        return sum(1 for n in self._known if n.is_bystander and n.is_confirmed)
 
     def update(
         self,
@@ -76,15 +77,15 @@ class Candidates:
             view: the frame.
             kind: (h, w) from :meth:`BackgroundModel.classify`.
             segments: the segmentation of the frame.
-            admits: whether a person at a (3,) place may perform.
-            awaits: whether a person was lost near a (3,) place.
+            admits: returns True if a person at a (3,) place may perform.
+            awaits: returns True if a person was lost near a (3,) place.
             young: whether the background model is new.
         """
-        groups = [g for g in segments.loose if g.area > MIN_AREA_M2 and g.tall > 0.3]
+        groups = [g for g in segments.loose if g.area > MIN_AREA_M2 and g.height > 0.3]
         groups = groups[: _MAX_GROUPS_AT_FIRST if young else _MAX_GROUPS]
         present = []
         for group in groups:
-            same = next((n for n in self._known if n.unchanged(group, view.time_ns)), None)
+            same = next((n for n in self._known if n.is_unchanged(group, view.time_ns)), None)
             if same is not None:
                 same.seen_ns = view.time_ns
                 present.append(same)
@@ -96,16 +97,16 @@ class Candidates:
             parts: list[Part] = [(part, None) for part in bare]
             if young and group.area > _MIN_SPLIT_AREA_M2:
                 shape = shape or measure_shape(view, mask, group.area)
-                if not replace(shape, area=_USUAL_AREA_M2).possible:
+                if not replace(shape, area=_USUAL_AREA_M2).may_be_person:
                     parts += split_walls(view, kind, mask)
             for part, walls in parts:
-                if any(_mostly(part, other.pixels) for other in present if other.convincing):
+                if any(_mostly_overlaps(part, other.pixels) for other in present if other.is_convincing):
                     continue
                 candidate = self._find_or_create(view, kind, part, walls, shape if part is mask else None)
                 if candidate is not None and candidate not in present:
                     candidate.parts = bare if walls is None else []
-                    candidate.bystander = not admits(candidate.centre)
-                    candidate.awaited = awaits(candidate.centre)
+                    candidate.is_bystander = not admits(candidate.centre)
+                    candidate.is_awaited = awaits(candidate.centre)
                     candidate.group = group if len(parts) == 1 else None
                     present.append(candidate)
         self._known = [
@@ -131,17 +132,17 @@ class Candidates:
         if not MIN_AREA_M2 < area < MAX_AREA_M2:
             return None
         shape = measure_shape(view, part, area, walls) if shape is None else replace(shape, area=area)
-        # In front of removed walls, any outline passes as a person. So the candidate also needs a head.
-        if shape.likeness == 0 or (walls is not None and not shape.upright):
+        # In front of removed walls every outline counts as free. So the candidate must also have a head.
+        if shape.likeness == 0 or (walls is not None and not shape.is_upright):
             return None
         unmatched = [n for n in self._known if n.seen_ns != view.time_ns]
-        near = min(unmatched, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
-        if near is None or np.linalg.norm(near.centre - centre) > _MAX_MOVEMENT_M:
-            near = Candidate(centre, view.time_ns)
-            self._known.append(near)
-        near.refused = self._is_refused(centre, view.time_ns)
-        near.update(part, centre, shape, area, shares, view.time_ns)
-        return near
+        candidate = min(unmatched, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
+        if candidate is None or np.linalg.norm(candidate.centre - centre) > _MAX_MOVEMENT_M:
+            candidate = Candidate(centre, view.time_ns)
+            self._known.append(candidate)
+        candidate.is_rejected = self._is_refused(centre, view.time_ns)
+        candidate.update(part, centre, shape, area, shares, view.time_ns)
+        return candidate
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
         """Returns True if an object at the place was recently taken for a person."""
@@ -151,6 +152,6 @@ class Candidates:
         )
 
 
-def _mostly(part: Bool, other: Bool) -> bool:
+def _mostly_overlaps(part: Bool, other: Bool) -> bool:
     """Returns True if more than half of a part's pixels also belong to the other."""
     return bool(np.count_nonzero(part & other) > 0.5 * np.count_nonzero(part))

@@ -1,8 +1,8 @@
 """Detects furniture that touches people: it lies next to their bodies, not in front of them, and never moves.
 
-If people are present from the first frame on, the background around them is unknown. A table at a hip is then
-taken for an arm as soon as the real arm is folded. A badly fitted limb is also next to the model, but mostly
-in front of the trunk or a leg.
+If people are present from the first frame on, the background around them is unknown. Then the fit mistakes a
+table next to the hip for an arm as soon as the real arm is folded. A badly fitted limb is also next to the
+model, but mostly in front of the trunk or a leg.
 """
 
 from __future__ import annotations
@@ -12,24 +12,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Bool, Float32, Int16
-from enliven_edge.tracking.body_model import Posture, clear_of_rays, model
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.capsules import ray_clearances
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 
 MAX_CLOTHES_DISTANCE_M = 0.12
 """Distance in metres from a person's surface beyond which a pixel belongs to another object. Clothes stay
 within."""
 _SEARCH_START_M = -0.3
-"""Start in metres, relative to the pixel and along its ray, of the interval in which a body is searched: in
-front of the pixel, as far as a limb reaches."""
+"""Start in metres of the interval on a pixel's ray in which a body is searched, relative to the pixel: a
+limb's reach in front of it."""
 _SEARCH_END_M = 0.6
 """End of that interval in metres behind the pixel. A limb can be held that far in front of the body."""
 _MAX_RAY_DISTANCE_M = 0.06
-"""Maximum distance in metres at which a ray counts as hitting a body. An arm next to the hip is as near."""
+"""Maximum distance in metres between a ray and a body that the ray counts as hitting. An arm hangs this close
+to the hip."""
 _BODY = np.flatnonzero(
     ~np.isin(model.CAPSULES.frame, [model.UPPER_ARM_L, model.FOREARM_L, model.UPPER_ARM_R, model.FOREARM_R])
 )
-"""The capsules of trunk, head and legs. Arms are excluded, because an arm may be the limb that was fitted to
+"""The capsules of trunk, head and legs. Arms are excluded, because they may be wrongly fitted to the
 furniture."""
 
 
@@ -58,11 +61,11 @@ def find_furniture(
 
 def _overlaps_bodies(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
     """Returns which of (N, 3) points lie in front of or behind a trunk, head or leg, seen from the sensor."""
-    met = np.zeros(len(points), bool)
+    overlaps = np.zeros(len(points), bool)
     for posture in people:
         ends, radii = (each[_BODY] for each in posture.capsules())
-        met |= (
-            clear_of_rays(points, view.eye.astype(np.float32), _SEARCH_START_M, _SEARCH_END_M, ends, radii)
+        overlaps |= (
+            ray_clearances(points, view.eye.astype(np.float32), _SEARCH_START_M, _SEARCH_END_M, ends, radii)
             < _MAX_RAY_DISTANCE_M
         )
-    return met
+    return overlaps

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Bool
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import FrameView
+from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.segment.shape_kernels import (
     BIN,
     GRID,
@@ -33,9 +33,9 @@ _MAX_DEPTH_M = 1.6
 _MAX_CROWN_M = 2.6
 """Maximum crown height above the floor in metres: a tall person's raised hands."""
 _FULL_AREA_M2 = 0.7
-"""Area in square metres beyond which a larger area does not increase the likeness to a person."""
+"""Maximum area in square metres that counts for the likeness to a person."""
 _FULL_HEIGHT_M = 1.8
-"""Height in metres beyond which more height does not increase the likeness to a person."""
+"""Maximum height in metres that counts for the likeness to a person."""
 _FLAT_DEVIATION_M = 0.022
 """Standard deviation from the best plane, in metres, below which a blob is flat. A trunk is rounder."""
 _MIN_PANEL_WIDTH_M = 0.35
@@ -55,7 +55,7 @@ _SPREAD_BOX_FILL = 0.8
 _PANEL_BOX_FILL = 0.85
 """Fraction of the upright bounding box above which a flat blob is a panel in spite of a narrow top."""
 _MIN_ROUND_DEVIATION_M = 0.035
-"""Minimum standard deviation in metres from its best plane of a blob with limbs that is as round as a
+"""Minimum standard deviation in metres from its best plane for a blob with spread limbs to be as round as a
 body."""
 _MIN_FREE_OUTLINE = 0.6
 """Minimum free fraction of the outline. A person stands in front of other surfaces, a wall does not."""
@@ -83,56 +83,57 @@ class BlobShape:
         size: height in metres, limited to a person's; 0 if its extents are not a person's.
         crown: height of its top above the floor in metres.
         thickness: standard deviation from its best plane in metres.
-        wide: the larger of its two horizontal extents in metres.
-        head: ratio of the filled width at the head's height to that at the shoulders' height; about 1 for a
-            panel.
+        width: the larger of its two horizontal extents in metres.
+        head_ratio: ratio of the filled width at the head's height to that at the shoulders' height; about 1
+            for a panel.
         head_width: filled width at the head's height in metres.
-        fill: filled fraction of its upright bounding box.
-        free: fraction of its outline, at the sides and the top, beyond which the sensor sees farther. A
-            person stands in front of other surfaces. A piece of a wall ends at the next object or at the
-            image border.
-        behind: fraction of its outline that borders on a nearer object, which may hide more of the blob.
-        border: fraction of its outline that is the image border.
-        cut: whether it extends beyond the lower image border.
+        box_fill: filled fraction of its upright bounding box.
+        free_fraction: fraction of its outline, at the sides and the top, beyond which the sensor sees
+            farther. A person stands in front of other surfaces. A piece of a wall ends at the next object or
+            at the image border.
+        occluded_fraction: fraction of its outline that borders on a nearer object, which may hide more of the
+            blob.
+        border_fraction: fraction of its outline that is the image border.
+        is_cut_off: whether it extends beyond the lower image border.
     """
 
     area: float
     size: float
     crown: float
     thickness: float
-    wide: float
-    head: float
+    width: float
+    head_ratio: float
     head_width: float
-    fill: float
-    free: float
-    behind: float
-    border: float
-    cut: bool
+    box_fill: float
+    free_fraction: float
+    occluded_fraction: float
+    border_fraction: float
+    is_cut_off: bool
 
     @property
     def likeness(self) -> float:
-        """Returns the likeness to a person by size alone, area times height in cubic metres.
+        """Returns the likeness to a person by size alone: area times height in cubic metres.
 
-        It is 0 if the blob is not a person.
+        It is 0 if the size is not a person's.
         """
         return min(self.area, _FULL_AREA_M2) * self.size if MIN_AREA_M2 < self.area < MAX_AREA_M2 else 0.0
 
     @property
-    def possible(self) -> bool:
-        """Returns True if it may be a person in any posture.
+    def may_be_person(self) -> bool:
+        """Returns True if the blob may be a person in any posture.
 
-        It has a person's size, is not a panel, and is free at its sides.
+        It has a person's size, is not a flat panel, and stands free at its sides.
         """
-        flat = self.thickness < _FLAT_DEVIATION_M and self.wide > _MIN_PANEL_WIDTH_M
-        panel = flat and not (self._has_head and self.fill < _PANEL_BOX_FILL)
+        flat = self.thickness < _FLAT_DEVIATION_M and self.width > _MIN_PANEL_WIDTH_M
+        panel = flat and not (self._has_head and self.box_fill < _PANEL_BOX_FILL)
         return (
             self.likeness > 0 and not panel and self.crown < _MAX_CROWN_M and self._free > _MIN_FREE_OUTLINE
         )
 
     @property
-    def upright(self) -> bool:
-        """Returns True if it has the shape of a standing or sitting person: a head above shoulders."""
-        return self.possible and self._has_head and self.fill > _MIN_BOX_FILL
+    def is_upright(self) -> bool:
+        """Returns True if the blob has the shape of a standing or sitting person: a head above shoulders."""
+        return self.may_be_person and self._has_head and self.box_fill > _MIN_BOX_FILL
 
     @property
     def _free(self) -> float:
@@ -140,24 +141,30 @@ class BlobShape:
 
         In a crowd others may hide much of a person.
         """
-        return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _UNDECIDED_OCCLUSION else 0.0
+        return (
+            self.free_fraction / max(1e-6, 1.0 - self.occluded_fraction)
+            if self.occluded_fraction < _UNDECIDED_OCCLUSION
+            else 0.0
+        )
 
     @property
     def _has_head(self) -> bool:
-        """Returns True if its top is as wide as a head, and it is wider below."""
+        """Returns True if the blob's top is as wide as a head, and the blob is wider below."""
         low, high = _HEAD_WIDTH
-        return self.head < _MAX_HEAD_RATIO and low < self.head_width < high
+        return self.head_ratio < _MAX_HEAD_RATIO and low < self.head_width < high
 
     @property
-    def human(self) -> bool:
+    def has_person_shape(self) -> bool:
         """Returns True for the shape of most people: upright, cut off by the image, or with spread limbs."""
-        limbs = self.fill < _SPREAD_BOX_FILL and self.thickness > _MIN_ROUND_DEVIATION_M
-        return self.upright or (self.possible and (self.cut or limbs or self.border > _MIN_CUT_OUTLINE))
+        limbs = self.box_fill < _SPREAD_BOX_FILL and self.thickness > _MIN_ROUND_DEVIATION_M
+        return self.is_upright or (
+            self.may_be_person and (self.is_cut_off or limbs or self.border_fraction > _MIN_CUT_OUTLINE)
+        )
 
     @property
-    def whole(self) -> bool:
-        """Returns True if its whole upper end is visible, so that the crown is the person's."""
-        return self.behind < _MAX_OCCLUDED and self.border < _MAX_AT_BORDER
+    def shows_crown(self) -> bool:
+        """Returns True if the blob's whole upper end is visible, so that its crown is the person's crown."""
+        return self.occluded_fraction < _MAX_OCCLUDED and self.border_fraction < _MAX_AT_BORDER
 
 
 def measure_shape(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
@@ -167,15 +174,17 @@ def measure_shape(view: FrameView, mask: Bool, area: float, walls: Bool | None =
         view: the frame.
         mask: (h, w) the blob.
         area: visible area in square metres.
-        walls: (h, w) pixels of a wall that counts as far behind the mask, however near it is.
+        walls: (h, w) pixels of a wall that counts as far behind the mask, even if it is near.
     """
     z = view.z if walls is None else view.z + _WALL_OFFSET_M * walls
     pixels = pixels_of(mask)
     free, behind, border, cut = outline_of_pixels(z, mask, pixels)
     points = samples(view.points, pixels, _SHAPE_SAMPLES)
-    thickness, along = _flattened(points)
+    thickness, along = _plane_deviation(points)
     ordered = np.sort(points, axis=1)
-    wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
+    wide, tall, deep, crown, head, head_width, fill = _shape_measures(
+        points, along, ordered, np.sort(along), _BANDS
+    )
     size = (
         min(tall, _FULL_HEIGHT_M)
         if tall >= _MIN_RISE_M and wide <= _MAX_WIDTH_M and deep <= _MAX_DEPTH_M
@@ -192,7 +201,7 @@ def _spread(ordered, low, high):
 
 
 @njit(cache=True, nogil=True)
-def _flattened(points):
+def _plane_deviation(points):
     """Returns the standard deviation of (3, M) points from their best plane, and (M,) coordinates, in metres.
 
     The coordinates are measured from the points' mean along their longest horizontal direction.
@@ -204,7 +213,7 @@ def _flattened(points):
         xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
         xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
     xx, yy, zz, xy, xz, yz = xx / count, yy / count, zz / count, xy / count, xz / count, yz / count
-    x, z = _longest(xx, zz, xz)
+    x, z = _principal_axis(xx, zz, xz)
     along = np.empty(count)
     for i in range(count):
         along[i] = x * (points[0, i] - middle[0]) + z * (points[2, i] - middle[2])
@@ -212,7 +221,7 @@ def _flattened(points):
 
 
 @njit(cache=True, nogil=True)
-def _longest(xx, zz, xz):
+def _principal_axis(xx, zz, xz):
     """Returns the eigenvector (x, z) of the larger eigenvalue of a symmetric matrix, with LAPACK's sign."""
     apart = xx - zz
     root = np.sqrt(apart * apart + 4.0 * xz * xz)
@@ -222,7 +231,7 @@ def _longest(xx, zz, xz):
 
 
 @njit(cache=True, nogil=True)
-def _built(points, along, ordered, ordered_along, bands):
+def _shape_measures(points, along, ordered, ordered_along, bands):
     """Returns width, height and depth of (3, M) points in metres, and crown, head, head_width and fill.
 
     The last four are defined in :class:`BlobShape`.

@@ -7,11 +7,12 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
-from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, remove_walls, widened
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY, dilate
+from enliven_edge.tracking.scene.walls import remove_walls
 from enliven_edge.tracking.segment.candidate import MIN_STANDING_CROWN_M
 from enliven_edge.tracking.segment.person_shape import MAX_AREA_M2, BlobShape, measure_shape, samples
-from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, groups_of
+from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, label_groups
 
 _SEARCH_SAMPLES = 3000
 """Approximate number of points in which people are searched. The cost grows with them."""
@@ -23,7 +24,7 @@ _COLUMN_RADIUS_M = 0.24
 """Horizontal radius in metres around an axis in which points belong to the person's column: half a person's
 width."""
 _MIN_CROWN_M = 0.7
-"""Minimum crown height above the floor in metres. Lower crowns do not stand on legs."""
+"""Minimum crown height above the floor in metres of a standing person."""
 _SHOULDER_RADIUS_M = 0.3
 """Horizontal radius in metres around a shoulder that contains its head."""
 _MIN_HEAD_RISE_M = 0.2
@@ -37,14 +38,15 @@ _MAX_PEAKS = 200
 _LAYER_M = 0.1
 """Height in metres of a layer of a column."""
 _KNEE_RATIO = 0.35
-"""Height of the knees as a fraction of body height. Legs below may be hidden or apart."""
+"""Height of the knees as a fraction of body height. Layers below are not required, because shanks may be
+hidden or spread."""
 _MIN_LAYERS = 0.8
 """Minimum fraction of the layers above the knees that must contain points for a person. The rest may be
 hidden."""
 
 
 def split_people(points: Float, mask: Bool) -> list[Bool]:
-    """Returns [(h, w)] the mask, or its parts if several people stand in it next to each other.
+    """Splits a mask between people that stand next to each other. Returns [(h, w)] its parts, or itself.
 
     Seen from above, each person is a column from a head to the legs. A pixel belongs to the nearest column.
 
@@ -55,18 +57,18 @@ def split_people(points: Float, mask: Bool) -> list[Bool]:
     columns = find_columns(samples(points, pixels_of(mask), _SEARCH_SAMPLES))
     if len(columns) < 2:
         return [mask]
-    return list(_nearest(points, mask, columns))
+    return list(_assign_to_columns(points, mask, columns))
 
 
 def find_columns(points: Float) -> Float:
     """Returns (N, 2) x and z of the people in (3, M) points: peaks of the height map above filled columns."""
-    height, origin = _seen_from_above(points)
+    height, origin = _height_map(points)
     order = np.argsort(-height, axis=None)[:_MAX_PEAKS]
     return np.asarray(_columns(points, height, order, origin))
 
 
 @njit(cache=True, nogil=True)
-def _seen_from_above(points):
+def _height_map(points):
     """Returns (X, Z) the height map of (3, M) points in metres, and (2,) the first cell's corner.
 
     Heights are at least 0.
@@ -96,18 +98,18 @@ def _columns(points, height, order, origin):
         top = height[i, j]
         if top < _MIN_CROWN_M:
             break
-        x, z = _summit(points, origin[0] + (i + 0.5) * _CELL_M, origin[1] + (j + 0.5) * _CELL_M, top)
+        x, z = _peak_centre(points, origin[0] + (i + 0.5) * _CELL_M, origin[1] + (j + 0.5) * _CELL_M, top)
         new = True
         for k in range(count):
             new &= np.hypot(x - kept[k, 0], z - kept[k, 1]) > _MIN_AXIS_DISTANCE_M
-        if new and _filled(points, x, z, top):
+        if new and _is_filled_column(points, x, z, top):
             kept[count, 0], kept[count, 1] = x, z
             count += 1
     return kept[:count].copy()
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _summit(points, x, z, top):
+def _peak_centre(points, x, z, top):
     """Returns x and z of the mean of the highest points around a place, such as a head."""
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
@@ -121,12 +123,12 @@ def _summit(points, x, z, top):
 
 
 @njit(cache=True, nogil=True)
-def _filled(points, x, z, top):
+def _is_filled_column(points, x, z, top):
     """Returns True if a person is below a peak.
 
     The peak is not a shoulder, and most layers above the knees contain points.
     """
-    if _shoulder(points, x, z, top):
+    if _is_shoulder(points, x, z, top):
         return False
     first, last = int(np.ceil(_KNEE_RATIO * top / _LAYER_M)), int(np.floor(top / _LAYER_M))
     met = np.zeros(max(0, last - first), np.bool_)
@@ -140,7 +142,7 @@ def _filled(points, x, z, top):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _shoulder(points, x, z, top):
+def _is_shoulder(points, x, z, top):
     """Returns True if points near a peak are so much higher that the peak is a shoulder."""
     higher = 0
     for i in range(points.shape[1]):
@@ -152,7 +154,7 @@ def _shoulder(points, x, z, top):
 
 
 @njit(cache=True, nogil=True)
-def _nearest(points, mask, columns):
+def _assign_to_columns(points, mask, columns):
     """Returns (N, h, w) the masked pixels that are horizontally nearest to each of (N, 2) columns."""
     points, out = points.reshape(-1, 3), np.zeros((len(columns), mask.size), np.bool_)
     for i in pixels_of(mask):
@@ -168,8 +170,8 @@ def _nearest(points, mask, columns):
 _MAX_TOUCH_PX = 3
 """Maximum distance in pixels at which a fragment touches a group."""
 _MAX_DEPTH_STEP_M = 0.6
-"""Maximum depth difference in metres between a fragment and the touched group. A raised forearm begins no
-farther away."""
+"""Maximum depth difference in metres between a fragment and the group that it touches: that of a raised
+forearm."""
 _MAX_FRAGMENT_M = 0.8
 """Maximum distance in metres from the place of contact that contains nine tenths of a fragment: the length of
 an arm."""
@@ -178,15 +180,15 @@ _STEP_FACTOR = 0.35
 _MAX_PIECES = 6
 """Maximum number of examined pieces of a group, the largest first. It bounds the cost of a frame."""
 Part = tuple[Bool, Bool | None]
-"""(h, w) some pixels of a group, and (h, w) those of the walls behind them. None without walls."""
+"""(h, w) pixels of a part of a group, and (h, w) pixels of the walls behind it. None without walls."""
 
 
 def split_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
     """Returns parts of a group that may be people in front of a wall in the group, or next to one."""
     rest = remove_walls(view, mask)
     walls = mask & ~rest
-    before: list[Part] = [(part, walls) for part in _parts_before_walls(view, kind, rest, walls)]
-    return before + [(part, None) for part in _split_at_small_steps(view, kind, mask)]
+    in_front: list[Part] = [(part, walls) for part in _parts_before_walls(view, kind, rest, walls)]
+    return in_front + [(part, None) for part in _split_at_small_steps(view, kind, mask)]
 
 
 def _parts_before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
@@ -207,13 +209,13 @@ def _split_at_small_steps(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool
 def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """Returns the largest connected parts of a mask. The maximum depth step is scaled by ``tightness``."""
     places = pixels_of(mask & (kind != BACKGROUND) & (kind != UNLIKELY))
-    labels, count = groups_of(view.z, places, tightness)
+    labels, count = label_groups(view.z, places, tightness)
     size = np.bincount(labels.ravel()[places], minlength=count + 1)
     return [labels == index for index in np.argsort(-size)[:_MAX_PIECES] if size[index] > 100]
 
 
 def add_fragments(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
-    """Returns (h, w) the main group with its fragments, or without them if that looks more like a person.
+    """Returns (h, w) the main group with its fragments, or without them if it then looks more like a person.
 
     It also returns the shape if it was measured for this decision.
     """
@@ -222,10 +224,10 @@ def add_fragments(segments: Segments, main: LooseGroup, view: FrameView) -> tupl
     if mask is bare or main.area >= MAX_AREA_M2:
         return mask, None
     shape = measure_shape(view, mask, main.area)
-    if shape.upright:
+    if shape.is_upright:
         return mask, shape
     without = measure_shape(view, bare, main.area)
-    return (bare, without) if without.upright else (mask, shape)
+    return (bare, without) if without.is_upright else (mask, shape)
 
 
 def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: FrameView) -> Bool:
@@ -239,7 +241,7 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
     """
     mask = bare
     top, left, bottom, right = main.box
-    near = [
+    neighbours = [
         other
         for other in segments.loose
         if other.label != main.label
@@ -249,7 +251,7 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
         and other.box[1] <= right + _MAX_TOUCH_PX
         and other.box[3] >= left - _MAX_TOUCH_PX
     ]
-    for other in near:
+    for other in neighbours:
         # Search only the window around the fragment's box, because other pixels cannot touch the fragment.
         top, left, bottom, right = other.box
         window = np.s_[
@@ -257,14 +259,14 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
             max(0, left - _MAX_TOUCH_PX) : right + _MAX_TOUCH_PX,
         ]
         part, points = segments.labels[window] == other.label, view.points[window]
-        contact = widened(part, _MAX_TOUCH_PX) & mask[window]
-        if contact.any() and _reaches(points[part], points[contact]):
+        contact = dilate(part, _MAX_TOUCH_PX) & mask[window]
+        if contact.any() and _is_limb_fragment(points[part], points[contact]):
             mask = mask.copy() if mask is bare else mask
             mask[window] |= part
     return mask
 
 
-def _reaches(part: Float, contact: Float) -> bool:
+def _is_limb_fragment(part: Float, contact: Float) -> bool:
     """Returns True if a fragment begins at the contact and ends within an arm's length of it, unlike a wall.
 
     Args:
@@ -273,8 +275,8 @@ def _reaches(part: Float, contact: Float) -> bool:
     gap = _median(part[:, 2]) - _median(contact[:, 2])
     if abs(gap) >= _MAX_DEPTH_STEP_M:
         return False
-    away = part - contact.mean(0)
-    return quantile(np.sort(np.sqrt((away * away).sum(1))), 0.9) < _MAX_FRAGMENT_M
+    distances = part - contact.mean(0)
+    return quantile(np.sort(np.sqrt((distances * distances).sum(1))), 0.9) < _MAX_FRAGMENT_M
 
 
 def _median(values: Float) -> float:

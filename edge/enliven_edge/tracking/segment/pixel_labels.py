@@ -6,13 +6,14 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import njit
-from enliven_edge.tracking.body_model import FAST
-from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY
+from enliven_edge.tracking.body_model.capsules import FAST
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
-    """Returns (K, 4) pixels: top, left, bottom, right of each person's capsules, widened by the reach.
+    """Returns (K, 4) pixels: top, left, bottom and right of each person's capsules, widened by ``reach``
+    metres.
 
     The capsules of a person are (C, 2, 3) ends and (C, 2) radii.
     """

@@ -16,17 +16,17 @@ from enliven.arrays import Bool, Float, Int, Int16, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven.union_find import root_of
-from enliven_edge.tracking.body_model import Posture
-from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, UNSEEN
+from enliven_edge.tracking.body_model.posture import Posture
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
-from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
+from enliven_edge.tracking.segment.surface_growing import grow_surfaces, reassign_detached_pieces
 
 REACH = 0.22
 """Maximum distance in metres from the predicted surface at which a pixel is assigned to the person."""
 _UNLIKELY_REACH_M = 0.08
-"""The same distance at pixels of class UNLIKELY, about as deep as the unseen background. Only the body itself
-counts there."""
+"""Maximum distance in metres at pixels of class UNLIKELY, which are probably background. It is smaller, so
+that only pixels on the body itself are assigned."""
 _MAX_LIMB_AREA_M2 = 0.12
 """Maximum visible area in square metres of a group that touches a person to be a limb: a leg seen from the
 front."""
@@ -59,7 +59,7 @@ class LooseGroup:
     box: tuple[int, int, int, int]
 
     @property
-    def tall(self) -> float:
+    def height(self) -> float:
         """Returns the height difference in metres between its lowest and its highest point."""
         return float(self.high[1] - self.low[1])
 
@@ -71,8 +71,8 @@ class Segments:
     Attributes:
         owner: (h, w) the index of the person, or -1.
         labels: (h, w) the number of the loose group, or 0.
-        loose: the loose groups larger than a speckle, the largest first.
-        counts: (K,) each person's pixels.
+        loose: the loose groups that are larger than noise, the largest first.
+        counts: (K,) the number of each person's pixels.
     """
 
     owner: Int16
@@ -98,8 +98,8 @@ def segment_people(
         view: the frame.
         kind: (h, w) from :meth:`BackgroundModel.classify`.
         postures: the predicted posture of each person, world frame.
-        handicap: (K,) metres added to a person's distances, so that a probably hidden person gets fewer
-            pixels.
+        handicap: (K,) metres added to a person's distances, so that a person that is probably hidden gets
+            fewer pixels.
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap
@@ -114,13 +114,13 @@ def segment_people(
         )
     if count > 1:
         grow_surfaces(owner, distance, view.z)
-    pixels = _candidates(kind, owner)
-    labels, groups = groups_of(view.z, pixels, 1.0)
+    pixels = _candidate_pixels(kind, owner)
+    labels, groups = label_groups(view.z, pixels, 1.0)
     loose, joined = _classify_groups(_table(view, pixels, labels, groups, owner, count))
-    counts = _join(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
+    counts = _assign_limbs(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
-        kept, counts = counts, return_detached(owner, view.z, counts)
-        if (kept != counts).any():
+        counts_before, counts = counts, reassign_detached_pieces(owner, view.z, counts)
+        if (counts_before != counts).any():
             # The owners have changed, so count again which people each group touches.
             table = _table(view, pixels, labels, groups, owner, count)
             loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
@@ -139,7 +139,7 @@ def pixels_near_bodies(
         reach: metres.
         among: (h, w) the pixels to examine; None: all.
     """
-    kind = _solid(view.z, view.points, above)
+    kind = _solid_pixels(view.z, view.points, above)
     if among is not None:
         kind[~among] = BACKGROUND
     owner, distance = np.full(kind.shape, -1, np.int16), np.full(kind.shape, np.inf)
@@ -150,7 +150,7 @@ def pixels_near_bodies(
 
 
 @njit(cache=True, nogil=True)
-def _solid(z, points, above):
+def _solid_pixels(z, points, above):
     """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and BACKGROUND elsewhere."""
     out = np.empty(z.shape, np.uint8)
     for v in range(z.shape[0]):
@@ -160,7 +160,7 @@ def _solid(z, points, above):
 
 
 @njit(cache=True, nogil=True)
-def _candidates(kind, owner):
+def _candidate_pixels(kind, owner):
     """Returns (M,) flat indices, in reading order, of the pixels without an owner that may be a person's."""
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)
@@ -170,12 +170,10 @@ def _candidates(kind, owner):
 
 
 @njit(cache=True, nogil=True)
-def groups_of(z, pixels, tightness):
+def label_groups(z, pixels, tightness):
     """Returns (h, w) connected components 1..n of pixels joined by small depth steps, and n.
 
-    All other pixels are 0.
-
-    It is a union-find over one pass in reading order.
+    All other pixels are 0. It is a union-find in one pass in reading order.
 
     Args:
         z: (h, w) metres.
@@ -217,11 +215,11 @@ def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16,
     """
     camera = view.camera.intrinsics
     pixel = 1.0 / (camera.fx * camera.fy)
-    return np.asarray(_measured(view.z, view.points, pixels, labels, groups, owner, people, pixel))
+    return np.asarray(_group_table(view.z, view.points, pixels, labels, groups, owner, people, pixel))
 
 
 @njit(cache=True, nogil=True)
-def _measured(z, points, pixels, labels, groups, owner, people, pixel):
+def _group_table(z, points, pixels, labels, groups, owner, people, pixel):
     """Computes the table for :func:`_table`."""
     height, width = z.shape
     out = np.zeros((groups + 1, 15 + people))
@@ -257,13 +255,13 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):
 
 def _classify_groups(table: Float) -> tuple[list[LooseGroup], Int]:
     """Returns the loose groups that remain, and (groups + 1,) the person that other groups join, or -1."""
-    area, joined = table[:, 0], _limbs(table)
+    area, joined = table[:, 0], _limb_owners(table)
     large = np.flatnonzero((area >= MIN_GROUP_AREA_M2) & (joined < 0))
-    return [_loose(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
+    return [_loose_group(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
 
 
 @njit(cache=True, nogil=True)
-def _limbs(table):
+def _limb_owners(table):
     """Returns (groups + 1,) the person that each limb touches most. -1 for a group that is not a limb."""
     joined = np.full(len(table), -1)
     for g in range(len(table)):
@@ -274,14 +272,14 @@ def _limbs(table):
     return joined
 
 
-def _loose(g: int, row: Float) -> LooseGroup:
+def _loose_group(g: int, row: Float) -> LooseGroup:
     top, left, bottom, right = (int(x) for x in row[11:15])
     centre, contact = row[7:10] / row[10], row[15:].astype(np.int64)
     return LooseGroup(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))
 
 
 @njit(cache=True, nogil=True)
-def _join(owner, labels, pixels, joined, people):
+def _assign_limbs(owner, labels, pixels, joined, people):
     """Assigns the (M,) pixels of joined groups to their owners, in place.
 
     Returns each person's number of pixels.

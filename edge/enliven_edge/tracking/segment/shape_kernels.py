@@ -13,9 +13,10 @@ GRID = 0.06
 _MIN_MEASURED_OUTLINE = 0.1
 """Minimum fraction of an outline with measured depth beyond it to decide whether it is free."""
 _MIN_MEASURED_IN_OPEN = 0.3
-"""The same minimum in the open, where few pixels have depth to compare with."""
+"""The minimum in a large hall or outdoors, where few pixels have a measured depth to compare with."""
 _MAX_OPEN_DEPTH = 0.4
-"""Maximum fraction of pixels with depth of an image that shows the open: a hall too deep for the sensor."""
+"""Maximum fraction of pixels with depth in an image of a large hall or outdoors, where most depths are beyond
+the sensor's range."""
 
 
 @njit(cache=True, nogil=True)

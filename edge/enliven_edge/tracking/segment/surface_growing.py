@@ -1,4 +1,4 @@
-"""Region growing along the surface: where people meet, connected surface decides instead of the nearest fit.
+"""Region growing: where people touch, connected surface decides on pixels instead of the nearest fit.
 
 An arm that the fit lost is far from its own model and may be near another person's, especially if the two
 hold hands. Its surface is still connected to its own shoulder.
@@ -21,26 +21,25 @@ _CLEAR_DISTANCE_M = 0.1
 
 
 def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
-    """Reassigns, in place, the ambiguous pixels where two people meet.
+    """Reassigns the ambiguous pixels where two people touch, in place.
 
-    Each goes to the person with the nearest clearly assigned pixels along the surface.
+    Each pixel goes to the person with the nearest clearly assigned pixels along the surface.
 
     Args:
         owner: (h, w) the index of the person that owns each pixel, or -1.
         distance: (h, w) metres from the owner's predicted surface.
         z: (h, w) metres along the optical axis.
     """
-    if _meet(owner, z, distance, _CLEAR_DISTANCE_M):
+    if _people_touch(owner, z, distance, _CLEAR_DISTANCE_M):
         _grow(owner, distance, z)
 
 
 @njit(cache=True, nogil=True)
-def _abut(owner, v):
-    """Returns True if two people's pixels are neighbours in a row or across it and the row above.
+def _rows_touch(owner, v):
+    """Returns True if pixels of two people are neighbours within a row, or in it and the row above.
 
-    The depth does not matter.
-
-    The loop has no branch, so that the compiler can vectorise it: mostly the answer is no.
+    Depth is not compared. The loop has no branch, so that the compiler can vectorise it. An early exit would
+    rarely help, because the result is mostly False.
     """
     row, above = owner[v], owner[max(0, v - 1)]
     abuts = False
@@ -52,14 +51,14 @@ def _abut(owner, v):
 
 
 @njit(cache=True, nogil=True)
-def _meet(owner, z, distance, least):
+def _people_touch(owner, z, distance, least):
     """Returns True if two people's pixels are neighbours on one surface.
 
     One of them must have a (h, w) ``distance`` above ``least``.
     """
     height, width = owner.shape
     for v in range(height):
-        if not _abut(owner, v):
+        if not _rows_touch(owner, v):
             continue
         for u in range(width):
             for q, p in ((v, u - 1), (v - 1, u)):
@@ -94,11 +93,11 @@ def _grow(owner, distance, z):
                 queue[last], last = q * width + p, last + 1
 
 
-def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
-    """Gives pieces that are connected to another person, and not to their owner, to that person, in place.
+def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
+    """Reassigns pieces that are connected to another person but not to their owner, in place.
 
     After two arms have touched, one person's fit may follow the other's arm. This step returns the arm as
-    soon as the two people are apart.
+    soon as the two people have separated.
 
     Args:
         owner: (h, w) the index of the person that owns each pixel, or -1.
@@ -108,10 +107,10 @@ def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
     Returns:
         (K,) each person's number of pixels afterwards.
     """
-    if not _meet(owner, z, z, 0.0):
+    if not _people_touch(owner, z, z, 0.0):
         # If two people touch nowhere, nothing changes. Depths are above 0, so the limit 0 applies everywhere.
         return counts
-    number, owner_of, size = _pieces(_joined(owner, z), owner)
+    number, owner_of, size = _pieces(_union_pixels(owner, z), owner)
     largest = np.array([_largest(owner_of, size, k) for k in range(len(counts))])
     contacts = _contacts(owner, z, number, owner_of, largest)
     other = contacts.argmax(1)
@@ -131,7 +130,7 @@ def _largest(owner_of: Int, size: Int, person: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _joined(owner, z):
+def _union_pixels(owner, z):
     """Returns (h w,) union-find parents of each person's connected pixels, -1 without an owner."""
     height, width = z.shape
     parent = np.full(height * width, -1, np.int64)

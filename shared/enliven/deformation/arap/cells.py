@@ -1,13 +1,15 @@
-"""The cells of a surface: their rotations, scales and volume matrices, and the residual of the positions.
+"""The cells of an ARAP surface: their rotations, scales and volume matrices, and the residual of the
+positions.
 
-Equations of U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh
-models", 2015, section 4. Vertices are ordered so that neighbours are near in memory. Only the vector ``z`` is
-in the factor's elimination order.
+A cell consists of a vertex and the edges to its neighbours. The equation numbers are those of U. Celikcan,
+I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models", 2015, section 4.
+Vertices are ordered so that neighbours are near in memory. Only the vector ``z`` is in the factor's
+elimination order.
 
-The state of a vertex is 16 numbers, two cache lines, in ``frames`` (16 V,): the three columns of T_i, then
-the position, each with a fourth number. T_i = s_i R_i in the shape state and V_i R_i in the pose state. The
-fourth number of the first column is the last pose's stretch s - 1 along the main axis. The other fourth
-numbers are 0.
+The state of a vertex is 16 numbers (two cache lines) in ``frames`` (16 V,): the three columns of T_i, then
+the position, each padded with a fourth number. T_i is s_i R_i in the shape state (rotation and uniform scale)
+and V_i R_i in the pose state (squash and stretch). The fourth number of the first column is the stretch s - 1
+of the last pose along the main axis. The other fourth numbers are 0.
 """
 
 from __future__ import annotations
@@ -26,8 +28,8 @@ _STRETCH_REGULARIZATION = 0.02
 """Regularization of a cell's stretch towards 1, as a fraction of the cell's size. It matters for cells
 without extent along their main axis."""
 _BLOCK_ROWS = 31
-"""Number of rows of a block of the pose state: 18 of ``polar``, the cell's spread (6), its rest (6) and its
-size (1)."""
+"""Number of rows of a block in the pose state: 18 from :func:`polar`, then the cell's deformed edge
+covariance (6), its rest covariance (6) and its size (1)."""
 
 
 class Cells(NamedTuple):
@@ -35,11 +37,11 @@ class Cells(NamedTuple):
 
     Attributes:
         start: (V + 1,) the index at which each vertex's edges begin.
-        neighbour: (D,) the vertex at the other end of each edge.
-        spokes: (4 D,) for each edge w_ij (v_i - v_j), and w_ij.
+        neighbour: (D,) the vertex at the other end of each directed edge.
+        spokes: (4 D,) for each directed edge the rest vector w_ij (v_i - v_j), and w_ij.
         middle: (4 V,) the sum of the spokes of each cell.
-        rest: (6 V,) for each cell the sum of w e eᵀ at rest: xx, xy, xz, yy, yz, zz.
-        size: (V,) the trace of ``rest``.
+        rest: (6 V,) for each cell the edge covariance at rest, sum of w e eᵀ: xx, xy, xz, yy, yz, zz.
+        size: (V,) the trace of ``rest``, the size of a cell in square metres.
         eliminated: (V,) the position of each vertex in elimination order.
     """
 
@@ -53,7 +55,8 @@ class Cells(NamedTuple):
 
 
 def build_cells(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
-    """Returns the cells of ``positions`` (V, 3) and ``edges`` (E, 2)."""
+    """Returns the cells of a surface, given ``positions`` (V, 3), ``edges`` (E, 2) and their ``weights``
+    (E,)."""
     count = len(positions)
     ends = np.concatenate([edges, edges[:, ::-1]])
     order = np.lexsort((ends[:, 1], ends[:, 0]))
@@ -76,7 +79,8 @@ def _weighted_sums(i: Int, values: Float, count: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def _gather_covariances(cells, frames, block, at, count):
-    """Fills rows S of a block: the transposed covariances of eq. 5, sum of w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
+    """Fills the rows S of a block with the transposed covariances of eq. 5, sum w_ij (v'_i - v'_j)(v_i -
+    v_j)ᵀ."""
     room = np.empty(12)
     for n in range(64):
         if n >= count:
@@ -100,11 +104,11 @@ def _gather_covariances(cells, frames, block, at, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_and_scale(cells, frames, hold, low, high, first, last):
-    """Computes T_i <- s_i R_i of the cells ``first`` to ``last``: eq. 6 and 8.
+    """Computes T_i = s_i R_i (rotation and uniform scale, eq. 6 and 8) of the cells ``first`` to ``last``.
 
-    For the best R_i, e'ᵀ(R e) of eq. 8 is the largest eigenvalue, which the rotation was computed from. The
-    s_i clamped to ``low`` and ``high`` is still optimal; both 1 give plain ARAP. ``hold`` adds to eq. 4 the
-    energy hold c_i (s_i - 1)², with c_i the cell's size.
+    For the best R_i, e'ᵀ(R e) of eq. 8 is the largest eigenvalue, and the rotation was computed from it.
+    Clamping the best s_i to ``low`` and ``high`` still gives the optimum. If both limits are 1, this is plain
+    ARAP. ``hold`` adds to eq. 4 the energy hold c_i (s_i - 1)², with c_i the cell's size.
     """
     block = np.empty(ROWS * N)
     for at in range(first, last, N):
@@ -125,11 +129,12 @@ def turn_and_scale(cells, frames, hold, low, high, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_and_squash(cells, frames, exaggeration, most, first, last):
-    """Computes T_i <- V_i R_i of the cells ``first`` to ``last``: eq. 10 to 12.
+    """Computes T_i = V_i R_i (squash and stretch, eq. 10 to 12) of the cells ``first`` to ``last``.
 
-    V_i scales by s along the main axis of the residual deformation after the rotation, and by sqrt(1/s)
-    across it. The axis' projector is the matrix of eq. 11, squared five times. If two axes are equally good
-    (a cell that only grows), both contribute, and the result does not flicker between them.
+    V_i scales by s along the main axis of the deformation that remains after the rotation, and by sqrt(1/s)
+    perpendicular to it. The projector on the axis is the matrix of eq. 11, squared five times. If two axes
+    are equally good (a cell that only grows), both contribute, so that the result does not flicker between
+    them.
     """
     block, spread = np.empty(ROWS * N), np.empty(_BLOCK_ROWS * N)
     for at in range(first, last, N):
@@ -149,8 +154,8 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):
 
 @njit(cache=True, nogil=True)
 def _gather_spread(cells, frames, spread, at, count):
-    """Fills rows 18 to 30 of ``spread``: sum of w e' e'ᵀ of each cell (xx, xy, xz, yy, yz, zz), rest,
-    size.
+    """Fills rows 18 to 30 of ``spread`` for each cell: the deformed covariance, sum of w e' e'ᵀ (xx, xy, xz,
+    yy, yz, zz), the rest covariance, and the size.
     """
     room = np.empty(12)
     for n in range(64):
@@ -179,10 +184,9 @@ def _gather_spread(cells, frames, spread, at, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _squash_and_stretch(block, exaggeration, most):
-    """Computes rows 0 to 8 of ``block`` <- V_i R_i, row 9 <- s - 1, from covariances, rotations, spreads and
-    rests.
+    """Computes rows 0 to 8 of ``block`` = V_i R_i, and row 9 = s - 1, from covariances, rotations and sizes.
 
-    One array with constant strides and no branch lets the compiler vectorize the loop.
+    The block is one array with constant strides, and the loop has no branch, so the compiler vectorizes it.
     """
     least = 1.0 / most
     for n in range(64):
@@ -214,7 +218,7 @@ def _squash_and_stretch(block, exaggeration, most):
         b00, b11 = block[18 * 64 + n] - 2.0 * x00 + y00, block[21 * 64 + n] - 2.0 * x11 + y11
         b01, b12 = block[19 * 64 + n] - 2.0 * x01 + y01, block[22 * 64 + n] - 2.0 * x12 + y12
         b02, b22 = block[20 * 64 + n] - 2.0 * x02 + y02, block[23 * 64 + n] - 2.0 * x22 + y22
-        # If only rounding errors are left, they define no axis. The tiny constants then make B zero and V the
+        # If only rounding errors are left, they define no axis. Then the tiny constants make B zero and V the
         # identity.
         t = 1.0 / (abs(b00 + b11 + b22) + 1e-12 * block[30 * 64 + n] + 1e-300)
         b00, b01, b02, b11, b12, b22 = b00 * t, b01 * t, b02 * t, b11 * t, b12 * t, b22 * t
@@ -256,8 +260,8 @@ def _squash_and_stretch(block, exaggeration, most):
 
 @njit(cache=True, nogil=True)
 def residual(cells, frames, z, first, last):
-    """Computes z (4 V,) <- right side of eq. 9 minus the left one for ``first`` to ``last``, in
-    elimination order.
+    """Computes z (4 V,) in elimination order: the right side minus the left side of eq. 9, for the vertices
+    ``first`` to ``last``.
     """
     room = np.empty(4)
     for i in range(first, last):

@@ -2,14 +2,15 @@
 vertices.
 
 Samples are drawn in a fixed random order. Each is at least one spacing along the surface from all earlier
-ones. Missing control points are added. The Voronoi cell of a sample is the set of vertices nearest to it
-along the surface. Where three cells meet in a face of the fine mesh, their samples form a coarse face. Where
-two cells meet otherwise (around a thin limb), their samples are linked. A shell that is smaller than a few
-spacings and has no control point gets no samples. It follows the nearest surface.
+ones. Control points that are not among them are added. The Voronoi cell of a sample is the set of vertices
+nearest to it along the surface. If three cells meet in a face of the fine mesh, their samples form a coarse
+face. If two cells meet elsewhere (around a thin limb), their samples are linked. A shell (connected part)
+that is smaller than a few spacings and has no control point gets no samples. It follows the nearest surface.
 
-A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
-weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
-w_k ~ ((r - d_k) / (r d_k))². They blend without creases and reproduce a sample itself exactly.
+A fine vertex follows the samples that are near it *along the surface*, so that fingers that touch do not
+stick. The weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered
+data", 1980: w_k ~ ((r - d_k) / (r d_k))², with the distance d_k to sample k and the radius r. They blend
+without creases, and a sample follows exactly itself.
 """
 
 from __future__ import annotations
@@ -20,8 +21,18 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
-from enliven.deformation.arap.riders import add_tiny_shells, coarse_faces, find_tiny_shells, followed, spread
-from enliven.deformation.graph import dijkstra_workspace, settle_within, ways
+from enliven.deformation.arap.riders import (
+    add_tiny_shells,
+    coarse_faces,
+    find_tiny_shells,
+    repeat_rows,
+    select_followed_samples,
+)
+from enliven.deformation.graph.geodesic_kernels import (
+    dijkstra_workspace,
+    distances_from_sources,
+    settle_within,
+)
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh, shells, space_curve, weld
@@ -33,17 +44,17 @@ _FOLLOW_RADIUS_SPACINGS = 1.5
 """Maximum distance, in spacings, of a sample that a vertex follows. At least one sample is nearer than 1
 spacing."""
 _MAX_PATH_RATIO = 1.25
-"""Maximum ratio of a path along edges to the straight distance for the path to count as straight."""
+"""Paths along edges up to this factor longer than the straight distance count as straight."""
 _MAX_SPACING_CORRECTIONS = 6
-"""Maximum number of corrections of the spacing. After that, the last sample count is accepted, even with an
-error above 15 %."""
+"""Maximum number of corrections of the spacing. After that, the last samples are used, even if their number
+is more than 15 % off."""
 _MIN_SPACING_IN_EDGES = 1.5
 """Minimum spacing of samples in mean edge lengths of the mesh. Below it, nearly all vertices would be
 samples."""
 
 
 class CoarseSampling(NamedTuple):
-    """The samples of a mesh of V vertices that do not depend on its control points.
+    """The samples of a mesh with V vertices. They do not depend on its control points.
 
     Attributes:
         whole: the welded mesh with W vertices, ordered so that neighbours are near in memory.
@@ -51,7 +62,7 @@ class CoarseSampling(NamedTuple):
         net: the edges of ``whole`` as :func:`edges_around` returns them.
         spacing: metres between samples.
         samples: (B,) vertices of ``whole``.
-        riding: (W,) True for vertices of tiny shells, which follow the nearest surface.
+        riding: (W,) True for vertices of tiny shells, which have no samples and follow the nearest surface.
         start, near, way: the samples near each vertex of ``whole`` (CSR), and their distances along the
             surface in metres.
     """
@@ -68,15 +79,15 @@ class CoarseSampling(NamedTuple):
 
 
 class Coarse(NamedTuple):
-    """M samples of a mesh of V vertices, independent of the order of the control points.
+    """M samples of a mesh with V vertices, independent of the order of the control points.
 
     Attributes:
         mesh: the coarse surface, (M, 3) positions of samples.
-        links: (L, 2) neighbours that share no coarse face.
+        links: (L, 2) pairs of neighbouring samples that share no coarse face.
         held: (P,) the sample of each control point.
-        start: (V + 1,) the index at which each vertex's samples begin.
+        start: (V + 1,) the index in ``near`` at which each vertex's samples begin.
         near: (K,) the samples that each vertex follows.
-        weights: (K,) above 0, summing to 1 for each vertex.
+        weights: (K,) the weights of these samples, above 0; their sum is 1 for each vertex.
         notes: sentences for the user about the sampling.
         base: the samples that do not depend on the control points.
         added: (A,) the samples added for control points, vertices of ``base.whole``.
@@ -93,91 +104,97 @@ class Coarse(NamedTuple):
     added: Int
 
 
-def sample_coarse_surface(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
-    """Returns about ``count`` samples of the mesh, including those of ``held`` (P,).
+def sample_coarse_surface(mesh: Mesh, held: Int, count: int, previous: Coarse | None = None) -> Coarse:
+    """Returns about ``count`` samples of the mesh, including the control points at the vertices ``held``
+    (P,).
 
     Args:
-        before: an earlier result for the same mesh; its samples are reused if possible.
+        previous: an earlier result for the same mesh; its samples are reused if possible.
 
     Raises:
         InputError: if a control point does not exist, or belongs to no face.
     """
-    base = _find_samples(mesh, count) if before is None else before.base
+    base = _find_samples(mesh, count) if previous is None else previous.base
     _check_held(held, base)
-    own = base.welded[held]
-    if base.riding[own].any():
-        base = _find_samples(mesh, count, base.whole.vertices[own])
-        own = base.welded[held]
-    added = np.setdiff1d(own, base.samples)
+    held_vertices = base.welded[held]
+    if base.riding[held_vertices].any():
+        base = _find_samples(mesh, count, base.whole.vertices[held_vertices])
+        held_vertices = base.welded[held]
+    added = np.setdiff1d(held_vertices, base.samples)
     samples = np.concatenate([base.samples, added])
     order = np.argsort(samples)
-    numbers = order[np.searchsorted(samples, own, sorter=order)]
-    if before is not None and before.base is base and np.array_equal(before.added, added):
-        return before._replace(held=numbers)
-    start, near, way = _add_samples(base, added)
+    held_samples = order[np.searchsorted(samples, held_vertices, sorter=order)]
+    if previous is not None and previous.base is base and np.array_equal(previous.added, added):
+        return previous._replace(held=held_samples)
+    start, near, path_lengths = _add_samples(base, added)
     points, reach = base.whole.vertices, _FOLLOW_RADIUS_SPACINGS * base.spacing
-    faces, links = coarse_faces(base.whole.faces, _nearest_samples(start, near, way))
-    start, near, weights = followed(points, points[samples], start, near, way, reach, _MAX_PATH_RATIO)
+    faces, links = coarse_faces(base.whole.faces, _nearest_samples(start, near, path_lengths))
+    start, near, weights = select_followed_samples(
+        points, points[samples], start, near, path_lengths, reach, _MAX_PATH_RATIO
+    )
     if base.riding.any():
         start, near, weights = add_tiny_shells(base.whole, base.riding, start, near, weights)
-    start, near, weights = spread(base.welded, start, near, weights)
+    start, near, weights = repeat_rows(base.welded, start, near, weights)
     coarse = Mesh(points[samples], faces, mesh.name)
     notes = _coarsening_notes(base, len(samples))
-    return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
+    return Coarse(coarse, links, held_samples, start, near, weights, notes, base, added)
 
 
 def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
-    """Returns samples of the mesh and their neighbourhoods. Shells at the positions ``awake`` (A, 3) always
-    get samples.
+    """Returns about ``count`` samples of the mesh and their neighbourhoods.
+
+    Shells at the positions ``awake`` (A, 3) metres always get samples, even if they are tiny.
     """
     whole, welded = _reorder_along_curve(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
     label = shells(whole.faces, len(whole.vertices))
-    held = np.empty(0, np.int64)
+    awake_shells = np.empty(0, np.int64)
     if awake is not None:
-        held = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
+        awake_shells = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
     spacing = float(np.sqrt(whole.area / (_SAMPLES_PER_SQUARED_SPACING * count)))
-    finest = _MIN_SPACING_IN_EDGES * float(net[2].mean()) if len(net[2]) else 0.0
+    min_spacing = _MIN_SPACING_IN_EDGES * float(net[2].mean()) if len(net[2]) else 0.0
     for _ in range(_MAX_SPACING_CORRECTIONS):
-        riding = find_tiny_shells(whole.vertices, label, held, spacing)
-        order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
+        is_riding = find_tiny_shells(whole.vertices, label, awake_shells, spacing)
+        order = np.random.default_rng(0).permutation(np.flatnonzero(~is_riding))
         samples = poisson_disk_samples(*net, order, spacing)
-        if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
+        if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= min_spacing:
             break
-        spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
-    near = ways(*net, samples, len(whole.vertices), _MAX_PATH_RATIO * _FOLLOW_RADIUS_SPACINGS * spacing)
-    return CoarseSampling(whole, welded, net, spacing, samples, riding, *near)
+        spacing = max(spacing * float(np.sqrt(len(samples) / count)), min_spacing)
+    neighbourhoods = distances_from_sources(
+        *net, samples, len(whole.vertices), _MAX_PATH_RATIO * _FOLLOW_RADIUS_SPACINGS * spacing
+    )
+    return CoarseSampling(whole, welded, net, spacing, samples, is_riding, *neighbourhoods)
 
 
 def _reorder_along_curve(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
-    """Returns the mesh and its welding, with vertices and faces along a space-filling curve for cache
-    locality.
+    """Returns the mesh and its welding map, with vertices and faces sorted along a space-filling curve, so
+    that neighbours are near in memory.
     """
     order = space_curve(whole.vertices)
-    place = np.empty(len(order), np.int64)
-    place[order] = np.arange(len(order))
-    faces: Int = place[whole.faces]
+    new_index = np.empty(len(order), np.int64)
+    new_index[order] = np.arange(len(order))
+    faces: Int = new_index[whole.faces]
     faces = faces[np.argsort(faces.min(1), kind="stable")]
-    return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
+    return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), new_index[welded]
 
 
 def _add_samples(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
-    """Returns the CSR of ``base`` with the additional samples ``added`` (A,), numbered after the existing
-    ones."""
+    """Returns the samples near each vertex (CSR): those of ``base``, then the additional samples ``added``
+    (A,), which are numbered after them."""
     if not len(added):
         return base.start, base.near, base.way
     limit = _MAX_PATH_RATIO * _FOLLOW_RADIUS_SPACINGS * base.spacing
-    start, near, way = ways(*base.net, added, len(base.whole.vertices), limit)
+    start, near, path_lengths = distances_from_sources(*base.net, added, len(base.whole.vertices), limit)
     sizes = np.diff(base.start), np.diff(start)
     offsets = np.concatenate([[0], np.cumsum(sizes[0] + sizes[1])])
-    every, ways_to = np.empty(offsets[-1], np.int32), np.empty(offsets[-1])
-    for own, size, shift, number, metres in (
+    all_samples, all_lengths = np.empty(offsets[-1], np.int32), np.empty(offsets[-1])
+    for row_starts, size, shift, number, lengths in (
         (base.start, sizes[0], 0, base.near, base.way),
-        (start, sizes[1], sizes[0], near + len(base.samples), way),
+        (start, sizes[1], sizes[0], near + len(base.samples), path_lengths),
     ):
-        to = np.repeat(offsets[:-1] + shift - own[:-1], size) + np.arange(own[-1])
-        every[to], ways_to[to] = number, metres
-    return offsets, every, ways_to
+        target = np.repeat(offsets[:-1] + shift - row_starts[:-1], size) + np.arange(row_starts[-1])
+        all_samples[target], all_lengths[target] = number, lengths
+    return offsets, all_samples, all_lengths
 
 
 def _check_held(held: Int, base: CoarseSampling) -> None:
@@ -185,19 +202,19 @@ def _check_held(held: Int, base: CoarseSampling) -> None:
     for vertex in held.tolist():
         if not 0 <= vertex < count:
             raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=_ERROR_CONTEXT)
-        own = base.welded[vertex]
-        if offsets[own] == offsets[own + 1]:
+        welded_vertex = base.welded[vertex]
+        if offsets[welded_vertex] == offsets[welded_vertex + 1]:
             raise InputError(
-                f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
+                f"vertex {vertex} belongs to no face, so no surface would follow it",
                 where=_ERROR_CONTEXT,
-                mend="Choose a vertex of the surface.",
+                remedy="Choose a vertex of the surface.",
             )
 
 
 def _coarsening_notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
     """Returns sentences for the user about the samples, welds and tiny shells."""
     vertices, points = len(base.welded), len(base.riding)
-    notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
+    notes = [f"{vertices:,} vertices: {count:,} of them are solved, and the others follow with their detail."]
     if points < vertices:
         notes.append(f"{vertices - points} vertices were welded to others at the same position.")
     if base.riding.any():
@@ -207,8 +224,8 @@ def _coarsening_notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
 
 @njit(cache=True, nogil=True)
 def edges_around(points, faces):
-    """Returns CSR over vertices: offsets (V + 1,), (E,) neighbours without duplicates, and (E,) metres to
-    them.
+    """Returns the neighbours of each vertex as CSR: offsets (V + 1,), (E,) neighbours without duplicates, and
+    (E,) metres to them.
     """
     count = points.shape[0]
     room = np.zeros(count + 1, np.int64)
@@ -268,7 +285,7 @@ def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):
 
 @njit(cache=True, nogil=True)
 def _nearest_samples(start, near, way):
-    """Returns (V,) the sample with the shortest path to each vertex; -1 if none reaches it."""
+    """Returns (V,) the sample with the shortest path to each vertex, or -1 if no sample reaches it."""
     out = np.full(start.shape[0] - 1, -1, np.int64)
     for v in range(out.shape[0]):
         best = np.inf

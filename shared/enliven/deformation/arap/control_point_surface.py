@@ -1,10 +1,10 @@
-"""A deformable surface: a mesh of any size that follows control points, with one handle for each.
+"""A deformable surface: a mesh of any size that follows control points, with one handle for each point.
 
     surface = PuppetSurface(mesh, held=[4711, 12, 980])
     vertices = surface.solve(places)        # (V, 3), the next frame of a drag or a performance
     vertices = surface.settle(places)       # independent of earlier frames, for scrubbing and export
 
-A mesh of more than ``coarse_above`` vertices is solved coarsely, on an evenly spread subset of its vertices
+A mesh of more than ``coarse_above`` vertices is solved on an evenly distributed subset of its vertices
 (:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells near them, with all detail.
 """
 
@@ -29,8 +29,8 @@ from enliven.meshes import Mesh
 
 _ERROR_CONTEXT = "puppet surface"
 _MIN_GUIDE_VERTEX_RATIO = 3
-"""Minimum ratio of the solver's number of vertices to the guide's. Below it, a guide costs more time than it
-saves."""
+"""Minimum ratio of the solver's number of vertices to the guide's. With a smaller ratio, a guide costs more
+time than it saves."""
 _DETAIL_SETTLING_FRAMES = 6
 """Number of frames after the guide in which local details converge."""
 
@@ -41,14 +41,14 @@ class PuppetSurface:
     Args:
         mesh: any triangle mesh, in its own frame, metres.
         held: (P,) the vertex of each control point.
-        weights: (P,) weight of each control point as a soft handle; None means hard. Without weights, all are
-            hard.
+        weights: (P,) weight of each control point as a soft handle; None for a hard handle. If ``weights`` is
+            None, all handles are hard.
         settings: settings of the solver.
 
     Attributes:
         mesh: the given mesh.
         notes: sentences about repairs to the mesh.
-        pose: (V, 3) the last valid result, read-only.
+        pose: (V, 3) metres, the last valid result, read-only.
 
     Raises:
         InputError: if the mesh cannot be deformed, or a vertex does not exist or belongs to no face.
@@ -72,54 +72,59 @@ class PuppetSurface:
         """Replaces the control points, and resets the mesh to rest.
 
         Raises:
-            InputError: see the constructor; nothing has changed then.
+            InputError: as in the constructor. In that case nothing has changed.
         """
         vertices = np.array(held, np.int64).reshape(-1)
-        pulls = [None] * len(vertices) if weights is None else list(weights)
-        if len(pulls) != len(vertices):
-            raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_ERROR_CONTEXT)
+        soft_weights = [None] * len(vertices) if weights is None else list(weights)
+        if len(soft_weights) != len(vertices):
+            raise InputError(
+                f"{len(soft_weights)} weights for {len(vertices)} control points", where=_ERROR_CONTEXT
+            )
         solver, coarse = self._solver_with_coarse(vertices)
-        solved = vertices if coarse is None else coarse.held
-        solver.set_handles(handles_from_vertices(solved, pulls))
+        solver_vertices = vertices if coarse is None else coarse.held
+        solver.set_handles(handles_from_vertices(solver_vertices, soft_weights))
         solver.reset()
         self._solver, self._coarse, self._guide = solver, coarse, None
         if (
             len(vertices)
             and len(solver.mesh.vertices) > _MIN_GUIDE_VERTEX_RATIO * self._settings.guide_vertices
         ):
-            self._guide = Guide(solver, solved, pulls)
-        hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
+            self._guide = Guide(solver, solver_vertices, soft_weights)
+        hard_handles = np.array([k for k, weight in enumerate(soft_weights) if weight is None], np.int64)
         self._pins = (
-            (hard, hard) if coarse is None else _find_welded_vertices(coarse.base.welded, vertices, hard)
+            (hard_handles, hard_handles)
+            if coarse is None
+            else _find_welded_vertices(coarse.base.welded, vertices, hard_handles)
         )
         self._body, self._held, self._second_surface = (solver, coarse), vertices, None
         self.notes = solver.notes if coarse is None else coarse.notes
         self.pose = _as_read_only(self.mesh.vertices.copy())
 
     def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
-        """Returns the solver and its coarse surface, created if necessary. The surface is None if the solver
-        solves the whole mesh.
+        """Returns the solver and its coarse surface, and creates them if necessary.
+
+        The coarse surface is None if the solver solves the whole mesh.
         """
         if len(self.mesh.vertices) <= self._settings.coarse_above:
             return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
-        before = None if self._body is None else self._body[1]
-        coarse = sample_coarse_surface(self.mesh, held, self._settings.coarse_vertices, before)
-        if self._body is not None and before is not None and coarse.mesh is before.mesh:
+        previous = None if self._body is None else self._body[1]
+        coarse = sample_coarse_surface(self.mesh, held, self._settings.coarse_vertices, previous)
+        if self._body is not None and previous is not None and coarse.mesh is previous.mesh:
             return self._body[0], coarse
         return ArapSolver(coarse.mesh, self._settings, coarse.links), coarse
 
     def solve(self, places: Float) -> Float:
-        """Solves the next frame, starting from the last one's shape.
+        """Solves the next frame, starting from the shape of the last frame.
 
         Args:
-            places: (P, 3) metres in the mesh's frame.
+            places: (P, 3) metres, the targets of the control points in the mesh's frame.
 
         Returns:
-            (V, 3) the mesh's vertices, read-only; hard control points are exactly at their places.
+            (V, 3) metres, the mesh's vertices, read-only. Hard control points are exactly at their targets.
 
         Raises:
             InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
-                pose stays.
+                pose is kept.
         """
         targets = self._checked_places(places)
         if len(targets):
@@ -130,11 +135,13 @@ class PuppetSurface:
         return self.pose
 
     def settle(self, places: Float) -> Float:
-        """Returns (V, 3) the surface at ``places`` (P, 3), moved from rest in small steps, independent of
-        earlier frames.
+        """Returns the surface (V, 3) for control points at ``places`` (P, 3) metres, independent of earlier
+        frames.
+
+        The control points are moved from rest in small steps.
 
         Raises:
-            InputError: if the places have the wrong shape, or are not finite. The last valid pose stays.
+            InputError: if the places have the wrong shape, or are not finite. The last valid pose is kept.
         """
         targets = self._checked_places(places)
         if not len(targets):
@@ -159,23 +166,23 @@ class PuppetSurface:
         return self._second_surface.settle(places)
 
     def _twin_surface(self) -> PuppetSurface:
-        """Returns a second surface at rest with the same control points; it shares the factor and the
+        """Returns a second surface at rest with the same control points. It shares the factor and the
         weights.
         """
-        other = copy(self)
-        other._solver = self._solver.twin()
-        other._guide = None if self._guide is None else self._guide.twin()
-        return other
+        second = copy(self)
+        second._solver = self._solver.twin()
+        second._guide = None if self._guide is None else self._guide.twin()
+        return second
 
     def _carried_vertices(self, targets: Float) -> Float:
-        """Returns (V, 3) the mesh's vertices carried by the solver's pose."""
+        """Returns (V, 3) metres, the mesh's vertices that follow the solver's pose."""
         coarse = self._coarse
         if coarse is None:
             return self._solver.pose
         out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
-        follow = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
+        carry_arguments = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
         threads, start = self._settings.threads or self._thread_choice.threads(), perf_counter()
-        run_on_threads(carry, len(out), threads, *follow)
+        run_on_threads(carry, len(out), threads, *carry_arguments)
         self._thread_choice.note(threads, perf_counter() - start)
         vertices, rows = self._pins
         out[vertices] = targets[rows]
@@ -185,9 +192,9 @@ class PuppetSurface:
         targets = np.array(places, np.float64)
         if targets.shape != (len(self._held), 3):
             raise InputError(
-                f"places are {targets.shape}, expected ({len(self._held)}, 3)",
+                f"the places have shape {targets.shape} instead of ({len(self._held)}, 3)",
                 where=_ERROR_CONTEXT,
-                mend="Give one row for each control point.",
+                remedy="Give one row of three numbers for each control point.",
             )
         return targets
 
@@ -196,11 +203,11 @@ def _find_welded_vertices(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
     """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that control
     point.
     """
-    number = np.full(int(welded.max()) + 1, -1)
-    number[welded[held[hard]]] = hard
-    numbers = number[welded]
-    vertices = np.flatnonzero(numbers >= 0)
-    return vertices, numbers[vertices]
+    control_point_at = np.full(int(welded.max()) + 1, -1)
+    control_point_at[welded[held[hard]]] = hard
+    control_points = control_point_at[welded]
+    vertices = np.flatnonzero(control_points >= 0)
+    return vertices, control_points[vertices]
 
 
 def _as_read_only(array: Float) -> Float:

@@ -1,8 +1,8 @@
 """Transfers the motion of a coarse surface's cells to a fine surface with all of its detail.
 
-Each cell defines an affine map. The map moves the cell's vertex to its solved position, and its linear part
-fits the cell's edges best. In directions in which a cell has no extent (the normal of a flat cell), the map
-is that of its rotation and volume, V_i R_i.
+Each cell of the coarse surface defines an affine map. The map moves the cell's vertex to its solved position,
+and its linear part fits the cell's edges best. In directions in which a cell has no extent (the normal of a
+flat cell), the linear part is the cell's rotation and squash, V_i R_i.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
 _ROTATION_FIT_WEIGHT = 0.01
-"""Weight of V_i R_i in the fit of a cell's map, relative to the cell's edges."""
+"""Weight of V_i R_i in the fit of a cell's linear map, relative to the cell's edges."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cell_maps(cells, frames, pose, place_of, rest, out):
-    """Computes ``out`` (16 M,) <- the three columns of each vertex's map A and the offset x' - A x, each with
-    a 0.
+    """Computes each vertex's affine map into ``out`` (16 M,): the three columns of A and the offset x' - A x,
+    each padded with a 0.
 
     A minimizes sum w |e' - A e|² + own c |A - V R|², with c the cell's size.
 
     Args:
-        cells, frames: of the solver, after a frame.
-        pose: (M, 3) the solved positions.
+        cells, frames: the solver's cells and their state after a frame.
+        pose: (M, 3) metres, the solved positions.
         place_of: (M,) the position of each vertex in the solver's order.
-        rest: (M, 3) the positions at rest.
+        rest: (M, 3) metres, the positions at rest.
     """
     count = len(place_of)
     vertex_of = np.empty(len(cells.size), np.int64)
@@ -69,12 +69,12 @@ def cell_maps(cells, frames, pose, place_of, rest, out):
 
 @njit(cache=True, nogil=True)
 def carry(maps, start, near, weights, rest, out, first, last):
-    """Computes ``out`` (V, 3) <- the blended maps of each vertex from ``first`` to ``last``, applied to rest
-    positions.
+    """Computes ``out`` (V, 3): applies to each rest position from ``first`` to ``last`` the blended maps that
+    the vertex follows.
 
     Args:
-        maps: (16 M,) of :func:`cell_maps`.
-        start, near, weights: the maps that each vertex follows, and their weights.
+        maps: (16 M,) the affine maps from :func:`cell_maps`.
+        start, near, weights: the maps that each vertex follows (CSR), and their weights.
     """
     room = np.empty(4)
     for v in range(first, last):

@@ -1,12 +1,12 @@
-"""A sparse Cholesky factor for many solves with three right-hand sides, with supernodes in float32 for vector
-registers.
+"""A sparse Cholesky factor for many solves with three right-hand sides. Its supernodes are stored in float32
+for vector registers.
 
-SciPy's SuperLU orders (multiple minimum degree) and factorizes once. Columns with the same pattern are
-gathered into supernodes. Narrow supernodes are merged if that adds few zeros. A supernode is a dense panel,
-cut into blocks of four columns. So its indices are read only once, and each row takes four multiplications
-into one register of x, y, z. The triangle on the diagonal is stored inverted, which avoids divisions and
-their latency. Values are float32, because the solver only needs corrections, and the next iteration removes
-their rounding errors.
+SciPy's SuperLU finds the order (multiple minimum degree) and factorizes once. Columns with the same pattern
+are collected in supernodes. Narrow supernodes are merged if that adds few zeros. A supernode is a dense
+panel, cut into blocks of four columns. So its indices are read only once, and each row needs four
+multiplications into one register of x, y, z. The triangle on the diagonal is stored as its inverse, which
+avoids the latency of divisions. Values are float32, because the solver only computes corrections, and the
+next iteration removes their rounding errors.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from enliven.arrays import Float, Float32, Int, Int32
 from enliven.kernels import njit
 
 _MAX_SUPERNODE_COLUMNS = 64
-"""Maximum columns of a supernode. The inverted triangle on its diagonal grows with their square."""
+"""Maximum number of columns of a supernode. The size of its inverted triangle grows with the square."""
 _FEW_ZEROS = 0.25
-"""Maximum fraction of stored zeros in a panel for merging a supernode with its parent. More zeros cost
-more multiplications than the merged indices save."""
+"""Maximum fraction of stored zeros in a panel for which a supernode is merged with its parent. More zeros
+cost more multiplications than the merged indices save."""
 
 
 class Factor(NamedTuple):
-    """The factor C with C Cᵀ = A, in elimination order, with S supernodes.
+    """The Cholesky factor C of a matrix A = C Cᵀ, in elimination order, with S supernodes.
 
     Attributes:
         order: (V,) the vertex that is eliminated at each position.
         first: (S + 1,) the first column of each supernode.
         row_start: (S + 1,) the index in ``rows`` at which its rows below the diagonal begin.
-        rows: (R,) ascending.
+        rows: (R,) the rows below the diagonal of each supernode, ascending.
         value_start: (S + 1,) the index in ``values`` at which its panel begins.
         values: blocks of four columns (the last one padded with zeros): the inverted triangle, then the rows
             below, four numbers per row. A single column is not padded.
-        parent: (S,) the supernode that contains its first row below the diagonal. -1 at the root.
+        parent: (S,) the supernode that contains its first row below the diagonal; -1 for the root.
         node_of: (V,) the supernode of each column.
         tallest: the number of rows of the tallest panel.
     """
@@ -55,15 +55,15 @@ class Factor(NamedTuple):
 
 
 def factorise(count: int, edges: Int, weights: Float) -> Factor:
-    """Returns the factor of the edges' Laplacian with its vertex 0 fixed.
+    """Returns the factor of the Laplacian of weighted edges, with vertex 0 fixed.
 
-    Fixing one vertex loses nothing, because the solver adds a translation of the whole
+    Fixing one vertex does not restrict the result, because the solver adds a translation of the whole surface
     (:mod:`enliven.deformation.arap.handles`).
 
     Args:
         count: V vertices, all in one connected component.
-        edges: (E, 2), each once.
-        weights: (E,) above 0.
+        edges: (E, 2) pairs of vertices, each once.
+        weights: (E,) the weights of the edges, above 0.
     """
     a, b = edges[:, 0], edges[:, 1]
     diagonal = np.bincount(a, weights, count) + np.bincount(b, weights, count)
@@ -103,7 +103,8 @@ def _find_supernodes(start, row):
         first[size], entries[size] = c, start[c + 1] - start[c]
         size += 1
         first[size] = c + 1
-        # The previous supernode is a child of this one if its next row belongs to this one.
+        # The previous supernode is a child of this supernode if its first row below the diagonal belongs to
+        # this one.
         while size > 1:
             child = first[size - 1] - 1
             if start[child + 1] - start[child] < 2 or row[start[child] + 1] != first[size - 1]:
@@ -121,7 +122,7 @@ def _find_supernodes(start, row):
 
 
 def _build_panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size: int) -> Factor:
-    """Returns the factor with the supernodes' rows and dense panels."""
+    """Returns the factor, given the columns in CSC form: builds the supernodes' rows and dense panels."""
     count = len(order)
     width = np.diff(first).astype(np.int64)
     last = first[1:].astype(np.int64) - 1
@@ -145,7 +146,7 @@ def _build_panels(order: Int, start: Int, row: Int32, value: Float, first: Int32
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_panels(start, row, value, first, row_start, value_start, rows, values):
-    """Scatters the columns into panels, and inverts the triangles."""
+    """Copies the columns of the factor into the dense panels of supernodes. Inverts each panel's triangle."""
     count = len(start) - 1
     place = np.zeros(count, np.int64)
     for s in range(len(first) - 1):

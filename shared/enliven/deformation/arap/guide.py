@@ -1,10 +1,10 @@
-"""A coarse proxy of a surface that solves large bends at once. The fine surface alone would need hundreds of
-frames.
+"""A coarse proxy of a surface (the guide), which solves large bends quickly. The fine surface alone would
+need hundreds of frames.
 
-Alternating between rotations and positions propagates a bend by about one edge per iteration. On ten thousand
-vertices, an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once, and moves the
-fine surface with it (:mod:`enliven.deformation.arap.detail`). After that, only the details of the fine
-surface have to converge.
+The ARAP iteration alternates between rotations and positions, and propagates a bend by about one edge per
+iteration. With ten thousand vertices, an arm needs hundreds of iterations. A proxy of a few hundred vertices
+bends at once, and moves the fine surface with it (:mod:`enliven.deformation.arap.detail`). After that, only
+the details of the fine surface have to converge.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _PATH_STEPS = 24
 _SETTLING_FRAMES = 40
 """Number of additional frames at the targets, in which the proxy converges."""
 _PROXY_ITERATIONS = 6
-"""Number of iterations of the proxy per frame. The proxy is small, so more iterations than on the fine
-surface cost little."""
+"""Number of iterations of the proxy per frame. The proxy is small, so it can have more iterations than the
+fine surface."""
 _MIN_PROXY_FOLLOW = 0.01
-"""Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction, the
-whole proxy moves with the handles."""
+"""Minimum ``ArapSettings.follow`` of the proxy. If the motion of the handles is rigid except for this
+fraction, the whole proxy moves rigidly with the handles."""
 
 
 class Guide:
-    """A coarse proxy that carries a mesh: a solver on a few hundred of its vertices.
+    """A coarse proxy of a mesh: a solver on a few hundred of its vertices, which all other vertices follow.
 
     Args:
         fine: the solver of the mesh.
@@ -44,7 +44,7 @@ class Guide:
         weights: (P,) weight of each control point as a soft handle. None means hard.
 
     Attributes:
-        carried: (V, 3) metres, the mesh as carried by the proxy.
+        carried: (V, 3) metres, the mesh as moved by the proxy.
     """
 
     def __init__(
@@ -67,21 +67,24 @@ class Guide:
         self.carried = mesh.vertices
 
     def take(self, fine: ArapSolver, places: Float) -> None:
-        """Carries the fine surface with the handles from their last places to ``places`` (P, 3) metres.
+        """Moves the fine surface with the proxy while the handles move to ``places`` (P, 3) metres.
 
-        Offsets of the fine surface from the proxy rotate by the best rotation of all handles.
+        The offsets of the fine surface from the proxy are rotated by the best rotation of all handles.
 
         Raises:
-            InputError: if the places have the wrong shape, or are not finite; nothing has changed then.
+            InputError: if the places have the wrong shape, or are not finite. In that case nothing has
+                changed.
         """
         self._solver.solve(targets_from_places(places))
-        turn, _, _ = fit_rigid_motion(self._places, places)
-        before, self.carried, self._places = self.carried, self._carried_vertices(), places
-        fine.move_with_proxy(before, self.carried, turn)
+        rotation, _, _ = fit_rigid_motion(self._places, places)
+        previous, self.carried, self._places = self.carried, self._carried_vertices(), places
+        fine.move_with_proxy(previous, self.carried, rotation)
 
     def settle(self, places: Float) -> Float:
-        """Returns (V, 3) metres, the mesh moved from rest to ``places`` in small steps, independent of
-        earlier frames.
+        """Returns (V, 3) metres, the mesh for handles at ``places`` (P, 3) metres, independent of earlier
+        frames.
+
+        The handles are moved from rest in small steps.
         """
         settle_from_rest(self._solver, self._home, places)
         self.carried, self._places = self._carried_vertices(), places
@@ -89,7 +92,8 @@ class Guide:
 
     @property
     def pressure(self) -> float:
-        """The pressure that preserves the proxy's volume; it does not depend on the resolution."""
+        """The pressure that preserves the proxy's volume. It does not depend on the resolution of the
+        mesh."""
         return self._solver.pressure
 
     def _carried_vertices(self) -> Float:
@@ -100,23 +104,24 @@ class Guide:
 
     def twin(self) -> Guide:
         """Returns a second guide at rest that shares the factor and the weights."""
-        other = object.__new__(Guide)
-        other.__dict__.update(self.__dict__)
-        other._solver, other._places, other.carried = self._solver.twin(), self._home, self._rest
-        return other
+        second = object.__new__(Guide)
+        second.__dict__.update(self.__dict__)
+        second._solver, second._places, second.carried = self._solver.twin(), self._home, self._rest
+        return second
 
 
 def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
     """Moves a solver from rest to ``places`` (P, 3) in small steps, and lets it converge.
 
     A limb that rotates far in one step would turn inside out. The rigid motion that all handles share is
-    applied in the last step. Spread over the steps, it would press the figure through its own middle.
+    applied only in the last step. If it were distributed over the steps, the surface would be pressed through
+    itself.
     """
     solver.reset()
-    turn, old, new = fit_rigid_motion(home, places)
-    near = (places - new) @ turn + old
+    rotation, home_centre, place_centre = fit_rigid_motion(home, places)
+    unrotated_places = (places - place_centre) @ rotation + home_centre
     for step in range(1, _PATH_STEPS + 1):
-        solver.solve(targets_from_places(home + (near - home) * (step / _PATH_STEPS)))
+        solver.solve(targets_from_places(home + (unrotated_places - home) * (step / _PATH_STEPS)))
     for _ in range(_SETTLING_FRAMES):
         solver.solve()
     solver.solve(targets_from_places(places))
@@ -124,19 +129,24 @@ def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
 
 def handles_from_vertices(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
     """Returns one handle per control point, named by its number."""
-    return [Handle(str(k), (int(v),), w) for k, (v, w) in enumerate(zip(vertices, weights, strict=True))]
+    return [
+        Handle(str(k), (int(vertex),), weight)
+        for k, (vertex, weight) in enumerate(zip(vertices, weights, strict=True))
+    ]
 
 
 def targets_from_places(places: Float) -> dict[str, Float]:
-    """Returns the targets (P, 3) for :func:`handles_from_vertices`."""
+    """Returns the target of each handle from :func:`handles_from_vertices`, given ``places`` (P, 3)
+    metres."""
     return {str(k): place[None] for k, place in enumerate(places)}
 
 
 def fit_rigid_motion(home: Float, places: Float) -> tuple[Float, Float, Float]:
-    """Returns the rotation (3, 3) and the two centres (3,) of the best rigid motion of points (P, 3)."""
-    old, new = home.mean(0), places.mean(0)
-    covariance = (places - new).T @ (home - old)
-    # If all points lie on a line, the rotation about the line is undetermined. A tiny multiple of the
+    """Returns the best rigid motion from ``home`` to ``places`` (P, 3): a rotation (3, 3), and both centres
+    (3,)."""
+    home_centre, place_centre = home.mean(0), places.mean(0)
+    covariance = (places - place_centre).T @ (home - home_centre)
+    # If all points lie on a line, the rotation about this line is undetermined. Adding a tiny multiple of the
     # identity selects the smallest rotation.
     covariance += 1e-12 * max(float(np.abs(covariance).max()), 1e-300) * np.eye(3)
-    return to_matrix(np.array(nearest_quaternion(covariance))), old, new
+    return to_matrix(np.array(nearest_quaternion(covariance))), home_centre, place_centre

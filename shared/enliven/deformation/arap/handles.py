@@ -1,16 +1,16 @@
 """Adds handles to a factor of the Laplacian, exactly and without a new factorization.
 
-The factor is of the Laplacian alone (with vertex 0 fixed, which gives one of its solutions). The forces f on
-the handle vertices E and a translation c of the whole are found from
+The factor is that of the Laplacian alone (with vertex 0 fixed, which gives one of its solutions). The forces
+f on the handle vertices E and a translation c of the whole surface are the solution of
 
     [ EᵀGE + D   1 ] [ f ]   [ wanted - EᵀG r ]
     [ 1ᵀ         0 ] [ c ] = [ -1ᵀ r          ]        x = G (r + E f) + c
 
-with G the factor's inverse, D = 0 for a hard handle and 2 / weight for a soft one. This is exact for hard and
-soft handles. Let U = C⁻¹ E. It is non-zero only on the path from a handle to the root of the elimination tree
-(a few hundred positions), and EᵀGE is UᵀU. A frame then needs one forward and one backward pass with a few
-thousand multiplications between them. Adding a handle needs one column of U and the inverse of a matrix of
-the handles' size, but neither a symbolic nor a numeric factorization.
+Here r is the residual, G is the inverse of the factorized matrix, and D is 0 for a hard handle and 2 / weight
+for a soft handle. This is exact for both kinds. Let U = C⁻¹ E. It is non-zero only on the path from a handle
+to the root of the elimination tree (a few hundred positions), and EᵀGE is UᵀU. So a frame needs one forward
+and one backward pass, with a few thousand multiplications between them. Adding a handle needs one column of U
+and the inverse of a matrix with the number of handles as its size, but no factorization.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from enliven.rotation import nearest_quaternion, rotation_matrix
 
 
 class HeldVertices(NamedTuple):
-    """H handle vertices.
+    """The vertices of all handles (H vertices), and the arrays to solve for the forces on them.
 
     Attributes:
         places: (H,) the index of each vertex in the solver's order.
         start: (H + 1,) the index at which its column of U begins.
         rows: (K,) the positions of the column's entries in elimination order.
         values: (K,) the values of these entries.
-        inverse: (H + 1, H + 1) the inverse of the matrix above.
+        inverse: (H + 1, H + 1) the inverse of the matrix in the module's docstring.
         soft: (H,) 2 / weight; 0 for a hard handle.
     """
 
@@ -47,19 +47,25 @@ class HeldVertices(NamedTuple):
     soft: Float
 
 
-def hold(
-    factor: Factor, eliminated: Int32, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]
+def build_held_vertices(
+    factor: Factor,
+    eliminated: Int32,
+    places: Int,
+    soft: Float,
+    columns_by_place: dict[int, tuple[Int32, Float]],
 ) -> HeldVertices:
-    """Returns the handle vertices at ``places`` (H,). No hard one may occur twice.
+    """Returns the handle vertices at ``places`` (H,), indices in the solver's order.
+
+    No vertex of a hard handle may occur twice.
 
     Args:
         eliminated: (V,) the position of each vertex in elimination order.
         soft: (H,) 2 / weight; 0 for a hard handle.
-        known: cache of the columns of U by position, which also serves the next change.
+        columns_by_place: cache of the columns of U by position. New columns are added to it.
     """
-    for place in set(places.tolist()) - known.keys():
-        known[place] = unit_column(factor, int(eliminated[place]))
-    columns = [known[place] for place in places.tolist()]
+    for place in set(places.tolist()) - columns_by_place.keys():
+        columns_by_place[place] = unit_column(factor, int(eliminated[place]))
+    columns = [columns_by_place[place] for place in places.tolist()]
     start = np.concatenate([[0], np.cumsum([len(rows) for rows, _ in columns])]).astype(np.int64)
     rows = np.concatenate([rows for rows, _ in columns])
     values = np.concatenate([column for _, column in columns])
@@ -75,7 +81,7 @@ def hold(
 
 @njit(cache=True, nogil=True)
 def _transposed_products(start, rows, values, count, matrix):
-    """Computes the upper left of ``matrix`` <- UᵀU."""
+    """Computes UᵀU into the upper left part of ``matrix``."""
     work = np.zeros(count)
     for i in range(len(start) - 1):
         for k in range(start[i], start[i + 1]):
@@ -90,12 +96,13 @@ def _transposed_products(start, rows, values, count, matrix):
 
 
 @njit(cache=True, nogil=True)
-def pull(held, frames, targets, z):
-    """Computes z = C⁻¹ r <- C⁻¹ (r + E f), and returns the translation c of the whole.
+def solve_handles(held, frames, targets, z):
+    """Adds the handle forces to the residual: z = C⁻¹ r becomes C⁻¹ (r + E f). Returns the translation c
+    (3,).
 
     Args:
-        frames: (16 V,) with the positions at which r was computed.
-        targets: (H, 3) targets of the handles.
+        frames: (16 V,) the state of the vertices, with the positions at which r was computed.
+        targets: (H, 3) metres, the targets of the handle vertices.
         z: (4 V,) float32, in elimination order. The sum of r is 0, because each edge adds to one end what it
             subtracts from the other.
     """
@@ -126,14 +133,16 @@ def pull(held, frames, targets, z):
 
 
 @njit(cache=True, nogil=True)
-def follow(held, frames, shown, targets, share):
-    """Moves the whole surface with the handles, if one rigid motion explains their squared motion except for
-    the fraction ``share``.
+def follow_handles(held, frames, shown, targets, share):
+    """Moves the whole surface rigidly with the handles, if a rigid motion explains their motion.
+
+    This is the case if the squared distances to the targets after the motion are below the fraction ``share``
+    of those before it.
 
     Without this, a rotation of all handles would reach the inner cells only over many frames.
 
     Args:
-        shown: (V, 3) the positions that were shown last. They are moved too.
+        shown: (V, 3) metres, the positions that were shown last. They are moved too.
     """
     count = len(held.places)
     old, new = np.zeros(3), np.zeros(3)
@@ -147,8 +156,8 @@ def follow(held, frames, shown, targets, share):
             before += (targets[h, r] - frames[16 * held.places[h] + 12 + r]) ** 2
             for c in range(3):
                 m[r, c] += (targets[h, r] - new[r]) * (frames[16 * held.places[h] + 12 + c] - old[c])
-    # If all handles lie on a line, the rotation about the line is undetermined. A tiny multiple of the
-    # identity selects the smallest rotation.
+    # If all handles lie on a line, the rotation about this line is undetermined. Adding a tiny multiple of
+    # the identity selects the smallest rotation.
     push = 1e-12 * np.abs(m).max()
     for r in range(3):
         m[r, r] += push
@@ -163,7 +172,7 @@ def follow(held, frames, shown, targets, share):
                 gap -= m[r, c] * (frames[at + c] - old[c])
             after += gap * gap
     # If the squared error after the motion lies between ``share`` and twice ``share`` of the error before it,
-    # apply only a part of the motion. Then small changes of the input cause only small changes of the result.
+    # apply only a part of the motion. So small changes of the input cause only small changes of the result.
     part = 2.0 - after / (share * before) if before > 0.0 and share > 0.0 else 0.0
     if part <= 0.0:
         return

@@ -1,4 +1,4 @@
-"""Handles, and validation of handles and their targets."""
+"""Handles of an ARAP solver, and the validation of handles and their targets."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _MAX_HANDLE_DISTANCE_RATIO = 1e3
 
 @dataclass(frozen=True)
 class Handle:
-    """Vertices that are moved to targets.
+    """A group of vertices that are moved to targets.
 
     Attributes:
-        name: unique among the solver's handles.
-        vertices: its vertices of the mesh.
-        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1. None means
-            hard.
+        name: the handle's name, unique among the solver's handles.
+        vertices: the mesh's vertices that belong to the handle.
+        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1. None for a
+            hard handle, which reaches its targets exactly.
     """
 
     name: str
@@ -33,44 +33,46 @@ class Handle:
 
 
 def check_handle(handle: Handle, surface: PreparedSurface) -> None:
-    """Raises InputError if the handle's vertices cannot be held."""
-    who, count = f"handle {handle.name!r}", len(surface.place_of)
+    """Raises InputError if the handle has no vertices, wrong vertices, or a weight that is not above 0."""
+    location, count = f"handle {handle.name!r}", len(surface.place_of)
     if not handle.vertices:
-        raise InputError("it holds no vertex", where=who, mend="Choose a vertex of the mesh.")
+        raise InputError("the handle has no vertex", where=location, remedy="Choose a vertex of the mesh.")
     if handle.weight is not None and not (np.isfinite(handle.weight) and handle.weight > 0):
-        raise InputError(f"its weight is {handle.weight}", where=who, mend="Give a number above 0.")
+        raise InputError(f"the weight is {handle.weight}", where=location, remedy="Give a number above 0.")
     for vertex in handle.vertices:
         if not 0 <= vertex < count:
-            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=who)
+            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=location)
         if surface.loose[vertex]:
             raise InputError(
-                f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
-                where=who,
-                mend="Choose a vertex of the surface.",
+                f"vertex {vertex} belongs to no face, so no surface would follow it",
+                where=location,
+                remedy="Choose a vertex of the surface.",
             )
 
 
 def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: PreparedSurface) -> Float:
-    """Returns (K, 3) the checked target of a handle."""
+    """Returns the checked targets (K, 3) of a handle, in metres."""
     if name not in handles:
         handle_names = ", ".join(handles) or "none"
         raise InputError(
-            f"the handle {name!r} does not exist", where=ERROR_CONTEXT, mend=f"Known: {handle_names}."
+            f"the handle {name!r} does not exist", where=ERROR_CONTEXT, remedy=f"Known: {handle_names}."
         )
     handle = handles[name]
     target = np.array(value, np.float64)
     if target.shape == (3,) and len(handle.vertices) == 1:
         target = target[None]
-    who = f"handle {name!r}"
+    location = f"handle {name!r}"
     if target.shape != (len(handle.vertices), 3):
-        raise InputError(f"targets {target.shape} for {len(handle.vertices)} vertices", where=who)
-    if not np.isfinite(target).all():
-        raise InputError("its target is not finite", where=who, mend="The last valid pose is kept.")
-    farthest = float(np.abs(target - surface.centre).max())
-    if farthest > _MAX_HANDLE_DISTANCE_RATIO * surface.extent:
         raise InputError(
-            f"its target is {farthest:.3g} m away from a mesh of {surface.extent:.3g} m",
-            where=who,
-            mend="Check the units.",
+            f"the targets have shape {target.shape} for {len(handle.vertices)} vertices", where=location
+        )
+    if not np.isfinite(target).all():
+        raise InputError("the target is not finite", where=location, remedy="The last valid pose is kept.")
+    max_distance = float(np.abs(target - surface.centre).max())
+    if max_distance > _MAX_HANDLE_DISTANCE_RATIO * surface.extent:
+        raise InputError(
+            f"the target is {max_distance:.3g} m away from a mesh of {surface.extent:.3g} m",
+            where=location,
+            remedy="Check the units.",
         )
     return target

@@ -1,12 +1,12 @@
 """Nearest rotations of many 3x3 matrices (polar decomposition), several at a time in vector registers.
 
-trace(RᵀS) is largest for the rotation that has the top eigenvector of Horn's traceless symmetric 4x4 matrix K
-of S as its quaternion ("Closed-form solution of absolute orientation using unit quaternions", 1987). With |S|
-= 1, its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|². Laguerre's method starts at the
-square root of 3, which is above every eigenvalue, and descends to the top one. (Newton's method needs three
-times the number of steps if the next eigenvalue is near.) The eigenvector is a column of the adjugate of K -
-x. The code has no branch and no loop of unknown length, so the compiler vectorizes it. If the top eigenvalue
-is nearly double (cells on a line, inverted cells), a slow but robust method is used.
+trace(RᵀS) is largest for a rotation R with this quaternion: the top eigenvector of Horn's traceless symmetric
+4x4 matrix K of S ("Closed-form solution of absolute orientation using unit quaternions", 1987). With |S| = 1,
+its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|². Laguerre's method starts at the
+square root of 3, which is above every eigenvalue, and descends to the largest eigenvalue. (Newton's method
+needs three times the number of steps if the second eigenvalue is near.) The eigenvector is a column of the
+adjugate of K - x. The code has no branch and no loop of unknown length, so the compiler vectorizes it. If the
+largest eigenvalue is nearly double (cells on a line, inverted cells), a slow but robust method is used.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from enliven.rotation import nearest_quaternion, rotation_matrix
 N = 64
 """Number of cells in a block. A block is one array. Its row k is ``block[k * N : (k + 1) * N]``."""
 S = 0
-"""First row of a block's matrix, column by column."""
+"""First of the nine rows of a block with the matrices S, column by column."""
 R = 9
-"""First row of a block's rotation, column by column; it follows the nine of the matrix."""
+"""First of the nine rows of a block with the rotations R, column by column."""
 TRACE = 18
-"""Row of trace(RᵀS) in a block."""
-CLEAR = 19
-"""Row of the derivative of the characteristic polynomial at its top root: 0 if the eigenvalue is double."""
+"""Row of a block with trace(RᵀS)."""
+ROOT_DERIVATIVE = 19
+"""Row of a block with the derivative of the characteristic polynomial at its largest root. It is 0 if this
+eigenvalue is double."""
 ROWS = 20
 """Number of rows of a block."""
 _MAX_UNRELIABLE_DERIVATIVE = 0.05
-"""Maximum derivative at which the adjugate is too small for a reliable eigenvector in float64."""
+"""Below this derivative, the adjugate is too small for a reliable eigenvector in float64."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _polar_fast(block):
-    """Computes rows R, TRACE and CLEAR from rows S."""
+    """Computes the rows R, TRACE and CLEAR of a block from its rows S."""
     for n in range(64):
         a, b, c = block[n], block[n + 3 * 64], block[n + 6 * 64]
         d, e, f = block[n + 64], block[n + 4 * 64], block[n + 7 * 64]
@@ -118,18 +119,18 @@ def _polar_fast(block):
 
 @njit(cache=True, nogil=True)
 def polar(block, count, frames, at):
-    """Computes rows R and TRACE of the first ``count`` cells of a block from its rows S.
+    """Computes the rows R and TRACE of the first ``count`` cells of a block from its rows S.
 
-    If several rotations are equally good, the one nearest to the last is used. A weak bias towards the last
-    rotation, which has no effect elsewhere, ensures that trace(RᵀS) never gets smaller.
+    If several rotations are equally good, the one nearest to the last rotation is used. A weak bias towards
+    the last rotation, which has no effect in other cases, ensures that trace(RᵀS) never gets smaller.
 
     Args:
-        frames: (16 V,) the solver's; its first three columns of a cell are the last (scaled) rotation.
-        at: the first cell's number.
+        frames: (16 V,) the solver's state. The first three columns of a cell are its last (scaled) rotation.
+        at: the number of the first cell.
     """
     _polar_fast(block)
     for n in range(count):
-        if block[CLEAR * N + n] > _MAX_UNRELIABLE_DERIVATIVE:
+        if block[ROOT_DERIVATIVE * N + n] > _MAX_UNRELIABLE_DERIVATIVE:
             continue
         m, norm, size = np.empty((3, 3)), 0.0, 0.0
         for k in range(9):

@@ -10,13 +10,15 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, shells
 
 _MAX_DUST_SIZE_SPACINGS = 2.0
-"""Maximum size, in spacings, of a tiny shell, which follows the nearest surface rigidly."""
+"""Maximum size, in spacings, of a tiny shell. Tiny shells follow the nearest surface rigidly."""
 
 
 @njit(cache=True, nogil=True)
-def followed(points, samples, start, near, way, reach, detour):
-    """Returns the CSR of samples that each vertex follows, with weights, from those near along the
-    surface.
+def select_followed_samples(points, samples, start, near, way, reach, detour):
+    """Returns the samples that each vertex follows, with weights, as CSR.
+
+    ``start``, ``near`` and ``way`` are the samples near each vertex, and their distances along the surface in
+    metres.
     """
     count = points.shape[0]
     offsets, kept, weights = (
@@ -50,34 +52,41 @@ def followed(points, samples, start, near, way, reach, detour):
 
 
 def find_tiny_shells(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """Returns (W,) True for vertices on a tiny shell (numbered by ``label``) that is not ``awake``."""
+    """Returns (W,) True for vertices of tiny shells.
+
+    Args:
+        points: (W, 3) metres.
+        label: (W,) the shell of each vertex.
+        awake: shells that never count as tiny.
+        spacing: metres between samples.
+    """
     count = int(label.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    for c in range(3):
-        np.minimum.at(low[:, c], label, points[:, c])
-        np.maximum.at(high[:, c], label, points[:, c])
+    for shell in range(3):
+        np.minimum.at(low[:, shell], label, points[:, shell])
+        np.maximum.at(high[:, shell], label, points[:, shell])
     size = np.linalg.norm(high - low, axis=1)
-    small = size < _MAX_DUST_SIZE_SPACINGS * spacing
-    small[size.argmax()] = False
-    small[awake] = False
-    return np.asarray(small[label])
+    is_small = size < _MAX_DUST_SIZE_SPACINGS * spacing
+    is_small[size.argmax()] = False
+    is_small[awake] = False
+    return np.asarray(is_small[label])
 
 
 def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
-    """Returns (G, 3) the coarse faces, and (L, 2) neighbours that share no face."""
+    """Returns (G, 3) the coarse faces, and (L, 2) pairs of neighbouring samples that share no face."""
     corners = nearest[faces]
     corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
     count = int(nearest.max()) + 1
-    three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
-    low, middle, high = np.sort(three, 1).T
-    coarse = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
+    is_triangle = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
+    low, middle, high = np.sort(is_triangle, 1).T
+    coarse = is_triangle[np.unique((low * count + middle) * count + high, return_index=True)[1]]
     pairs = np.setdiff1d(unique_sides(corners, count), unique_sides(coarse, count))
     pairs = np.stack([pairs // count, pairs % count], 1)
     return coarse.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
 
 
 def unique_sides(corners: Int, count: int) -> Int:
-    """Returns (S,) the sides of faces without duplicates, as lower * count + higher."""
+    """Returns (S,) the sides of faces without duplicates, as lower vertex * count + higher vertex."""
     turned = corners[:, [1, 2, 0]]
     return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
 
@@ -85,21 +94,24 @@ def unique_sides(corners: Int, count: int) -> Int:
 def add_tiny_shells(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
-    """Returns the CSR with tiny shells added. All vertices of a tiny shell follow the samples of its nearest
-    surface vertex.
+    """Returns the samples that each vertex follows (CSR), with tiny shells added.
+
+    All vertices of a tiny shell follow the samples of the surface vertex that is nearest to the shell.
     """
-    rest = np.flatnonzero(~riding)
+    surface_vertices = np.flatnonzero(~riding)
     label = shells(whole.faces, len(whole.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)
     counts = np.bincount(number).astype(float)
-    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / counts for c in range(3)], 1)
-    host = np.arange(len(riding))
-    host[riding] = rest[scipy.spatial.cKDTree(whole.vertices[rest]).query(middle)[1]][number]
-    return spread(host, start, near, weights)
+    middle = np.stack([np.bincount(number, whole.vertices[riding, axis]) / counts for axis in range(3)], 1)
+    followed_vertex = np.arange(len(riding))
+    followed_vertex[riding] = surface_vertices[
+        scipy.spatial.cKDTree(whole.vertices[surface_vertices]).query(middle)[1]
+    ][number]
+    return repeat_rows(followed_vertex, start, near, weights)
 
 
-def spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """Returns a CSR with row v equal to row ``of[v]`` of the given CSR."""
+def repeat_rows(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
+    """Returns a CSR matrix in which row v is row ``of[v]`` of the given CSR matrix."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

@@ -1,9 +1,9 @@
-"""Detects where a deformed surface intersects itself.
+"""Finds the faces of a deformed surface that intersect other faces.
 
-The search uses a bounding volume hierarchy: a tree of boxes over the faces, in the order of a space-filling
-curve at rest. The tree is built once for a mesh. Each pose only updates the boxes from the leaves up. Faces
-that share a vertex, or a position, are neighbours and never cross. Faces that only touch, or are coplanar, do
-not cross either.
+The search uses a bounding volume hierarchy: a tree of boxes over the faces, which are sorted along a
+space-filling curve at rest. The tree is built once for a mesh. For each pose, only the boxes are updated,
+from the leaves up. Faces that share a vertex, or a position, are neighbours and never cross. Faces that only
+touch, or are coplanar, do not cross either.
 
     crossing = SelfIntersection(mesh)
     faces = crossing.newly_crossing(surface)       # (K,) faces that cross now and did not at rest
@@ -19,7 +19,7 @@ from enliven.meshes import Mesh, first_of_position, space_curve
 
 
 class SelfIntersection:
-    """A test of one mesh, pose by pose, for faces that cross.
+    """A test for intersecting faces of a mesh in any pose.
 
     Args:
         mesh: the mesh at rest. Its crossings at rest are computed at the first query.
@@ -33,32 +33,33 @@ class SelfIntersection:
         self._rest: Int | None = None
 
     def crossing(self, vertices: Float) -> Int:
-        """Returns (K,) the faces that intersect others in a pose (V, 3), ascending."""
+        """Returns (K,) the faces that intersect other faces in a pose (V, 3), ascending."""
         moved = np.array(vertices, np.float64, order="C")
         return np.sort(
             self._order[_crossing_faces(moved, self._corners, *_bounding_boxes(moved, self._corners))]
         )
 
     def newly_crossing(self, vertices: Float) -> Int:
-        """Returns (K,) the faces of :meth:`crossing` that do not cross at rest."""
+        """Returns (K,) the faces that intersect other faces in a pose (V, 3), but not at rest."""
         if self._rest is None:
             self._rest = self.crossing(self._mesh.vertices)
         return newly_crossing(self._rest, self.crossing(vertices))
 
 
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
-    """Returns (K,) the faces that cross now and did not at rest. A mesh with interpenetrating parts has
-    crossings at rest.
+    """Returns (K,) the faces that cross now and did not cross at rest.
+
+    A mesh with parts that overlap has crossings at rest.
     """
     return np.setdiff1d(crossings, rest_crossings)
 
 
 @njit(cache=True, nogil=True)
 def _bounding_boxes(vertices, corners):
-    """Computes bounding boxes: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over
-    them.
+    """Computes bounding boxes of the faces (F, 6), and of the nodes (2 L, 6) of a full binary tree over the
+    faces.
 
-    Node 1 is the root, the L leaves come last; a leaf has four faces.
+    Node 1 is the root. The L leaves come last, and each has four faces.
     """
     count = corners.shape[0]
     leaves = 1
@@ -82,7 +83,7 @@ def _bounding_boxes(vertices, corners):
 
 @njit(cache=True, nogil=True)
 def _are_boxes_disjoint(boxes, a, b):
-    """Returns whether two boxes are disjoint."""
+    """Returns True if two boxes are disjoint."""
     return (
         boxes[a, 0] > boxes[b, 3]
         or boxes[b, 0] > boxes[a, 3]
@@ -95,7 +96,7 @@ def _are_boxes_disjoint(boxes, a, b):
 
 @njit(cache=True, nogil=True)
 def _crossing_faces(vertices, corners, of_face, boxes):
-    """Returns (K,) the rows of ``corners`` (F, 3) with faces that cross others."""
+    """Returns (K,) the rows of ``corners`` (F, 3) with faces that cross other faces."""
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
     stack = np.empty((128, 2), np.int64)
@@ -124,7 +125,7 @@ def _crossing_faces(vertices, corners, of_face, boxes):
 
 @njit(cache=True, nogil=True)
 def _leaves_cross(vertices, corners, of_face, a, b, hit):
-    """Marks the crossing faces of two leaves, which begin at ``a`` and ``b``."""
+    """Marks in ``hit`` the crossing faces of two leaves, which begin at the faces ``a`` and ``b``."""
     count = corners.shape[0]
     for f in range(a, min(a + 4, count)):
         for g in range(f + 1 if a == b else b, min(b + 4, count)):
@@ -138,7 +139,7 @@ def _leaves_cross(vertices, corners, of_face, a, b, hit):
 
 @njit(cache=True, nogil=True)
 def _share_position(corners, f, g):
-    """Returns whether two faces share a position of the mesh."""
+    """Returns True if two faces share a position of the mesh."""
     for i in range(3):
         for j in range(3):
             if corners[f, i] == corners[g, j]:
@@ -148,8 +149,8 @@ def _share_position(corners, f, g):
 
 @njit(cache=True, nogil=True)
 def _signed_side(vertices, a, b, c, d):
-    """Returns six times the signed volume of a tetrahedron: the side of the plane a, b, c that the point d
-    is on.
+    """Returns six times the signed volume of a tetrahedron. It is positive
+    on one side of the plane a, b, c and negative on the other.
     """
     x, y, z = vertices[d, 0], vertices[d, 1], vertices[d, 2]
     ax, ay, az = vertices[a, 0] - x, vertices[a, 1] - y, vertices[a, 2] - z
@@ -160,7 +161,7 @@ def _signed_side(vertices, a, b, c, d):
 
 @njit(cache=True, nogil=True)
 def _edge_pierces_face(vertices, corners, f, g):
-    """Returns whether an edge of face ``f`` passes through the inside of face ``g``."""
+    """Returns True if an edge of face ``f`` passes through the inside of face ``g``."""
     a, b, c = corners[g, 0], corners[g, 1], corners[g, 2]
     p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
     sp, sq, sr = (
@@ -177,7 +178,7 @@ def _edge_pierces_face(vertices, corners, f, g):
 
 @njit(cache=True, nogil=True)
 def _line_meets_face(vertices, a, b, c, p, q):
-    """Returns whether the line through p and q meets the inside of the face a, b, c."""
+    """Returns True if the line through p and q passes through the inside of the face a, b, c."""
     u, v, w = (
         _signed_side(vertices, p, q, a, b),
         _signed_side(vertices, p, q, b, c),

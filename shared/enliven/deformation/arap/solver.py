@@ -1,20 +1,21 @@
-"""Squash-and-stretch ARAP deformation of a surface by handles: factorizes once, drags in real time.
+"""Squash-and-stretch ARAP deformation of a surface by handles. Factorizes a matrix once, then solves in real
+time.
 
 U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models",
 2015, section 4, based on O. Sorkine and M. Alexa, "As-rigid-as-possible surface modeling", 2007:
 
     solver = ArapSolver(mesh)
     solver.set_handles([Handle("hand", (4711,)), Handle("feet", (12, 980))])
-    vertices = solver.solve({"hand": [[0.3, 1.2, 0.1]]})      # the feet stay
+    vertices = solver.solve({"hand": [[0.3, 1.2, 0.1]]})      # the feet keep their targets
 
-A frame takes a few iterations from the last frame's shape. In the shape state, each cell takes its best
-rotation and uniform scale (eq. 4 to 9), which never raises the energy. The last iteration is the pose state's
-(eq. 10 to 13). Its volume-preserving V_i R_i give the pose that is shown. The next frame does not start from
-this pose.
+A frame needs a few iterations that start from the shape of the last frame. In the iterations of the shape
+state, each cell gets its best rotation and uniform scale (eq. 4 to 9), which never raises the energy. The
+last iteration computes the pose state (eq. 10 to 13). Its volume-preserving V_i R_i give the pose that is
+shown. The next frame starts from the shape, not from this pose.
 
-Each solve gives a correction of the positions: the residual of eq. 9 is computed in float64 and solved by a
-float32 factor. Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`). Adding one
-costs less than a frame.
+Each solve computes a correction of the positions: the residual of eq. 9 is computed in float64 and solved
+with a float32 factor. Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`).
+Adding a handle costs less than a frame.
 """
 
 from __future__ import annotations
@@ -29,38 +30,38 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.cells import residual, turn_and_scale, turn_and_squash
 from enliven.deformation.arap.detail import cell_maps
-from enliven.deformation.arap.handles import HeldVertices, follow, hold, pull
+from enliven.deformation.arap.handles import HeldVertices, build_held_vertices, follow_handles, solve_handles
 from enliven.deformation.arap.input import ERROR_CONTEXT, Handle, check_handle, checked_target
 from enliven.deformation.arap.solves import backward, forward
-from enliven.deformation.arap.step import carry_positions, moved, set_zero, write_pose
+from enliven.deformation.arap.step import apply_correction, carry_positions, set_zero, write_pose
 from enliven.deformation.arap.surface import prepare_surface
 from enliven.deformation.arap.threads import ThreadChoice, run_on_threads
-from enliven.deformation.arap.volume import press
+from enliven.deformation.arap.volume import add_pressure
 from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
 _SAME_TARGET_FRACTION = 1e-6
-"""Maximum distance, as a fraction of the mesh's size, at which two hard handles on one vertex agree."""
+"""Two hard handles on one vertex agree if their targets are closer than this fraction of the mesh's size."""
 _MAX_HANDLE_VERTICES = 2000
-"""Maximum number of vertices of all handles. A frame multiplies by a dense square matrix of this size."""
+"""Maximum number of vertices of all handles. Each frame multiplies by a dense square matrix of this size."""
 _MAX_CACHED_COLUMNS = 4000
-"""Maximum number of cached factor columns of removed handles. Each takes about 10 kB."""
+"""Maximum number of cached columns of the factor for handles. Each column needs about 10 kB."""
 
 
 class ArapSolver:
-    """An ARAP solver of one mesh with handles, warm-started from frame to frame.
+    """An ARAP solver of a mesh with handles. Each frame starts from the result of the last frame.
 
     Args:
-        mesh: any triangle mesh, in metres; triangle soups, several shells, open borders and needles are
-            allowed.
-        settings: may be replaced between frames (all but ``most_vertices``).
+        mesh: any triangle mesh, in metres. Triangle soups, several shells, open borders and needles (thin
+            triangles) are allowed.
+        settings: settings of the solver. They may be replaced between frames, except ``most_vertices``.
         links: (L, 2) pairs of vertices that are connected without a face. With links, vertices without a face
             are allowed.
 
     Attributes:
         notes: sentences about repairs to the mesh.
-        pose: (V, 3) the last valid result, read-only.
+        pose: (V, 3) metres, the last valid result, read-only.
         handles: the handles by name.
         pressure: the pressure in the last frame (:mod:`enliven.deformation.arap.volume`).
     """
@@ -89,67 +90,74 @@ class ArapSolver:
         self.pose = self.mesh.vertices.copy()
         self.pose.setflags(write=False)
         self._shown[:], self.pressure = self._surface.rest, 0.0
-        self._wanted = {name: self.mesh.vertices[list(h.vertices)] for name, h in self.handles.items()}
+        self._wanted = {
+            name: self.mesh.vertices[list(handle.vertices)] for name, handle in self.handles.items()
+        }
 
     def set_handles(self, handles: Sequence[Handle]) -> None:
-        """Replaces all handles; a handle that stays keeps its targets."""
+        """Replaces all handles. Unchanged handles keep their targets."""
         for handle in handles:
             check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
         if len(set(names)) < len(names):
-            raise InputError(f"two handles have one name: {', '.join(names)}", where=ERROR_CONTEXT)
-        places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
+            raise InputError(f"two handles have the same name: {', '.join(names)}", where=ERROR_CONTEXT)
+        places = np.array(
+            [self._surface.place_of[vertex] for h in handles for vertex in h.vertices], np.int64
+        )
         soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
         # If several hard handles hold the same vertex, add it only once. solve() checks that their targets
         # agree.
-        chosen = np.ones(len(places), bool)
-        hard = np.flatnonzero(soft == 0.0)
-        chosen[np.setdiff1d(hard, hard[np.unique(places[hard], return_index=True)[1]])] = False
-        if chosen.sum() > _MAX_HANDLE_VERTICES:
+        is_used = np.ones(len(places), bool)
+        hard_rows = np.flatnonzero(soft == 0.0)
+        is_used[np.setdiff1d(hard_rows, hard_rows[np.unique(places[hard_rows], return_index=True)[1]])] = (
+            False
+        )
+        if is_used.sum() > _MAX_HANDLE_VERTICES:
             raise InputError(
-                f"the handles hold {chosen.sum()} vertices, more than {_MAX_HANDLE_VERTICES}",
+                f"the handles hold {is_used.sum()} vertices, more than {_MAX_HANDLE_VERTICES}",
                 where=ERROR_CONTEXT,
-                mend="Give fewer vertices per handle; a few dozen are enough.",
+                remedy="Give fewer vertices per handle; a few dozen are enough.",
             )
         held = None
         if len(self._columns) > _MAX_CACHED_COLUMNS:
             self._columns.clear()
-        if chosen.any():
+        if is_used.any():
             factor, eliminated = self._surface.factor, self._surface.cells.eliminated
-            held = hold(factor, eliminated, places[chosen], soft[chosen], self._columns)
-        kept = {h.name: self._wanted[h.name] for h in handles if self.handles.get(h.name) == h}
-        self._held, self._chosen, self._places = held, np.flatnonzero(chosen), places
-        self._exact = self._hard_vertices(places, np.flatnonzero(chosen & (soft == 0.0)))
+            held = build_held_vertices(factor, eliminated, places[is_used], soft[is_used], self._columns)
+        kept_targets = {h.name: self._wanted[h.name] for h in handles if self.handles.get(h.name) == h}
+        self._held, self._chosen, self._places = held, np.flatnonzero(is_used), places
+        self._exact = self._hard_vertices(places, np.flatnonzero(is_used & (soft == 0.0)))
         self.handles = {handle.name: handle for handle in handles}
-        self._wanted = {h.name: kept.get(h.name, self.pose[list(h.vertices)]) for h in handles}
+        self._wanted = {h.name: kept_targets.get(h.name, self.pose[list(h.vertices)]) for h in handles}
 
     def solve(self, targets: Mapping[str, Float] | None = None) -> Float:
         """Solves the next frame.
 
         Args:
-            targets: for the handles that move, (K, 3) metres, one row per vertex of the handle; the others
-                stay.
+            targets: (K, 3) metres for each handle that moves, one row per vertex of the handle. The other
+            handles
+                keep their targets.
 
         Returns:
-            (V, 3) the mesh's vertices; hard handles are exactly at their targets.
+            (V, 3) metres, the mesh's vertices. Hard handles are exactly at their targets.
 
         Raises:
             InputError: if targets have the wrong shape, are not finite or contradict each other. The last
-                valid pose stays.
+                valid pose is kept.
         """
         all_targets, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
         self._threads, start = settings.threads or self._thread_choice.threads(), perf_counter()
         frames = self._frames.reshape(-1)
-        follow(held, frames, self._shown, rows, settings.follow)
+        follow_handles(held, frames, self._shown, rows, settings.follow)
         for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
             self._fit_cells()
             shift = self._solve_global_step(held, rows)
-            moved(frames, self._z, shift, surface.cells.eliminated)
+            apply_correction(frames, self._z, shift, surface.cells.eliminated)
         shift = (0.0, 0.0, 0.0)
         if settings.squash_and_stretch:
-            exaggeration, most = settings.exaggeration, settings.most_stretch
-            self._run_over_vertices(turn_and_squash, surface.cells, frames, exaggeration, most)
+            exaggeration, max_stretch = settings.exaggeration, settings.most_stretch
+            self._run_over_vertices(turn_and_squash, surface.cells, frames, exaggeration, max_stretch)
             shift = self._solve_global_step(held, rows, settings.volume)
         else:
             set_zero(self._z)
@@ -158,10 +166,12 @@ class ArapSolver:
         if not np.isfinite(pose).all():
             self.start_from(self.pose, 0.0)
             raise InputError(
-                "the handles leave no finite shape", where=ERROR_CONTEXT, mend="Move them less far."
+                "the handles give a shape that is not finite",
+                where=ERROR_CONTEXT,
+                remedy="Move the handles less far.",
             )
-        vertices, of = self._exact
-        pose[vertices] = np.concatenate([all_targets[name] for name in self.handles])[of]
+        vertices, target_rows = self._exact
+        pose[vertices] = np.concatenate([all_targets[name] for name in self.handles])[target_rows]
         pose.setflags(write=False)
         self._shown[surface.place_of] = pose - surface.centre
         self._wanted, self.pose = all_targets, pose
@@ -171,8 +181,10 @@ class ArapSolver:
     def check(
         self, targets: Mapping[str, Float] | None = None
     ) -> tuple[dict[str, Float], HeldVertices, Float]:
-        """Returns the targets, handle vertices and rows of :meth:`solve`, with its errors, without
-        changing anything.
+        """Returns the targets by handle, the handle vertices and their targets (H, 3), without changing
+        anything.
+
+        Raises the same errors as :meth:`solve`.
         """
         all_targets = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
@@ -183,12 +195,14 @@ class ArapSolver:
 
     def _fit_cells(self) -> None:
         """Computes each cell's best rotation and scale at the current positions."""
-        most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
-        frames, hold = self._frames.reshape(-1), float(self.settings.hold)
-        self._run_over_vertices(turn_and_scale, self._surface.cells, frames, hold, 1 / most, float(most))
+        max_stretch = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
+        frames, scale_resistance = self._frames.reshape(-1), float(self.settings.hold)
+        self._run_over_vertices(
+            turn_and_scale, self._surface.cells, frames, scale_resistance, 1 / max_stretch, float(max_stretch)
+        )
 
     def _run_over_vertices(self, kernel: Callable[..., Any], *arguments: Any) -> None:
-        """Runs the kernel over all vertices."""
+        """Runs the kernel over all vertices, on one or two threads."""
         run_on_threads(kernel, len(self._surface.rest), self._threads, *arguments)
 
     def _solve_global_step(
@@ -200,20 +214,20 @@ class ArapSolver:
         surface, frames = self._surface, self._frames.reshape(-1)
         self._run_over_vertices(residual, surface.cells, frames, self._z)
         if volume > 0.0 and surface.volume is not None:
-            about = (surface.volume, frames, surface.cells.eliminated, self._shown, self._forces)
-            self.pressure = press(*about, self.pressure, volume, self._z)
+            volume_arguments = (surface.volume, frames, surface.cells.eliminated, self._shown, self._forces)
+            self.pressure = add_pressure(*volume_arguments, self.pressure, volume, self._z)
         forward(surface.factor, self._z, self._room)
-        shift: tuple[float, float, float] = pull(held, frames, rows, self._z)
+        shift: tuple[float, float, float] = solve_handles(held, frames, rows, self._z)
         backward(surface.factor, self._z, self._room)
         return shift
 
     def shape(self) -> Float:
-        """Returns (V, 3) the surface of the shape state, which the next frame starts from."""
+        """Returns (V, 3) metres, the surface of the shape state. The next frame starts from it."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
     @property
     def joints(self) -> Int:
-        """(J, 2) pairs of vertices joined without a face: edges between shells, and ``links``."""
+        """(J, 2) pairs of vertices that are connected without a face: edges between shells, and ``links``."""
         return self._surface.joints
 
     def start_from(self, shown: Float, pressure: float) -> None:
@@ -225,23 +239,23 @@ class ArapSolver:
         self._shown[:] = self._frames[:, 12:15]
 
     def move_with_proxy(self, before: Float, after: Float, turn: Float) -> None:
-        """Moves the shape with a proxy, from the mesh as moved by the proxy before (V, 3) to the mesh after
-        (V, 3).
+        """Moves the shape with a proxy.
 
         Args:
+            before, after: (V, 3) metres, the mesh as moved by the proxy in the last frame and in this frame.
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
         carry_positions(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
 
     def twin(self) -> ArapSolver:
-        """Returns another solver of the same mesh and handles, at rest; it shares the factor."""
-        other = copy(self)
-        other._frames, other._z, other._room = self._frames.copy(), self._z.copy(), self._room.copy()
-        other._shown, other._forces = self._shown.copy(), self._forces.copy()
-        other._columns, other.handles = dict(self._columns), dict(self.handles)
-        other.reset()
-        return other
+        """Returns another solver for the same mesh and handles, at rest. Both share the factor."""
+        second = copy(self)
+        second._frames, second._z, second._room = self._frames.copy(), self._z.copy(), self._room.copy()
+        second._shown, second._forces = self._shown.copy(), self._forces.copy()
+        second._columns, second.handles = dict(self._columns), dict(self.handles)
+        second.reset()
+        return second
 
     def maps(self) -> Float:
         """Returns (16 V,) each vertex's affine map: see :func:`enliven.deformation.arap.detail.cell_maps`."""
@@ -251,8 +265,8 @@ class ArapSolver:
         return out
 
     def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
-        """Returns (X,) the mesh's vertices of hard handles, including welded ones, and (X,) the row of
-        each.
+        """Returns (X,) the mesh's vertices that belong to hard handles, including welded vertices, and (X,)
+        the row of the targets for each.
         """
         row_at = np.full(len(self._surface.rest), -1)
         row_at[places[hard]] = hard
@@ -261,35 +275,36 @@ class ArapSolver:
         return vertices, rows[vertices]
 
     def _merged_handles(self, all_targets: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
-        """Returns the handle vertices and their targets (H, 3), relative to the centre.
+        """Returns the handle vertices and their targets (H, 3) in metres, relative to the centre of the mesh.
 
         Raises:
-            InputError: without any handle, or if hard handles contradict each other.
+            InputError: if the mesh has no handle, or if hard handles contradict each other.
         """
         if self._held is None:
             raise InputError(
                 "the mesh has no handle",
                 where=ERROR_CONTEXT,
-                mend="Add a handle; without one the mesh stays at rest.",
+                remedy="Add a handle; without one the mesh stays at rest.",
             )
-        everything = np.concatenate([all_targets[name] for name in self.handles]) - self._surface.centre
-        if len(self._chosen) < len(everything):
-            self._check_agreement(everything)
-        return self._held, np.ascontiguousarray(everything[self._chosen])
+        all_rows = np.concatenate([all_targets[name] for name in self.handles]) - self._surface.centre
+        if len(self._chosen) < len(all_rows):
+            self._check_agreement(all_rows)
+        return self._held, np.ascontiguousarray(all_rows[self._chosen])
 
-    def _check_agreement(self, everything: Float) -> None:
+    def _check_agreement(self, all_rows: Float) -> None:
         """Raises InputError if hard handles on one (welded) vertex have different targets."""
         names = [name for name, handle in self.handles.items() for _ in handle.vertices]
         hard = [handle.weight is None for handle in self.handles.values() for _ in handle.vertices]
-        first: dict[int, int] = {}
+        first_row: dict[int, int] = {}
         for k, place in enumerate(self._places.tolist()):
             if not hard[k]:
                 continue
-            other = first.setdefault(place, k)
-            gap = float(np.linalg.norm(everything[k] - everything[other]))
-            if gap > _SAME_TARGET_FRACTION * self._surface.extent:
+            other_row = first_row.setdefault(place, k)
+            distance = float(np.linalg.norm(all_rows[k] - all_rows[other_row]))
+            if distance > _SAME_TARGET_FRACTION * self._surface.extent:
                 raise InputError(
-                    f"handles {names[other]!r} and {names[k]!r} hold the same vertex, {gap:.3g} m apart",
+                    f"handles {names[other_row]!r} and {names[k]!r} move one vertex to targets "
+                    f"{distance:.3g} m apart",
                     where=ERROR_CONTEXT,
-                    mend="Remove one, or give it a weight.",
+                    remedy="Remove one of them, or make it soft: give it a weight.",
                 )

@@ -1,4 +1,5 @@
-"""Triangular solves with the factor of :mod:`enliven.deformation.arap.factor`, x, y and z in one register."""
+"""Triangular solves with the Cholesky factor of :mod:`enliven.deformation.arap.factor`. One register has x,
+y, z."""
 
 from __future__ import annotations
 
@@ -10,11 +11,11 @@ from enliven.lanes import fmaq, loadq, splatq, storeq
 
 @njit(cache=True, nogil=True)
 def forward(factor, z, room):
-    """Computes z <- C⁻¹ z, in place.
+    """Replaces z by C⁻¹ z.
 
     Args:
         z: (4 (V + 4),) float32, x, y, z, 0 of each position; the last four positions are scratch space.
-        room: (4 (tallest + 4),) float32.
+        room: (4 (tallest + 4),) float32 scratch space.
     """
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 1):
@@ -22,7 +23,7 @@ def forward(factor, z, room):
         r0, below = row_start[s], row_start[s + 1] - row_start[s]
         height = width + below
         if width == 1:
-            # Most supernodes (the leaves of the tree) have a single column.
+            # Fast path: most supernodes (the leaves of the elimination tree) have a single column.
             at = factor.value_start[s]
             t = fmaq(-values[at], loadq(z, 4 * a), splatq(np.float32(0.0)))
             storeq(z, 4 * a, splatq(np.float32(0.0)) - t)
@@ -67,7 +68,7 @@ def forward(factor, z, room):
 
 @njit(cache=True, nogil=True)
 def backward(factor, z, room):
-    """Computes z <- C⁻ᵀ z, in place; the arguments are those of :func:`forward`."""
+    """Replaces z by C⁻ᵀ z. The arguments are those of :func:`forward`."""
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 2, -1, -1):
         a, width = first[s], first[s + 1] - first[s]
@@ -85,7 +86,7 @@ def backward(factor, z, room):
             continue
         for k in range(below):
             storeq(room, 4 * (width + k), loadq(z, 4 * rows[r0 + k]))
-        # Subtract the transposed rows below.
+        # Subtract the product with the transposed rows below the diagonal.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * block
@@ -133,10 +134,10 @@ def _panel_index(factor, s, width, height, r, c):
 
 @njit(cache=True, nogil=True)
 def unit_column(factor, place):
-    """Computes C⁻¹ e of the unit vector at ``place``: (K,) its non-zero positions, ascending, and (K,)
-    values.
+    """Computes C⁻¹ e for the unit vector e at ``place``: (K,) its non-zero positions, ascending, and (K,)
+    their values.
 
-    Only the supernodes on the path from the position to the root take part.
+    Only the supernodes on the path from this position to the root are needed.
     """
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     length, s = 0, factor.node_of[place]

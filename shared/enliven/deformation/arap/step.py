@@ -1,4 +1,4 @@
-"""Small kernels of a frame: they add corrections to positions, and write positions to the output."""
+"""Small kernels of a frame of the ARAP solver: they correct positions, and write them to the output."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def moved(frames, z, shift, eliminated):
-    """Computes positions in ``frames`` (16 V,) += the correction ``z`` (4 V,), in elimination order, +
-    ``shift``.
+def apply_correction(frames, z, shift, eliminated):
+    """Adds to the positions in ``frames`` (16 V,) the correction ``z`` (4 V,), in elimination order, and the
+    translation ``shift``.
     """
     for i in range(len(frames) // 16):
         at = 4 * eliminated[i]
@@ -27,7 +27,7 @@ def set_zero(z):
 
 @njit(cache=True, nogil=True)
 def write_pose(frames, z, shift, eliminated, place_of, centre, out):
-    """Computes ``out`` (V, 3) <- the corrected positions, in the mesh's order."""
+    """Writes the corrected positions into ``out`` (V, 3) metres, in the mesh's order."""
     for v in range(len(place_of)):
         i = place_of[v]
         at = 4 * eliminated[i]
@@ -37,8 +37,8 @@ def write_pose(frames, z, shift, eliminated, place_of, centre, out):
 
 @njit(cache=True, nogil=True)
 def carry_positions(frames, shown, place_of, centre, before, after, turn):
-    """Computes positions in ``frames`` and ``shown`` (P, 3) <- after + turn (position - before), for each
-    vertex.
+    """Moves the positions in ``frames`` and ``shown`` (P, 3) with a proxy: after + turn (position - before)
+    for each vertex.
 
     Args:
         before, after: (V, 3) metres, the mesh as carried by a proxy in the last frame, and in this one.

@@ -1,12 +1,12 @@
-"""Volume preservation of a closed surface where it is stretched: a pressure in the pose state.
+"""Volume preservation of a closed surface by a pressure, which acts on the stretched cells in the pose state.
 
 V_i of eq. 12 preserves the volume of a cell, but the cells of a surface have no volume. If a ball is
-stretched between two hands, its curved surface straightens. No cell is deformed by that, but the volume
-grows. So the pose state has a pressure: eq. 13 with - 4 p Vol(x'). The gradient of Vol at a vertex is a third
-of its faces' area vectors. The pressure acts only where cells are stretched, so that a squashed head does not
-inflate the tail. A single global volume constraint would inflate it (J. Huang et al., "Subspace gradient
-domain mesh deformation", 2006). Over the frames, the pressure p approaches the value that restores the rest
-volume. It only changes the right-hand side of the pose's solve, so no additional solve is needed.
+stretched between two hands, its curved surface straightens. This deforms no cell, but the volume grows. So
+the pose state has a pressure p: eq. 13 with the additional term - 4 p Vol(x'). The gradient of Vol at a
+vertex is a third of its faces' area vectors. The pressure acts only on stretched cells, so that squashing the
+head does not inflate the tail. A single global volume constraint would inflate it (J. Huang et al., "Subspace
+gradient domain mesh deformation", 2006). Over the frames, p approaches the value that restores the volume at
+rest. It only changes the right-hand side of the pose's solve, so no additional solve is needed.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from enliven.deformation.arap.solves import backward, forward
 from enliven.kernels import njit
 
 _MAX_OPEN_EDGE_FRACTION = 0.02
-"""Maximum fraction of open edges at which a surface still counts as closed."""
+"""Maximum fraction of open edges for a surface to count as closed."""
 _MIN_BALL_VOLUME_FRACTION = 1e-3
-"""Minimum volume of a closed surface, as a fraction of that of a ball with the same area."""
+"""Minimum volume of a closed surface, as a fraction of the volume of a ball with the same area."""
 _CORRECTION_PER_FRAME = 0.7
 """Fraction of the missing volume that is corrected per frame."""
 _HALF_PRESSURE_STRETCH_SQUARED = 0.05**2
-"""The squared stretch at which a cell gets half of the pressure."""
+"""Squared stretch (s - 1)^2 at which a cell gets half of the pressure."""
 _MAX_MOVED_VOLUME_FRACTION = 0.35
-"""Maximum fraction of the volume that the pressure may move."""
+"""Maximum change of the volume by the pressure, as a fraction of the volume."""
 
 
 class Volume(NamedTuple):
     """The volume that a closed surface encloses.
 
     Attributes:
-        faces: (F, 3) of the solver's places.
-        border: (B,) places at open edges. The volume is computed about their centre. Empty for a closed
-            surface.
-        rest: cubic metres at rest, above 0.
+        faces: (F, 3) the corners of the faces, as places in the solver's order.
+        border: (B,) places at open edges; empty for a closed surface. The volume is computed about their
+        centre.
+        rest: volume at rest in cubic metres, above 0.
         ease: growth of the volume under a pressure of 1 on the whole surface, at rest.
     """
 
@@ -51,13 +51,14 @@ class Volume(NamedTuple):
 
 
 def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
-    """Returns the volume of a surface of places (P, 3), or None if it encloses nothing."""
+    """Returns the volume of a surface with places (P, 3) in metres at rest, or None if it encloses no
+    volume."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)
-    bare = keys[uses == 1]
-    if len(bare) > _MAX_OPEN_EDGE_FRACTION * len(keys):
+    is_open = keys[uses == 1]
+    if len(is_open) > _MAX_OPEN_EDGE_FRACTION * len(keys):
         return None
-    border = np.unique(np.concatenate([bare // len(rest), bare % len(rest)]))
+    border = np.unique(np.concatenate([is_open // len(rest), is_open % len(rest)]))
     triangles = np.ascontiguousarray(faces, np.int32)
     forces = np.zeros((len(rest), 3))
     enclosed = gradient(rest, triangles, border, forces)
@@ -78,7 +79,7 @@ def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Vo
 
 @njit(cache=True, nogil=True)
 def gradient(x, faces, border, out):
-    """Returns the volume, and computes ``out`` (P, 3) <- its gradient, for places x (P, 3)."""
+    """Returns the volume for places x (P, 3) in metres, and computes its gradient into ``out`` (P, 3)."""
     ox = oy = oz = 0.0
     for k in border:
         ox, oy, oz = ox + x[k, 0] / len(border), oy + x[k, 1] / len(border), oz + x[k, 2] / len(border)
@@ -100,14 +101,14 @@ def gradient(x, faces, border, out):
 
 
 @njit(cache=True, nogil=True)
-def press(volume, frames, eliminated, pose, forces, pressure, kept, z):
-    """Computes z (4 V,) += the pressure on the stretched cells, and returns the pressure.
+def add_pressure(volume, frames, eliminated, pose, forces, pressure, kept, z):
+    """Adds the pressure on the stretched cells to z (4 V,), and returns the pressure.
 
     Args:
-        frames: (16 V,) the solver's; the fourth number of a cell is its stretch minus 1.
-        pose: (V, 3) positions shown last, in the solver's order.
+        frames: (16 V,) the solver's state. The fourth number of a cell is its stretch minus 1.
+        pose: (V, 3) metres, the positions shown last, in the solver's order.
         forces: (V, 3) scratch space.
-        pressure: the last frame's.
+        pressure: the pressure of the last frame.
         kept: 0 to 1, the fraction of the change of volume that is corrected.
     """
     missing = volume.rest - gradient(pose, volume.faces, volume.border, forces)

@@ -1,9 +1,9 @@
-"""Constraints from depth points: the surface follows the observed points directly, without a skeleton.
+"""Constraints from depth points: a surface follows the observed points directly, without a skeleton.
 
-KinÊtre proposes this as future work ("data could be derived directly from the depth map"): non-rigid ICP with
-the deformation graph as its prior. In each frame, every observed point is matched to the nearest compatible
-point of the current mesh. That point is then pulled onto the plane through the observed point
-(point-to-plane, Y. Chen and G. Medioni 1992), with a Geman-McClure weight.
+KinÊtre proposes this as future work ("data could be derived directly from the depth map"). The method is
+non-rigid ICP with the deformation graph as its prior. In each frame, every observed point is matched to the
+nearest compatible point of the current mesh. The matched point of the mesh is then pulled onto the plane
+through the observed point (point-to-plane, Y. Chen and G. Medioni 1992), with a Geman-McClure weight.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from enliven.deformation.constraints.soft import Points, grid_subsample
 from enliven.document import Character
 from enliven.kernels import njit
 from enliven.meshes import Mesh
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,22 @@ class ObservedSettings:
         low=0.0,
         high=5.0,
     )
-    angle: float = setting(
+    angle: float = parameter(
         math.pi / 3,
         "Maximum angle between the normals of an observed point and the mesh.",
         unit="rad",
         low=0.0,
         high=math.pi,
     )
-    doubt: float = setting(
+    doubt: float = parameter(
         0.08,
         "Robust width: a point at this distance has a quarter of the full weight.",
         unit="m",
         low=0.001,
         high=5.0,
     )
-    points: int = setting(500, "Maximum number of observed points per frame.", low=10, high=20_000)
-    surface: int = setting(
+    points: int = parameter(500, "Maximum number of observed points per frame.", low=10, high=20_000)
+    surface: int = parameter(
         1500, "Number of sample points on the mesh that can be attracted.", low=10, high=100_000
     )
     weight: float = setting(
@@ -74,11 +74,11 @@ class ObservedSurface:
 
     def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
         self.settings = settings or ObservedSettings()
-        which = grid_subsample(character.vertices, self.settings.surface)
-        self.points = Points.of(character, which)
+        samples = grid_subsample(character.vertices, self.settings.surface)
+        self.points = Points.of(character, samples)
         mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
         self._tips = Points(
-            self.points.at + _NORMAL_STEP_M * mesh.vertex_normals()[which],
+            self.points.at + _NORMAL_STEP_M * mesh.vertex_normals()[samples],
             self.points.nodes,
             self.points.weights,
             self.points.pivots,
@@ -87,33 +87,38 @@ class ObservedSurface:
     def planes(
         self, linear: Float, positions: Float, points: Float, normals: Float, metre: float = 1.0
     ) -> PlaneConstraints:
-        """Returns the planes that pull the current surface onto the observed points.
+        """Returns the planes that pull the current surface of the mesh onto the observed points.
 
         Args:
             linear: (N, 3, 3) the nodes' current linear parts.
             positions: (N, 3) metres, the nodes' current positions.
             points: (M, 3) metres, rest space, on the observed surface.
-            normals: (M, 3) their outward unit normals.
-            metre: metres of the rest space per metre of the performer.
+            normals: (M, 3) the outward unit normals at these points.
+            metre: length of one metre of the performer in the rest space.
         """
         settings = self.settings
-        fine = np.flatnonzero(np.isfinite(points).all(1) & np.isfinite(normals).all(1))
-        few = fine[:: max(1, math.ceil(len(fine) / settings.points))]
-        points, normals = np.ascontiguousarray(points[few], np.float64), normals[few].astype(np.float64)
-        surface = self.points.moved(linear, positions)
-        facing = self._tips.moved(linear, positions) - surface
-        facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
-        farthest = settings.farthest * metre
+        valid = np.flatnonzero(np.isfinite(points).all(1) & np.isfinite(normals).all(1))
+        subset = valid[:: max(1, math.ceil(len(valid) / settings.points))]
+        points, normals = np.ascontiguousarray(points[subset], np.float64), normals[subset].astype(np.float64)
+        surface = self.points.deformed(linear, positions)
+        surface_normals = self._tips.deformed(linear, positions) - surface
+        surface_normals /= np.maximum(np.linalg.norm(surface_normals, axis=1, keepdims=True), 1e-12)
+        max_distance = settings.farthest * metre
         nearest, lengths = _compatible_surface_points(
-            points, normals, surface, facing, farthest, math.cos(settings.angle)
+            points, normals, surface, surface_normals, max_distance, math.cos(settings.angle)
         )
-        met = nearest >= 0
-        nearest, points, normals, lengths = nearest[met], points[met], normals[met], lengths[met]
-        gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (settings.doubt * metre)
+        is_matched = nearest >= 0
+        nearest, points, normals, lengths = (
+            nearest[is_matched],
+            points[is_matched],
+            normals[is_matched],
+            lengths[is_matched],
+        )
+        scaled_distance = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (settings.doubt * metre)
         # Fade the weight to zero at the maximum distance, so that the weight does not jump when a match
         # appears or disappears.
-        fade = 1.0 - (lengths / max(farthest, 1e-12)) ** 2
-        weights = settings.weight * fade / (1.0 + gap * gap) ** 2
+        fade = 1.0 - (lengths / max(max_distance, 1e-12)) ** 2
+        weights = settings.weight * fade / (1.0 + scaled_distance * scaled_distance) ** 2
         offsets = np.einsum("ma,ma->m", normals, points)
         return self.points.planes(nearest, normals, offsets, weights, False)
 
@@ -124,8 +129,8 @@ _NORMAL_STEP_M = 1e-3
 
 @njit(cache=True, nogil=True)
 def _compatible_surface_points(points, normals, surface, facing, farthest, cosine):
-    """Returns (M,) the nearest surface point with a compatible normal for each point, -1 for none; (M,)
-    metres to it.
+    """Returns (M,) the nearest surface point with a compatible normal for each point, or -1 for none, and
+    (M,) the distance to it in metres.
     """
     nearest = np.full(points.shape[0], -1, np.int64)
     lengths = np.zeros(points.shape[0])

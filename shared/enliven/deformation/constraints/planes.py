@@ -1,4 +1,4 @@
-"""Constraints on points of a mesh: to targets, and to soft planes (observed surface, floor, other limbs)."""
+"""Constraints on points of a mesh: targets, and soft planes (observed surface, floor, other limbs)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.errors import InputError
 
 
 class PointConstraints(Protocol):
-    """The protocol of points in the rest space with the nodes that move them. An Attachment fulfils it."""
+    """Protocol of points in the rest space, with the nodes that move them. An Attachment implements it."""
 
     @property
     def points(self) -> Float:
@@ -29,16 +29,18 @@ class PointConstraints(Protocol):
 
 @dataclass(frozen=True)
 class PlaneConstraints:
-    """Points of a mesh and the planes that pull them, each w (n·φ(p) − b)²; they may change every frame.
+    """Points of a mesh, and the planes that pull them: energy w (n·φ(p) − b)² each. They may change every
+    frame.
 
     Attributes:
-        points: (M, 3) metres, p, in the mesh's rest space.
+        points: (M, 3) metres, the points p in the mesh's rest space.
         node_indices: (M, 4) int32 the nodes that move each point.
         node_weights: (M, 4) weights of these nodes; they sum to one.
         normals: (M, 3) unit normals n of the planes, in the frame of the targets.
-        offsets: (M,) metres, b.
-        weights: (M,) not negative, w, multiplied by the solver's own weight of planes; 0 disables a plane.
-        one_sided: (M,) True if a plane only pushes: it is active while n·φ(p) < b.
+        offsets: (M,) metres, the offsets b of the planes from the origin.
+        weights: (M,) the weights w, not negative; 0 disables a plane. The solver multiplies them by its own
+        weight.
+        one_sided: (M,) True if a plane only pushes, that is, if it is active only while n·φ(p) < b.
     """
 
     points: Float
@@ -63,7 +65,9 @@ class PlaneConstraints:
         for name, shape in shapes.items():
             actual = np.shape(getattr(self, name))
             if actual != shape:
-                raise InputError(f"the {name} are {actual}, expected {shape}", where="plane constraints")
+                raise InputError(
+                    f"the {name} have shape {actual} instead of {shape}", where="plane constraints"
+                )
 
     def __len__(self) -> int:
         return len(self.points)

@@ -1,5 +1,5 @@
-"""Self-contact: keeps limbs apart, with balls inside the mesh and one-sided planes between overlapping
-balls.
+"""Self-contact: keeps the limbs of a mesh apart, with balls inside the mesh and one-sided planes between
+overlapping balls.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from scipy.sparse.csgraph import dijkstra
 from enliven.arrays import Bool, Float
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.constraints.soft import Points, grid_subsample
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.kernels import njit
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,15 @@ class SelfContactSettings:
         low=1.0,
         high=100.0,
     )
-    weight: float = setting(
+    weight: float = parameter(
         10.0, "Weight of self-contact, as a factor on embedded.planes.", low=0.0, high=1000.0
     )
 
 
 class SelfContact:
-    """Self-contact with one ball per node, inside the mesh. It tests pairs of balls that are far apart along
-    the graph and do not overlap at rest.
+    """Self-contact of a mesh, with one ball per node inside the mesh.
+
+    It tests pairs of balls that are far apart along the graph and do not overlap at rest.
     """
 
     def __init__(
@@ -59,29 +60,33 @@ class SelfContact:
         self._sides = np.zeros((len(self.pairs), 3))
 
     def _may_touch(self, graph: DeformationGraph, centres: Float, spacing: float) -> Bool:
-        """Returns (N, N) the pairs of balls that are apart at rest, and far apart along the graph."""
+        """Returns (N, N) True for pairs of balls that do not overlap at rest, and are far apart along the
+        graph."""
         a, b = graph.edges[:, 0], graph.edges[:, 1]
         lengths = np.maximum(np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1), 1e-9)
         count = len(graph.positions)
         path_lengths = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
         reach = self.radii[:, None] + self.radii[None]
-        apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
+        distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
         return np.asarray(
-            (apart > reach) & (path_lengths > self.settings.detour * np.maximum(reach, spacing))
+            (distances > reach) & (path_lengths > self.settings.detour * np.maximum(reach, spacing))
         )
 
     def planes(self, linear: Float, positions: Float) -> PlaneConstraints:
-        """Returns two planes for each pair that overlaps, or nearly does; each keeps one ball on its side."""
-        centres = self._balls.moved(linear, positions)
-        near = _near_pairs(centres, self.radii, self.pairs, self._sides)
-        first, second = self.pairs[near, 0], self.pairs[near, 1]
-        sides, a, b = self._sides[near], self.radii[first], self.radii[second]
-        between = (b[:, None] * centres[first] + a[:, None] * centres[second]) / (a + b)[:, None]
-        middle = np.einsum("pa,pa->p", sides, between)
+        """Returns two planes for each pair of balls that overlap or nearly overlap, one for each ball's
+        side."""
+        centres = self._balls.deformed(linear, positions)
+        is_near = _near_pairs(centres, self.radii, self.pairs, self._sides)
+        first, second = self.pairs[is_near, 0], self.pairs[is_near, 1]
+        sides, first_radii, second_radii = self._sides[is_near], self.radii[first], self.radii[second]
+        contact_points = (second_radii[:, None] * centres[first] + first_radii[:, None] * centres[second]) / (
+            first_radii + second_radii
+        )[:, None]
+        contact_offsets = np.einsum("pa,pa->p", sides, contact_points)
         return self._balls.planes(
             np.concatenate([first, second]),
             np.concatenate([sides, -sides]),
-            np.concatenate([middle + a, -middle + b]),
+            np.concatenate([contact_offsets + first_radii, -contact_offsets + second_radii]),
             self.settings.weight,
             True,
         )
@@ -89,11 +94,11 @@ class SelfContact:
 
 @njit(cache=True, nogil=True)
 def _inner_radii(points, normals, surface, largest):
-    """Returns (N,) the radius of the largest inner ball that touches the surface at each point.
+    """Returns (N,) the radius in metres of the largest ball inside the surface that touches it at each point.
 
-    J. Ma et al., "3D medial axis point approximation using nearest neighbors and the normal field", 2012: the
-    ball through p and q, tangent at p, has the radius |p - q|^2 / (2 n·(p - q)). The smallest of these balls
-    is empty. The radius is at most ``largest``.
+    The method is that of J. Ma et al., "3D medial axis point approximation using nearest neighbors and the
+    normal field", 2012: the ball through p and q that is tangent at p has the radius |p - q|^2 / (2 n·(p -
+    q)). The smallest of these balls contains no other point. The radius is at most ``largest``.
     """
     out = np.full(points.shape[0], largest)
     for i in range(points.shape[0]):
@@ -103,8 +108,8 @@ def _inner_radii(points, normals, surface, largest):
                 d = points[i, a] - surface[j, a]
                 square += d * d
                 deep += normals[i, a] * d
-            # Skip points that lie far to the side, because they say little about the thickness and react
-            # strongly to surface roughness.
+            # Skip points that are far to the side. They tell little about the thickness, and depend much on
+            # the roughness of the surface.
             if deep > 0.3 * np.sqrt(square) and square < 2.0 * deep * out[i]:
                 out[i] = square / (2.0 * deep)
     return out
@@ -112,11 +117,11 @@ def _inner_radii(points, normals, surface, largest):
 
 @njit(cache=True, nogil=True)
 def _near_pairs(centres, radii, pairs, sides):
-    """Returns (P,) True for pairs that overlap or nearly overlap, and updates ``sides`` (P, 3), the
-    directions from the second to the first ball.
+    """Returns (P,) True for pairs of balls that overlap or nearly overlap, and updates their ``sides`` (P,
+    3), unit vectors from the second to the first ball.
 
-    While a pair is near, its direction rotates but never flips. If the balls overlap deeply, it does not even
-    rotate. Balls that passed through each other are then pushed back the way they came.
+    While a pair is near, its direction rotates but never flips. If the balls overlap deeply, the direction
+    stays constant. Balls that passed through each other are then pushed back the way they came.
     """
     near = np.zeros(pairs.shape[0], np.bool_)
     for p in range(pairs.shape[0]):

@@ -1,4 +1,4 @@
-"""Shared parts of the soft constraints: points of a mesh, their current positions, and joined sets of
+"""Shared parts of the soft constraints: points of a mesh, their current positions, and the union of sets of
 planes.
 """
 
@@ -20,10 +20,10 @@ class Points:
     """Points of a mesh at rest, and the nodes that move them.
 
     Attributes:
-        at: (P, 3) metres, rest space.
-        nodes: (P, 4) int32.
+        at: (P, 3) metres, the points in the rest space.
+        nodes: (P, 4) int32, the nodes that move each point.
         weights: (P, 4) weights of these nodes, which sum to one.
-        pivots: (N, 3) metres, the nodes at rest.
+        pivots: (N, 3) metres, the positions of the nodes at rest.
     """
 
     at: Float
@@ -32,20 +32,21 @@ class Points:
     pivots: Float
 
     @staticmethod
-    def of(character: Character, which: Int) -> Points:
-        """Returns vertices of a character, by index."""
+    def of(character: Character, vertices: Int) -> Points:
+        """Returns the vertices of a character with the indices ``vertices`` as points."""
         return Points(
-            character.vertices[which].astype(np.float64),
-            character.skin.indices[which].astype(np.int32),
-            character.skin.weights[which].astype(np.float64),
+            character.vertices[vertices].astype(np.float64),
+            character.skin.indices[vertices].astype(np.int32),
+            character.skin.weights[vertices].astype(np.float64),
             character.pivots.astype(np.float64),
         )
 
     def __len__(self) -> int:
         return len(self.at)
 
-    def moved(self, linear: Float, positions: Float) -> Float:
-        """Returns (P, 3) metres, the points' positions for nodes at ``linear`` and ``positions``."""
+    def deformed(self, linear: Float, positions: Float) -> Float:
+        """Returns (P, 3) metres, the positions of the points for nodes at ``linear`` (N, 3, 3), ``positions``
+        (N, 3)."""
         linear, positions = np.ascontiguousarray(linear), np.ascontiguousarray(positions)
         return np.asarray(_deformed_points(self.at, self.nodes, self.weights, self.pivots, linear, positions))
 
@@ -57,7 +58,7 @@ class Points:
         weights: Float | float,
         one_sided: bool,
     ) -> PlaneConstraints:
-        """Returns one plane for each of the chosen points."""
+        """Returns one plane for each point with an index in ``which`` (M,), or a True in it (P,)."""
         count = len(normals)
         return PlaneConstraints(
             self.at[which],
@@ -71,7 +72,7 @@ class Points:
 
 
 def join_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
-    """Joins several sets of planes to one. Returns None if all are empty."""
+    """Returns the union of several sets of planes, or None if all are empty."""
     sets = [planes for planes in sets if len(planes)]
     if len(sets) < 2:
         return sets[0] if sets else None
@@ -80,34 +81,36 @@ def join_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
 
 
 def grid_subsample(points: Float | Float32, most: int) -> Int:
-    """Returns at most ``most`` of (P, 3) points, evenly spread: one in each cell of a grid of suitable
-    size.
+    """Returns at most ``most`` indices of evenly distributed points, out of (P, 3): one point per cell of a
+    grid.
+
+    The size of the cells is chosen to return nearly ``most`` points.
     """
     if len(points) <= most:
         return np.arange(len(points))
     low = points.min(0)
     cell = float(np.linalg.norm(np.ptp(points, axis=0))) / max(most, 1) ** 0.5 + 1e-12
-    few = _first_point_per_cell(points, low, cell)
-    while len(few) < most:
-        cell, last = cell / 1.25, few
-        few = _first_point_per_cell(points, low, cell)
-        if len(few) > most:
-            return last
-    while len(few) > most:
+    indices = _first_point_per_cell(points, low, cell)
+    while len(indices) < most:
+        cell, previous = cell / 1.25, indices
+        indices = _first_point_per_cell(points, low, cell)
+        if len(indices) > most:
+            return previous
+    while len(indices) > most:
         cell *= 1.1
-        few = _first_point_per_cell(points, low, cell)
-    return few
+        indices = _first_point_per_cell(points, low, cell)
+    return indices
 
 
 def _first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
-    """Returns the first point in each cell of a grid."""
+    """Returns the index of the first point in each cell of a grid."""
     cells = np.floor((points - low) / cell).astype(np.int64)
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])
 
 
 @njit(cache=True, nogil=True)
 def _deformed_points(at, nodes, weights, pivots, linear, positions):
-    """Computes :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
+    """Computes the positions of :meth:`Points.deformed`: the deformation map of KinÊtre, eq. 2."""
     out = np.zeros((at.shape[0], 3))
     for i in range(at.shape[0]):
         for k in range(4):

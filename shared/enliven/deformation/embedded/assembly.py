@@ -17,8 +17,8 @@ from enliven.lanes import fma8, load8, store8
 
 
 @njit(cache=True, nogil=True)
-def turned(frames, node, v, out):
-    """Rotates v (3,) by the node's rotation, into ``out`` (3,)."""
+def rotate_by_node(frames, node, v, out):
+    """Rotates the vector v (3,) by the rotation of ``node``, into ``out`` (3,)."""
     at = 9 * node
     for a in range(3):
         out[a] = frames[at + a] * v[0] + frames[at + 3 + a] * v[1] + frames[at + 6 + a] * v[2]
@@ -26,7 +26,7 @@ def turned(frames, node, v, out):
 
 @njit(cache=True, nogil=True)
 def _add_cross(lower, at, v, w):
-    """Adds w [v]x to the 3x3 matrix at ``at``."""
+    """Adds w [v]x (the cross product matrix of v) to the 3x3 matrix at index ``at`` of ``lower``."""
     lower[at + 1] -= w * v[2]
     lower[at + 2] += w * v[1]
     lower[at + 8] += w * v[2]
@@ -37,8 +37,9 @@ def _add_cross(lower, at, v, w):
 
 @njit(cache=True, nogil=True)
 def _add_end(lower, at, v, w, sign):
-    """Adds the diagonal block of one end of an edge: lever arm ``v``, and the translation for both
-    directions.
+    """Adds the diagonal block of one end of an edge, given its lever arm ``v``.
+
+    The translation is added for both directions of the edge.
     """
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     for r in range(3):
@@ -51,7 +52,8 @@ def _add_end(lower, at, v, w, sign):
 
 @njit(cache=True, nogil=True)
 def assemble(x, t, planes, raw, s, ridge):
-    """Computes the matrix at x into ``s.lower``, and the inverse stretch blocks into ``s.compliance``."""
+    """Computes the matrix at the state x into ``s.lower``, and the inverse stretch blocks into
+    ``s.compliance``."""
     lower, start, frames = s.lower, s.start, s.linear
     lower[:] = np.float32(0.0)
     s.held[:] = 0.0
@@ -74,9 +76,9 @@ def assemble(x, t, planes, raw, s, ridge):
 def _hold_stretches(s, w):
     """Computes each node's inverse stretch block, and its coupling to rotation and translation.
 
-    Parts that would make either block indefinite are left out.
+    Terms that would make one of the two blocks indefinite are skipped.
     """
-    # Copy the fields into local variables, because reading a field of the structure takes as long as
+    # Copy the fields into local variables. Otherwise reading a field of the structure takes as long as
     # computing a block.
     start, linear, held, lower = s.start, s.linear, s.held, s.lower
     coupling, coupled, compliance = s.coupling, s.coupled, s.compliance
@@ -93,18 +95,18 @@ def _hold_stretches(s, w):
 
 @njit(cache=True, nogil=True)
 def _add_edges(t, s):
-    """Adds E_reg: the translations and rotations of an edge's two ends."""
+    """Adds the term E_reg, which couples the translations and rotations of an edge's two ends."""
     lower, start, frames, stiff, first = s.lower, s.start, s.linear, s.held, s.first
     a, b = np.empty(3), np.empty(3)
     for e in range(t.edges.shape[0]):
         i, j, w, d = t.edges[e, 0], t.edges[e, 1], t.smooth[e], t.offsets[e]
-        turned(frames, i, d, a)
-        turned(frames, j, d, b)
+        rotate_by_node(frames, i, d, a)
+        rotate_by_node(frames, j, d, b)
         _add_end(lower, SIZE * start[i], a, w, -1.0)
         _add_end(lower, SIZE * start[j], b, w, 1.0)
         at = SIZE * s.edge_block[e]
-        # Fill the rows of the node that is eliminated later. They are [[0, -a x], [-b x, -2]] for node i, and
-        # the transpose for node j.
+        # Fill the rows of the node that is eliminated later: [[0, -a x], [-b x, -2]] for node i, and the
+        # transpose for node j.
         up, down = (a, b) if i > j else (b, a)
         sign = -w if i > j else w
         _add_cross(lower, at + 3, up, sign)
@@ -120,7 +122,8 @@ def _add_edges(t, s):
 
 @njit(cache=True, nogil=True)
 def _add_rigid(lower, start, frames, t, edge_block, m):
-    """Adds E_rig: the rotations of both ends, 2 |w_j - w_k|^2, and their translations."""
+    """Adds the term E_rig of one edge: the rotations of both ends, 2 |w_j - w_k|^2, and their
+    translations."""
     e, w = t.rigid[m], t.hanging[m]
     j, k = t.edges[e, 0], t.edges[e, 1]
     at = SIZE * edge_block[e]
@@ -135,14 +138,14 @@ def _add_rigid(lower, start, frames, t, edge_block, m):
 
 @njit(cache=True, nogil=True)
 def _point_jacobian(frames, nodes, rows, m, arms, out):
-    """Computes (4, 3, 8) the Jacobian of point ``m`` by each node's rotation and translation: [-u]x and
-    its weight.
+    """Computes the Jacobian (4, 3, 8) of point ``m`` by the rotation and translation of each of its nodes:
+    [-u]x and the node's weight.
     """
     for k in range(4):
         share = rows[m, k, 3]
         if share == 0.0:
             continue
-        turned(frames, nodes[m, k], rows[m, k], arms)
+        rotate_by_node(frames, nodes[m, k], rows[m, k], arms)
         x, y, z = np.float32(arms[0]), np.float32(arms[1]), np.float32(arms[2])
         out[k, 0, 1], out[k, 0, 2] = z, -y
         out[k, 1, 0], out[k, 1, 2] = -z, x
@@ -152,7 +155,7 @@ def _point_jacobian(frames, nodes, rows, m, arms, out):
 
 @njit(cache=True, nogil=True)
 def _add_points(nodes, rows, pulls, s):
-    """Adds E_con: the couplings between the nodes of each point."""
+    """Adds the term E_con, which couples the nodes of each point."""
     arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
     flat = jacobian.reshape(-1)
     for m in range(nodes.shape[0]):
@@ -197,10 +200,10 @@ def _add_outer(lower, block, j, first, second, w):
 
 @njit(cache=True, nogil=True)
 def _add_planes(planes, s):
-    """Adds the planes. Each plane gives a row of six numbers per node.
+    """Adds the term of the planes. Each plane gives a row of six numbers per node.
 
-    The pattern does not contain the couplings of planes. If it does not couple two nodes, their product is
-    bounded by 2 ab <= a^2 + b^2, so the matrix stays above the true one.
+    The pattern does not contain the couplings by planes. If it does not couple two nodes, their product is
+    replaced by its bound 2 ab <= a^2 + b^2, so the matrix is never smaller than the exact one.
     """
     arms, jacobian = np.empty(3), np.zeros((4, 3, 8), np.float32)
     line = np.zeros((4, 6))
@@ -224,7 +227,8 @@ def _add_planes(planes, s):
 
 @njit(cache=True, nogil=True)
 def _add_lines(s, i, j, u, v, w):
-    """Adds w u vᵀ at the nodes i >= j, or its bound if the pattern does not couple them."""
+    """Adds w u vᵀ to the block of the nodes i >= j, or the bound of it if the pattern does not couple
+    them."""
     low, high = s.start[j], s.start[j + 1] - 1
     while low < high:
         middle = (low + high) // 2

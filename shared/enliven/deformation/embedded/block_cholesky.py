@@ -1,16 +1,16 @@
 """Sparse factorization A = L D Lᵀ in 6x6 blocks: one symbolic analysis, numeric factorization on demand.
 
-One node of a deformation graph is one block (its rotation and its translation), so the index work is a 36th
-of that of a scalar factorization. Everything that depends only on the pattern (order, fill, target of each
-product) is computed in advance. L has identity blocks on its diagonal, and D consists of blocks. So no node
-waits for a division by another node's block. During factorization, a block has float32 numbers in six rows of
-eight lanes, so that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two blocks takes
-10 to 15 ns, compared with 60 to 95 ns in plain Numba loops.
+One node of a deformation graph is one block (its rotation and its translation), so the work for indices is a
+36th of that of a scalar factorization. Everything that depends only on the pattern (order, fill, target of
+each product) is computed in advance. L has identity blocks on its diagonal, and D consists of blocks. So no
+node waits for a division by another node's block. During factorization, a block has float32 numbers in six
+rows of eight lanes, so that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two
+blocks takes 10 to 15 ns, compared with 60 to 95 ns in plain Numba loops.
 
 Solving is limited by memory bandwidth: a matrix of 1,024 nodes is larger than a core's cache. So L is stored
 row by row, in int16 with one scale per block (resolution 1.5e-5 of the block's largest number; any L keeps
-the matrix positive definite). Each pass reads all of it once, the second one backward from the end of the
-first one.
+the matrix positive definite). Each of the two passes reads all of it once. The second pass reads backwards,
+so that it starts with the data that are still in the cache.
 """
 
 from __future__ import annotations
@@ -27,26 +27,27 @@ from enliven.lane_blocks import invert6, loadshort8, mirror6, shorten6, totals6,
 from enliven.lanes import fma8, load8, splat8, store8
 
 SIZE = 48
-"""Numbers per block for calculations: six rows of eight. The last two numbers of each row are 0."""
-CLOSE = 36
-"""Numbers per block for solving: six rows of six int16 numbers. They are this small because solving is
-memory-bound."""
+"""Numbers of a block during factorization: six rows of eight. The last two numbers of each row are 0."""
+SOLVING_SIZE = 36
+"""Numbers of a block during solving: six rows of six int16 numbers. They are stored compactly because solving
+is limited by memory bandwidth."""
 
 
 @dataclass(frozen=True)
 class BlockPattern:
-    """The positions of the blocks of the factor L, column by column (rows ascending, the diagonal block
-    first).
+    """The positions of the blocks of the factor L, column by column. The diagonal block of a column comes
+    first, then its rows ascending.
 
     Attributes:
         start: (N + 1,) int32 the index at which each column starts.
         row: (B,) int32 the row of each block.
         product: (P,) int32 the block (i, j) that receives each product: for each column in turn, for each of
-            its lower blocks j, for each i >= j.
+        its
+            blocks j below the diagonal, for each i >= j.
         row_start: (N + 1,) int32 the index at which each row starts among the blocks below the diagonal, row
             by row.
-        column: (B - N,) int32 the column of each of these, ascending in a row.
-        by_row: (B,) int32 the position of each block among these; -1 for one on the diagonal.
+        column: (B - N,) int32 the column of each block below the diagonal, ascending in a row.
+        by_row: (B,) int32 the index of each block in ``column``; -1 for a block on the diagonal.
     """
 
     start: Int32
@@ -67,24 +68,25 @@ class BlockPattern:
         return int(np.diff(self.start).max())
 
     def block_of(self, pairs: Int) -> Int32:
-        """Returns (M,) the block at each (row, column) of ``pairs`` (M, 2), with row >= column."""
+        """Returns (M,) the number of the block at each (row, column) of ``pairs`` (M, 2), with row >=
+        column."""
         column = np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
-        keys = column.astype(np.int64) * len(self.start) + self.row
-        wanted = pairs[:, 1].astype(np.int64) * len(self.start) + pairs[:, 0]
-        return np.searchsorted(keys, wanted).astype(np.int32)
+        block_keys = column.astype(np.int64) * len(self.start) + self.row
+        pair_keys = pairs[:, 1].astype(np.int64) * len(self.start) + pairs[:, 0]
+        return np.searchsorted(block_keys, pair_keys).astype(np.int32)
 
 
 def elimination_order(count: int, pairs: Int) -> Int:
-    """Returns (N,) the nodes in an order that keeps the fill low (multiple minimum degree).
+    """Returns (N,) the nodes in an elimination order with little fill-in (multiple minimum degree).
 
     Args:
         count: the number of nodes.
-        pairs: (M, 2) the nodes that are coupled.
+        pairs: (M, 2) the pairs of coupled nodes.
     """
     ones = np.ones(len(pairs))
     graph = coo_matrix((ones, (pairs[:, 0], pairs[:, 1])), (count, count))
-    coupled = ((graph + graph.T) > 0).astype(np.float64)
-    dominant = csc_matrix(-coupled + (count + 1.0) * identity(count))
+    is_coupled = ((graph + graph.T) > 0).astype(np.float64)
+    dominant = csc_matrix(-is_coupled + (count + 1.0) * identity(count))
     options = {"SymmetricMode": True}
     factor = splu(dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     return np.asarray(np.argsort(factor.perm_c), np.int64)
@@ -95,30 +97,30 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
 
     Args:
         count: N, the number of nodes.
-        pairs: (M, 2) the nodes that are coupled, in any order, duplicates allowed.
+        pairs: (M, 2) the pairs of coupled nodes, in any order. Duplicates are allowed.
     """
-    below: list[set[int]] = [set() for _ in range(count)]
+    rows_below: list[set[int]] = [set() for _ in range(count)]
     for a, b in np.unique(np.sort(pairs, 1), axis=0).tolist():
         if a != b:
-            below[a].add(b)
+            rows_below[a].add(b)
     for node in range(count):
-        if below[node]:
-            # Eliminating a node couples all its neighbours. Record the couplings at the neighbour that is
-            # eliminated next, which passes them on in its turn.
-            heir = min(below[node])
-            below[heir] |= below[node] - {heir}
-    rows = [np.array([node, *sorted(below[node])]) for node in range(count)]
-    start = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
+        if rows_below[node]:
+            # Eliminating a node couples all its neighbours. Record the couplings only at the neighbour that
+            # is eliminated next. Its own elimination passes them on.
+            next_node = min(rows_below[node])
+            rows_below[next_node] |= rows_below[node] - {next_node}
+    rows = [np.array([node, *sorted(rows_below[node])]) for node in range(count)]
+    start = np.concatenate([[0], np.cumsum([len(node_rows) for node_rows in rows])])
     row = np.concatenate(rows).astype(np.int32)
     column = np.repeat(np.arange(count, dtype=np.int32), np.diff(start))
-    # Use a stable sort, which keeps the columns of each row in ascending order.
-    beside = np.flatnonzero(row != column)
-    beside = beside[np.argsort(row[beside], kind="stable")]
+    # A stable sort keeps the columns of each row in ascending order.
+    off_diagonal = np.flatnonzero(row != column)
+    off_diagonal = off_diagonal[np.argsort(row[off_diagonal], kind="stable")]
     by_row = np.full(len(row), -1, np.int32)
-    by_row[beside] = np.arange(len(beside))
-    row_start = np.searchsorted(row[beside], np.arange(count + 1)).astype(np.int32)
+    by_row[off_diagonal] = np.arange(len(off_diagonal))
+    row_start = np.searchsorted(row[off_diagonal], np.arange(count + 1)).astype(np.int32)
     none = np.empty(0, np.int32)
-    pattern = BlockPattern(start.astype(np.int32), row, none, row_start, column[beside], by_row)
+    pattern = BlockPattern(start.astype(np.int32), row, none, row_start, column[off_diagonal], by_row)
     products = []
     for lower in rows:
         j, i = np.triu_indices(len(lower) - 1)
@@ -128,12 +130,12 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
 
 @njit(cache=True, nogil=True)
 def factorise(pattern, lower, column, rows, scales, inverse):
-    """Factorizes A = L D Lᵀ. Returns True if A was positive definite.
+    """Factorizes the matrix A = L D Lᵀ. Returns True if A is positive definite.
 
     Args:
-        pattern: start, product and by_row of a :class:`BlockPattern`.
-        lower: (48 B,) A's lower blocks, column by column; only the lower half of a diagonal block is read.
-            They are overwritten.
+        pattern: the fields start, product and by_row of a :class:`BlockPattern`.
+        lower: (48 B,) the blocks of A on and below the diagonal, column by column. They are overwritten. Of a
+            diagonal block only the lower half is read.
         column: (48 C,) scratch space for the blocks of the longest column.
         rows, scales: (36 (B - N) + 8,) int16, (B - N,) output: the blocks of L below the diagonal, row by
             row.
@@ -147,23 +149,24 @@ def factorise(pattern, lower, column, rows, scales, inverse):
         if not invert6(inverse, diagonal_place, 1.0):
             return False
         for b in range(first + 1, last):
-            times(lower, SIZE * b, inverse, diagonal_place, block, 0)
+            multiply_blocks(lower, SIZE * b, inverse, diagonal_place, block, 0)
             transpose6(block, 0, column, SIZE * (b - first))
-            place = CLOSE * by_row[b]
-            # The write also overwrites two numbers of the next block, which may be complete already. So save
-            # and restore them.
-            saved_first, saved_second = rows[place + CLOSE], rows[place + CLOSE + 1]
+            place = SOLVING_SIZE * by_row[b]
+            # Writing the block also overwrites two numbers of the next block, which may be complete already.
+            # So save and restore these numbers.
+            saved_first, saved_second = rows[place + SOLVING_SIZE], rows[place + SOLVING_SIZE + 1]
             scales[by_row[b]] = shorten6(block, 0, rows, place)
-            rows[place + CLOSE], rows[place + CLOSE + 1] = saved_first, saved_second
+            rows[place + SOLVING_SIZE], rows[place + SOLVING_SIZE + 1] = saved_first, saved_second
         p = _take_products(lower, column, product, p, first, last)
     return True
 
 
 @njit(cache=True, nogil=True)
 def _take_products(lower, column, product, p, first, last):
-    """Subtracts b Lᵀ from the block of each pair of a column's blocks, with b of A and L of the factor.
+    """Subtracts b Lᵀ from the block of each pair of a column's blocks, where b is from A, and L from the
+    factor.
 
-    L is stored transposed in ``column``; the rows of Lᵀ stay in registers. Returns the next index into
+    L is stored transposed in ``column``. The rows of Lᵀ stay in registers. Returns the next index in
     ``product``.
     """
     for at in range(SIZE, SIZE * (last - first), SIZE):
@@ -185,9 +188,9 @@ def _take_products(lower, column, product, p, first, last):
 
 
 @njit(cache=True, nogil=True)
-def times(left, at, right, there, out, to):
-    """Computes into ``out`` at ``to`` the product of the blocks at ``at`` of ``left`` and ``there`` of
-    ``right``.
+def multiply_blocks(left, at, right, there, out, to):
+    """Computes the product of the block at ``at`` of ``left`` and the block at ``there`` of ``right``, into
+    ``out`` at ``to``.
     """
     a, b, c = load8(right, there), load8(right, there + 8), load8(right, there + 16)
     d, e, f = load8(right, there + 24), load8(right, there + 32), load8(right, there + 40)
@@ -200,30 +203,30 @@ def times(left, at, right, there, out, to):
 
 @njit(cache=True, nogil=True)
 def substitute(row_start, column, rows, scales, inverse, y):
-    """Solves L D Lᵀ y = b in place, ``y`` (8 N,): six numbers per node, and two 0.
+    """Solves L D Lᵀ y = b in place. ``y`` (8 N,) has six numbers per node, and two zeros.
 
-    A row of six that is read as eight contains the next two numbers in its last lanes. In the forward pass,
-    they are multiplied by the two 0 of a node. In the backward pass, they end in lanes that are set to 0
-    before a node is read.
+    A row of six numbers is read as eight, so its last two lanes contain numbers of the next row. In the
+    forward pass, they are multiplied by the two zeros of a node. In the backward pass, they are added to
+    lanes that are set to 0 before a node is read.
     """
     count = row_start.shape[0] - 1
     zero = splat8(np.float32(0.0))
     for i in range(count):
         a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
         for k in range(row_start[i], row_start[i + 1]):
-            at, there = CLOSE * k, splat8(scales[k]) * load8(y, 8 * column[k])
+            at, there = SOLVING_SIZE * k, splat8(scales[k]) * load8(y, 8 * column[k])
             a, b = fma8(loadshort8(rows, at), there, a), fma8(loadshort8(rows, at + 6), there, b)
             c, d = fma8(loadshort8(rows, at + 12), there, c), fma8(loadshort8(rows, at + 18), there, d)
             e, f = fma8(loadshort8(rows, at + 24), there, e), fma8(loadshort8(rows, at + 30), there, f)
         store8(y, 8 * i, load8(y, 8 * i) - totals6(a, b, c, d, e, f))
     for i in range(count):
-        store8(y, 8 * i, weighted(inverse, SIZE * i, y, 8 * i))
+        store8(y, 8 * i, weighted_row_sum(inverse, SIZE * i, y, 8 * i))
     for i in range(count - 1, -1, -1):
         y[8 * i + 6] = y[8 * i + 7] = 0.0
         a, b, c = -y[8 * i], -y[8 * i + 1], -y[8 * i + 2]
         d, e, f = -y[8 * i + 3], -y[8 * i + 4], -y[8 * i + 5]
         for k in range(row_start[i], row_start[i + 1]):
-            at, to = CLOSE * k, 8 * column[k]
+            at, to = SOLVING_SIZE * k, 8 * column[k]
             even = fma8(c, loadshort8(rows, at + 12), splat8(a) * loadshort8(rows, at))
             odd = fma8(d, loadshort8(rows, at + 18), splat8(b) * loadshort8(rows, at + 6))
             both = fma8(e, loadshort8(rows, at + 24), even) + fma8(f, loadshort8(rows, at + 30), odd)
@@ -231,8 +234,8 @@ def substitute(row_start, column, rows, scales, inverse, y):
 
 
 @njit(cache=True, nogil=True)
-def weighted(blocks, block, y, at):
-    """Returns the sum of a block's rows, weighted with y[at : at + 6].
+def weighted_row_sum(blocks, block, y, at):
+    """Returns the sum of the six rows of a block, weighted with y[at : at + 6].
 
     Two sums in parallel hide the latency of the additions.
     """

@@ -1,8 +1,8 @@
 """Converts a budget in milliseconds to a number of steps. The cost of a step is measured in advance on this
 machine.
 
-No clock is read while a frame is solved. If other programs load the machine, a clock could end a frame before
-its first step. The mesh would then lag in addition to the late image.
+No clock is read while a frame is solved. On a machine that is busy with other programs, a clock could end a
+frame before its first step. The mesh would then lag behind, in addition to the late image.
 """
 
 from __future__ import annotations
@@ -16,41 +16,43 @@ from enliven.deformation.embedded.lbfgs import Allowance, SolverBuffers, full_st
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 
 _MEASURED_COSTS_MS: dict[tuple[int, int], tuple[float, float, float]] = {}
-"""Measured milliseconds of a step, a matrix and a gradient, by a graph's number of nodes and edges. They are
-cached, because a measurement takes as long as a frame."""
+"""Measured milliseconds of a step, a matrix and a gradient, by the graph's number of nodes and edges. They
+are cached, because a measurement takes as long as a frame."""
 _TIMING_REPEATS = 4
-"""Number of measurements of each kind of work. Their minimum is the cost on an idle machine."""
+"""Number of measurements of each cost. Their minimum is taken as the cost on an idle machine."""
 _FIXED_FRAME_COST_STEPS = 2.0
-"""Cost of a frame's fixed parts, in steps: choosing its start and writing its state out."""
+"""Cost of a frame's fixed parts, in steps: choosing its start, and writing the result."""
 
 
 def measure_allowance(
     budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem
 ) -> Allowance:
-    """Returns the allowance of a frame for a budget. ``x`` (16 N,) is the state at which the costs are
-    measured.
+    """Returns the allowance of a frame for a budget in milliseconds.
+
+    The costs are measured at the state ``x`` (16 N,).
     """
     size = len(terms.stretch), len(terms.edges)
     if size not in _MEASURED_COSTS_MS:
         work = SolverBuffers.empty(len(terms.stretch))
-        at = x.copy()
-        matrix = _fastest_run_ms(lambda: refactor(at, terms, planes, work.raw, system))
-        step = _fastest_run_ms(lambda: full_step(at, terms, planes, system, work))
+        state = x.copy()
+        matrix = _fastest_run_ms(lambda: refactor(state, terms, planes, work.raw, system))
+        step = _fastest_run_ms(lambda: full_step(state, terms, planes, system, work))
         _MEASURED_COSTS_MS[size] = (
             step,
             matrix,
-            _fastest_run_ms(lambda: gradient(at, terms, planes, work.raw)),
+            _fastest_run_ms(lambda: gradient(state, terms, planes, work.raw)),
         )
     step, matrix, retry = _MEASURED_COSTS_MS[size]
     return Allowance(budget_ms / step - _FIXED_FRAME_COST_STEPS, matrix / step, retry / step)
 
 
-def _fastest_run_ms(do: Callable[[], object]) -> float:
-    """Returns the milliseconds of the fastest of several runs, after a first one that compiles."""
-    do()
+def _fastest_run_ms(function: Callable[[], object]) -> float:
+    """Returns the milliseconds of the fastest of several runs. An additional first run compiles the
+    kernels."""
+    function()
     least = float("inf")
     for _ in range(_TIMING_REPEATS):
         begin = time.perf_counter()
-        do()
+        function()
         least = min(least, 1e3 * (time.perf_counter() - begin))
     return max(least, 1e-6)

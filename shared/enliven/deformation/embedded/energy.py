@@ -1,9 +1,9 @@
 """The energy of KinÊtre's embedded deformation (eq. 3-8), and its gradient.
 
-The unknowns are x (N, 4, 4), flattened. x[j, c, :3] is column c of R_j for c < 3, and x[j, 3, :3] is the new
-position of node j, g_j + t_j. The fourth lane of each is 0, so that a column fills one vector register
-(:mod:`enliven.lanes`). In these unknowns, the residuals of E_reg and E_con are linear, and the same for each
-coordinate. Those of E_rot and E_rig are quadratic.
+The unknowns are x (N, 4, 4), flattened. x[j, c, :3] is column c of R_j for c < 3, and x[j, 3, :3] is the
+deformed position of node j, g_j + t_j. The fourth lane of each is 0, so that a column fills one vector
+register (:mod:`enliven.lanes`). In these unknowns, the residuals of E_reg and E_con are linear, and the same
+for each coordinate. The residuals of E_rot and E_rig are quadratic.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class Planes(NamedTuple):
         nodes: (M, 4) int32 the nodes that move each point, by ascending elimination order.
         rows: (M, 4, 4) the coefficients, as in :class:`Terms`.
         normals: (M, 4) unit normals and a 0.
-        offsets: (M,) metres.
-        weights: (M,) including the solver's own weight.
+        offsets: (M,) metres, the offsets of the planes from the origin.
+        weights: (M,) the weights of the planes, multiplied by the solver's own weight.
         one_sided: (M,) True if a plane only pushes.
     """
 
@@ -39,15 +39,16 @@ class Terms(NamedTuple):
     """The constants of the energy.
 
     Attributes:
-        edges: (E, 2) int32 nodes i, j.
-        offsets: (E, 3) g_j - g_i.
+        edges: (E, 2) int32 the nodes i, j of each edge.
+        offsets: (E, 3) metres, the vectors g_j - g_i at rest.
         rigid: (K,) int32 the edges of E_rig.
-        turning: 1.0 compares the translations of E_rig in the middle of the edge, which gives zero for any
+        turning: 1.0 compares the translations of E_rig at the middle of the edge, which gives zero for any
             rigid motion. 0.0 uses eq. 7 as printed, |t_k - t_j|^2.
-        nodes: (L, 4) int32 the nodes of each constraint, ascending. Nodes without weight are skipped.
+        nodes: (L, 4) int32 the nodes of each constraint, ascending. Nodes with weight 0 are skipped.
         rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
-        held_start: (N + 1,) int32 the index at which the holds of each node start (constraints with a weight
-            on it).
+        held_start: (N + 1,) int32 the index at which the holds of each node start. A hold is a constraint
+        with a
+            weight on the node.
         held_by: (H,) int32 the constraint of each hold.
         arms: (4 H,) the coefficients of each hold, copied from ``rows``.
         forces: (4 L,) scratch space for the derivative by each phi(p).
@@ -77,7 +78,8 @@ class Terms(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def gradient(x, t, planes, out):
-    """Computes dE/dx into ``out`` (16 N,); returns (E_rot, E_reg, E_con, E_rig, E_planes, E), weighted."""
+    """Computes dE/dx into ``out`` (16 N,). Returns the weighted E_rot, E_reg, E_con, E_rig, E_planes and
+    their sum."""
     rot = _rotation_energy(x, t.stretch, out)
     reg = _smoothness_energy(x, t.edges, t.offsets, t.smooth, out)
     con = _constraint_energy(x, t, out)
@@ -88,7 +90,7 @@ def gradient(x, t, planes, out):
 
 @njit(cache=True, nogil=True)
 def _rotation_energy(x, w, out):
-    """Computes E_rot, eq. 3: |RᵀR - I|^2; dE/dR = 4 R (RᵀR - I). Overwrites ``out``."""
+    """Computes E_rot, eq. 3: |RᵀR - I|^2. Overwrites ``out`` with its derivative dE/dR = 4 R (RᵀR - I)."""
     energy = 0.0
     zero = splat4(0.0)
     for j in range(w.shape[0]):
@@ -114,8 +116,8 @@ def _smoothness_energy(x, edges, offsets, w, out):
         a, b, c = offsets[e, 0], offsets[e, 1], offsets[e, 2]
         apart = load4(x, i + 12) - load4(x, j + 12)
         forth = fma4(a, load4(x, i), fma4(b, load4(x, i + 4), fma4(c, load4(x, i + 8), apart)))
-        # Compute the residual of the opposite direction with a flipped sign, which does not matter because
-        # |-v| = |v|.
+        # The residual of the opposite direction is computed with a flipped sign, which does not change its
+        # square.
         back = fma4(a, load4(x, j), fma4(b, load4(x, j + 4), fma4(c, load4(x, j + 8), apart)))
         energy = fma4(w[e], forth * forth + back * back, energy)
         k = splat4(2 * w[e])
@@ -148,7 +150,7 @@ def _deformed_point(x, nodes, rows, m):
 
 @njit(cache=True, nogil=True)
 def _add_point_gradient(nodes, rows, m, force, out):
-    """Adds the derivative with respect to phi(p) to the nodes of point ``m``."""
+    """Adds ``force``, the derivative by phi(p), to the gradient of the nodes of point ``m``."""
     for k in range(4):
         at = 16 * nodes[m, k]
         if rows[m, k, 3] != 0.0:
@@ -160,8 +162,8 @@ def _add_point_gradient(nodes, rows, m, force, out):
 def _constraint_energy(x, t, out):
     """Adds E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
 
-    Each node gathers from the constraints that hold it. Its gradient is then read and written once, not once
-    per constraint.
+    Each node collects the forces of all constraints that hold it. So its gradient is read and written once,
+    not once per constraint.
     """
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)
@@ -190,7 +192,7 @@ def _constraint_energy(x, t, out):
 
 @njit(cache=True, nogil=True)
 def constraint_energy(x, t):
-    """Returns only E_con, weighted. New targets change no other term while the nodes do not move."""
+    """Returns only E_con, weighted. If the nodes do not move, new targets change no other term."""
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)
     for m in range(t.nodes.shape[0]):
@@ -202,7 +204,7 @@ def constraint_energy(x, t):
 
 @njit(cache=True, nogil=True)
 def _plane_energy(x, planes, out):
-    """Adds w (n.phi(p) - b)^2; for a one-sided plane only if n.phi(p) < b."""
+    """Adds w (n.phi(p) - b)^2 for each plane. A one-sided plane is skipped if n.phi(p) >= b."""
     energy = 0.0
     flat = planes.normals.reshape(-1)
     for m in range(planes.nodes.shape[0]):
@@ -217,7 +219,7 @@ def _plane_energy(x, planes, out):
 
 @njit(cache=True, nogil=True)
 def _rigidity_energy(x, t, out):
-    """Adds E_rig, eq. 7: |R_kᵀR_j - I|^2 and the translations' difference."""
+    """Adds E_rig, eq. 7: |R_kᵀR_j - I|^2, and the squared difference of the translations."""
     energy = 0.0
     for m in range(t.rigid.shape[0]):
         e, w = t.rigid[m], t.hanging[m]
@@ -235,8 +237,8 @@ def _rigidity_energy(x, t, out):
 
 @njit(cache=True, nogil=True)
 def _slip_energy(x, offset, turning, w, j, k, out):
-    """Adds the squared distance between the images of the edge's middle (turning 1), or between
-    translations (0).
+    """Adds the squared distance between the two images of the edge's middle (``turning`` 1), or between the
+    two translations (``turning`` 0).
     """
     energy = 0.0
     for a in range(3):

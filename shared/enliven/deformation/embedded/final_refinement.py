@@ -1,4 +1,4 @@
-"""Checks whether a frame ended near the minimum, by continuing the descent from its end.
+"""Checks if a frame ended near the minimum, by continuing the descent from the frame's result.
 
 A frame ends when the predicted decrease of a step is small. If a limb is about to buckle, the state may be on
 a ridge of the energy. The gradient there does not show that the energy falls again ten steps later. Of 16,300
@@ -16,22 +16,22 @@ from enliven.arrays import Float
 from enliven.deformation.embedded.energy import Planes, Terms, gradient
 from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, descend, record_energies
 from enliven.deformation.embedded.preconditioner import RigidSystem
-from enliven.deformation.embedded.safeguards import thicken
+from enliven.deformation.embedded.safeguards import restore_flat_nodes
 
 _MAX_ITERATIONS = 300
-"""Maximum number of iterations. A ridge is left after ten to forty."""
+"""Maximum number of iterations. The descent leaves a ridge after 10 to 40 iterations."""
 _PROMISED_DECREASE_FRACTION = 1e-8
 """Predicted relative decrease of the last step at which the refinement ends. On a ridge, the prediction is a
 hundred times larger."""
 _MAX_EXCESS_ENERGY_FRACTION = 1e-3
 """Maximum fraction of the energy above the minimum for a settled frame: half of the required 0.2 %."""
 _NEGLIGIBLE_ENERGY = 1e-6
-"""An energy below which fractions are meaningless. With the default weights, it is a point a tenth of a
-millimetre off."""
+"""An energy below which fractions are meaningless. With the default weights, it corresponds to a point a
+tenth of a millimetre off its target."""
 
 
 def find_lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Float | None:
-    """Returns the state at the minimum below a state (16 N,), or None if the state is practically at the
+    """Returns the state at the minimum below the state ``x`` (16 N,), or None if ``x`` is practically at the
     minimum.
 
     Args:
@@ -42,7 +42,7 @@ def find_lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem
     before = energies[5]
     record_energies(work, energies)
     descend(low, terms, planes, system.twin(), work, _MAX_ITERATIONS, _PROMISED_DECREASE_FRACTION, UNLIMITED)
-    if thicken(low):
+    if restore_flat_nodes(low):
         record_energies(work, gradient(low, terms, planes, work.raw))
     after = float(work.energies[5])
     return low if before - after > _MAX_EXCESS_ENERGY_FRACTION * after + _NEGLIGIBLE_ENERGY else None

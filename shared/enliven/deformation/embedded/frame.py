@@ -1,4 +1,4 @@
-"""Solves a frame of the deformation in one call: reads the inputs, minimizes the energy, and writes the
+"""Solves a frame of the embedded deformation in one call: reads the inputs, minimizes the energy, writes the
 result."""
 
 from __future__ import annotations
@@ -7,34 +7,34 @@ from typing import NamedTuple
 
 from enliven.arrays import Float, Int
 from enliven.deformation.embedded.energy import Terms, gradient
-from enliven.deformation.embedded.inputs import take_usable
+from enliven.deformation.embedded.inputs import copy_usable_targets
 from enliven.deformation.embedded.lbfgs import (
     Allowance,
     SolverBuffers,
     descend,
     is_aged,
-    note_age,
+    record_age,
     record_energies,
 )
 from enliven.deformation.embedded.node_frame import plain_state
-from enliven.deformation.embedded.safeguards import set_upright, thicken
+from enliven.deformation.embedded.safeguards import repair_inverted_nodes, restore_flat_nodes
 from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import njit
 
 _THREAD_WAKING_COST_STEPS = 1
-"""Cost, in steps, of waking the second thread and fetching its matrix."""
+"""Cost, in steps, of waking the second thread and copying its matrix."""
 
 
 class SolverState(NamedTuple):
-    """The persistent state between frames, apart from the matrix and the planes.
+    """The solver's state that persists between frames, without the matrix and the planes.
 
     Attributes:
-        x, rest: (16 N,) the unknowns, and those of the rest pose.
-        order: (N,) the number of each node in the graph.
+        x, rest: (16 N,) the current unknowns, and the unknowns of the rest pose.
+        order: (N,) the number in the graph of each node in elimination order.
         terms, work: the constants of the energy, and buffers for the descent.
-        pull: the weight of all constraints.
+        pull: factor on the weights of all constraints.
         most, tolerance: the settings ``iterations`` and ``tolerance``.
-        allowance: the maximum cost of a frame.
+        allowance: the maximum cost of a frame, in steps.
     """
 
     x: Float
@@ -57,20 +57,20 @@ def next_frame(state, planes, system, targets, weights, linear, positions):
     rotation. If a node is pressed flat at the end, it gets some volume again.
 
     Args:
-        state, planes, system: a :class:`SolverState`, ``Planes`` and a ``RigidSystem``, held.
-        targets, weights: (L, 3) metres and (L,), unchecked.
-        linear, positions: (N, 3, 3) and (N, 3) metres, filled.
+        state, planes, system: a ``SolverState``, ``Planes`` and a ``RigidSystem``, each prepared by ``hold``.
+        targets, weights: (L, 3) metres and (L,) of the constraints, unchecked.
+        linear, positions: (N, 3, 3) and (N, 3) metres, output: the nodes' transforms.
     """
     f, p, s = state.values, planes.values, system.values
     x, t, work = f.x, f.terms, f.work
-    take_usable(targets, weights, f.pull, t.targets, t.pulls)
+    copy_usable_targets(targets, weights, f.pull, t.targets, t.pulls)
     if not choose_start(x, f.rest, t, p, work):
         record_energies(work, gradient(x, t, p, work.raw))
-    if set_upright(x, t.edges):
+    if repair_inverted_nodes(x, t.edges):
         record_energies(work, gradient(x, t, p, work.raw))
     done = descend(x, t, p, s, work, f.most, f.tolerance, f.allowance)
-    note_age(work.age, done)
-    if thicken(x):
+    record_age(work.age, done)
+    if restore_flat_nodes(x):
         record_energies(work, gradient(x, t, p, work.raw))
     plain_state(x.reshape(-1, 4, 4), f.order, linear, positions)
     return done, is_aged(work.age, _THREAD_WAKING_COST_STEPS)

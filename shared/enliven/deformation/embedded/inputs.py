@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.constraints import PlaneConstraints, PointConstraints
+from enliven.deformation.constraints.planes import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.energy import Planes
 from enliven.errors import InputError
 from enliven.kernels import njit
 
 _MAX_TARGET_M = 1e4
-"""Distance, metres, beyond which a target is not a measurement."""
+"""Distance from the origin, metres, beyond which a target cannot be a valid measurement."""
 _EMPTY_ARRAY = np.empty(0)
 NO_PLANES = Planes(
     np.empty((0, 4), np.int32),
@@ -22,7 +22,7 @@ NO_PLANES = Planes(
     _EMPTY_ARRAY,
     np.empty(0, np.bool_),
 )
-"""A frame without planes."""
+"""The planes of a frame that has none."""
 
 
 def coefficient_rows(
@@ -45,9 +45,9 @@ def coefficient_rows(
     rows = np.take_along_axis(rows, order[..., None], 1)
     for k in (3, 2, 1):
         # If a node occurs twice, merge both entries and add their weights.
-        twice = place[:, k] == place[:, k - 1]
-        rows[twice, k - 1] += rows[twice, k]
-        rows[twice, k] = 0.0
+        is_repeated = place[:, k] == place[:, k - 1]
+        rows[is_repeated, k - 1] += rows[is_repeated, k]
+        rows[is_repeated, k] = 0.0
     return place.astype(np.int32), np.ascontiguousarray(rows)
 
 
@@ -55,7 +55,7 @@ def sort_by_node(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, F
     """Sorts the constraints by the nodes that they hold, in the format of :class:`Terms`.
 
     Args:
-        nodes, rows: (L, 4) and (L, 4, 4), of :func:`coefficient_rows`; a node without weight is not held.
+        nodes, rows: (L, 4) and (L, 4, 4), from :func:`coefficient_rows`. A node with weight 0 is not held.
         count: N, the number of nodes.
 
     Returns:
@@ -94,9 +94,10 @@ def convert_planes(planes: PlaneConstraints | None, weight: float, positions: Fl
 
 
 @njit(cache=True, nogil=True)
-def take_usable(targets, weights, scale, out, pulls):
-    """Copies the usable targets into ``out`` (L, 4), and the weights into ``pulls`` (L,), 0 for unusable
-    ones.
+def copy_usable_targets(targets, weights, scale, out, pulls):
+    """Copies the usable targets into ``out`` (L, 4), and the scaled weights into ``pulls`` (L,).
+
+    The weight of an unusable target is 0.
     """
     for m in range(len(pulls)):
         usable = weights[m] > 0.0 and np.isfinite(weights[m])
@@ -108,14 +109,14 @@ def take_usable(targets, weights, scale, out, pulls):
 
 
 def checked_stiffness(stiffness: Float | None, count: int) -> Float:
-    """Returns the stiffness factors (N,) after checking them, or ones if ``stiffness`` is None."""
+    """Returns the stiffness factors (N,) after a check of their shape and values, or ones for None."""
     if stiffness is None:
         return np.ones(count)
     factors = np.asarray(stiffness, np.float64)
     if factors.shape != (count,) or not (np.isfinite(factors) & (factors > 0)).all():
         raise InputError(
-            f"the stiffness is {factors.shape} with values from {np.min(factors, initial=np.inf):g}",
+            f"the stiffness has shape {factors.shape} and values from {np.min(factors, initial=np.inf):g}",
             where="embedded deformation",
-            mend=f"Give ({count},) finite factors above 0.",
+            remedy=f"Give {count} finite factors above 0, one for each node.",
         )
     return factors

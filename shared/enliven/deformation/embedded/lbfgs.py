@@ -1,6 +1,6 @@
-"""The descent of a frame: L-BFGS, preconditioned with the solver's matrix.
+"""The minimization of a frame's energy: L-BFGS, preconditioned with the solver's matrix.
 
-See :mod:`enliven.deformation.embedded.solver` for the reasons.
+:mod:`enliven.deformation.embedded.solver` explains the choice of the method.
 """
 
 from __future__ import annotations
@@ -12,47 +12,47 @@ import numpy as np
 from enliven.arrays import Float, Float32, Int
 from enliven.deformation.embedded.energy import gradient
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
-from enliven.deformation.embedded.preconditioner import align, outdated, precondition, refactor
+from enliven.deformation.embedded.preconditioner import align_with_nodes, is_outdated, precondition, refactor
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, splat8, store8, total8
 
 _REMEMBERED_STEPS = 5
-"""Number of steps that L-BFGS stores. Each stored step makes a step about a thirtieth slower."""
+"""Number of past steps that L-BFGS stores. Each of them makes a step about 3 % slower."""
 _MATRIX_RENEWAL_STEPS = 12
-"""Number of steps within a frame after which the matrix is computed again, because the nodes have moved
-far."""
+"""Number of steps within a frame after which the matrix is computed again. The nodes have then moved far from
+the state of the matrix."""
 _ASSEMBLY_STEPS = 2
 """Cost, in steps, of assembling the terms of a new matrix."""
 _NEGLIGIBLE_ENERGY = 1e-9
-"""Energy below which a state counts as exact. With the default weights, every point is then within 3
-micrometres."""
+"""Energy below which a state counts as the exact minimum. With the default weights, every point is then
+within 3 micrometres of its target."""
 _MAX_WEIGHT_CHANGE = 0.1
-"""Maximum change of weights, relative to the strongest, before the matrix is computed again."""
+"""If a weight changes by more than this fraction of the largest weight, the matrix is computed again."""
 _ARMIJO_FRACTION = 1e-4
-"""Minimum decrease by a step, as a fraction of the linear prediction: the usual constant of Armijo's
-condition."""
+"""Minimum decrease of the energy by a step, as a fraction of the linear prediction: the usual constant of
+Armijo's condition."""
 _MAX_STEP_HALVINGS = 30
-"""Maximum number of halvings of a step before the frame ends without it: 2^-30 of a step is below float32
-resolution."""
+"""Maximum number of halvings of a step. Then the frame ends without the step: 2^-30 of a step is below
+float32 resolution."""
 _SOFT_DECREASE_RATIO = 1.3
-"""Ratio of actual to predicted decrease, 2 - d.Hd / d.Md, above which the energy counts as softer than the
-matrix."""
+"""Ratio of actual to predicted decrease, 2 - d.Hd / d.Md, above which the energy is softer than the matrix:
+the second derivative H along the step d is smaller than the matrix M."""
 _SOFT_TOLERANCE_FRACTION = 0.1
-"""Fraction of the tolerance below which a step in a soft direction ends the frame."""
+"""Factor on the tolerance for steps in directions in which the energy is softer than the matrix."""
 
 
 _MIN_REMAINING_STEPS = 4
-"""Minimum number of steps that a frame with a budget must have left after renewing a matrix only because of
-its age."""
+"""Minimum number of steps that a frame with a budget must have left. With fewer, the matrix is not renewed
+because of its age."""
 
 
 class Allowance(NamedTuple):
     """The maximum cost of a frame, in steps.
 
     Attributes:
-        room: steps that a frame may cost; infinite without a budget.
-        matrix: cost of a new matrix, in steps.
-        retry: cost of another step length, in steps.
+        room: maximum cost of a frame; infinite without a budget.
+        matrix: cost of a new matrix.
+        retry: cost of trying another step length.
     """
 
     room: float
@@ -65,20 +65,21 @@ UNLIMITED = Allowance(np.inf, 0.0, 0.0)
 
 
 class SolverBuffers(NamedTuple):
-    """The arrays of the descent for N nodes and P step pairs. Nothing else is allocated in a frame.
+    """The arrays of the descent for N nodes and P stored steps. Nothing else is allocated in a frame.
 
     Attributes:
         steps: (P, 16 N) the last steps, s.
         changes: (P, 16 N) the changes of the gradient, y.
-        curvatures: (P,) s.y.
-        now, before: (16 N,) the derivative in the node frames, now and one step ago.
-        own: (16 N,) the step in the node frames.
-        raw, from_here, trial: (16 N,) the gradient, the start of the line search and its trial state, in the
-            plain unknowns.
+        curvatures: (P,) the products s.y.
+        now, before: (16 N,) the derivative of the energy in node frames, now and one step ago.
+        own: (16 N,) the step in node frames.
+        raw, from_here, trial: (16 N,) the gradient, the start of the line search, and its trial state, in the
+            unknowns x.
         last: (16 N,) the unknowns one frame ago.
         energies: (6,) energies of the state: E_rot, E_reg, E_con, E_rig, E_planes and their sum E.
-        age: (4,) of the matrix: the number of frames that used it; their steps; 1 if the last frame ended by
-            its stopping rule, 0 if it ran out of steps; and the steps of the last frame.
+        age: (4,) the use of the matrix: the number of frames that used it; their steps; 1 if the last frame
+        ended
+            by its stopping rule, 0 if it ran out of steps; and the steps of the last frame.
     """
 
     steps: Float32
@@ -117,7 +118,7 @@ def _dot_product(u, v):
 
 @njit(cache=True, nogil=True)
 def _add_then_dot(u, scale, v, w):
-    """Adds ``scale`` v to u, and returns u.w, in one pass over u."""
+    """Adds ``scale`` v to u, and returns the new u.w, in one pass over u."""
     even = odd = splat8(np.float32(0.0))
     times = splat8(np.float32(scale))
     for i in range(0, u.shape[0], 16):
@@ -130,27 +131,27 @@ def _add_then_dot(u, scale, v, w):
 
 @njit(cache=True, nogil=True)
 def record_energies(work, energies):
-    """Copies the six energies of the state into the workspace."""
+    """Copies the six energies of the state into ``work.energies``."""
     for i in range(6):
         work.energies[i] = energies[i]
 
 
 @njit(cache=True, nogil=True)
-def worth_of(system):
-    """Returns the cost of a new matrix in steps: its number of block products divided by the number of blocks
-    of a solve."""
+def matrix_cost_in_steps(system):
+    """Returns the cost of a new matrix in steps: the number of block products of its factorization divided by
+    the number of blocks of a solve."""
     return _ASSEMBLY_STEPS + system.product.shape[0] // system.row.shape[0]
 
 
 @njit(cache=True, nogil=True)
-def start_anew(age):
-    """Resets ``age`` for a new matrix."""
+def reset_age(age):
+    """Resets ``age`` (see :class:`SolverBuffers`) for a new matrix."""
     age[0] = age[1] = age[3] = 0
 
 
 @njit(cache=True, nogil=True)
-def note_age(age, done):
-    """Adds a frame of ``done`` steps to ``age``."""
+def record_age(age, done):
+    """Adds a frame of ``done`` steps to ``age`` (see :class:`SolverBuffers`)."""
     age[0] += 1
     age[1] += done
     age[3] = done
@@ -158,29 +159,31 @@ def note_age(age, done):
 
 @njit(cache=True, nogil=True)
 def is_aged(age, worth):
-    """Returns True if the last frame took more steps than the mean per frame, including the ``worth`` of a
-    new matrix.
+    """Returns True if a new matrix would lower the mean number of steps per frame.
 
-    If the old matrix were kept longer, the mean would rise. This criterion needs no estimate of the steps
-    with a new matrix.
+    This is the case if the last frame took more steps than the mean over the frames of this matrix, including
+    the cost ``worth`` of a new matrix.
+
+    If the old matrix were kept longer, the mean would rise. This criterion needs no estimate of the number of
+    steps with a new matrix.
     """
     return age[0] * age[3] > worth + age[1]
 
 
 @njit(cache=True, nogil=True)
 def descend(x, t, planes, system, work, most, tolerance, allowance):
-    """Runs L-BFGS from ``x``, in place. Returns the number of iterations.
+    """Minimizes the energy by L-BFGS, starting from ``x``, in place. Returns the number of iterations.
 
-    ``work.raw`` is the gradient at ``x``, and ``work.energies`` are its energies.
+    ``work.raw`` must be the gradient at ``x``, and ``work.energies`` the energies at ``x``.
 
-    The descent ends with the first step with a predicted decrease of the energy below the fraction
-    ``tolerance``. Normally, little of the predicted decrease remains after a step. If this step or the one
-    before gained more than predicted, the energy is softer there than the matrix, and the prediction is not a
-    bound. A smaller prediction is then required.
+    The descent ends after the first step with a predicted relative decrease of the energy below
+    ``tolerance``. Normally, little of the predicted decrease remains after a step. But if this step or the
+    previous step gained more than predicted, the energy is softer there than the matrix, and the prediction
+    is not a bound. Then a smaller prediction is required.
 
-    ``work.age[2]`` is 1 if it ended like this, and 0 if it ended after ``most`` iterations or at the limit of
-    the ``allowance``. One step is always made. Before it, the matrix is computed if there is none for these
-    constraints.
+    ``work.age[2]`` is set to 1 if the descent ended like this, and to 0 if it ended after ``most`` iterations
+    or at the limit of the ``allowance``. At least one step is made. Before it, the matrix is computed if
+    none exists for these constraints.
     """
     now, before = work.now, work.before
     force_in_node_frame(x, work.raw, now)
@@ -188,13 +191,16 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
     age[2] = 1
     spent = 0.0
     # Compute a new preconditioner if the old one is outdated or the constraints have changed.
-    aged = is_aged(age, worth_of(system)) and allowance.room >= allowance.matrix + _MIN_REMAINING_STEPS
-    if aged or outdated(t, planes, system, _MAX_WEIGHT_CHANGE):
+    aged = (
+        is_aged(age, matrix_cost_in_steps(system))
+        and allowance.room >= allowance.matrix + _MIN_REMAINING_STEPS
+    )
+    if aged or is_outdated(t, planes, system, _MAX_WEIGHT_CHANGE):
         refactor(x, t, planes, work.raw, system)
-        start_anew(age)
+        reset_age(age)
         spent += allowance.matrix
     else:
-        align(x, system)
+        align_with_nodes(x, system)
     # Use np.int64: a literal 0 has its own Numba type, for which Numba would compile the callees again.
     kept = np.int64(0)
     soft = False
@@ -209,7 +215,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
         ):
             spent += allowance.matrix
             refactor(x, t, planes, work.raw, system)
-            start_anew(age)
+            reset_age(age)
             kept = np.int64(0)
         # Take a step in the L-BFGS direction.
         slope = _search_direction(now, work, kept, system)
@@ -236,7 +242,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
 
 @njit(cache=True, nogil=True)
 def _line_search(x, slope, t, planes, work):
-    """Moves along ``work.own`` by a length that lowers the energy. Returns the number of lengths tried,
+    """Moves along ``work.own`` by a step length that lowers the energy. Returns the number of tested lengths,
     negative on failure.
 
     ``work.now`` receives the derivative at the new state, and ``work.own`` the accepted step. The full step
@@ -255,7 +261,7 @@ def _line_search(x, slope, t, planes, work):
                 for i in range(work.own.shape[0]):
                     work.own[i] *= np.float32(length)
             return tried + 1
-        # Find the minimum of the parabola through the two energies and the slope.
+        # The next length is at the minimum of the parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))
@@ -265,8 +271,8 @@ def _line_search(x, slope, t, planes, work):
 
 @njit(cache=True, nogil=True)
 def _remember_step(work, kept):
-    """Stores the last step and its change of the gradient. Returns the number of stored pairs, or 0 to
-    restart.
+    """Stores the last step and its change of the gradient. Returns the number of stored pairs, or 0 if L-BFGS
+    must restart.
     """
     place = kept % _REMEMBERED_STEPS
     step, change = work.steps[place], work.changes[place]
@@ -279,7 +285,7 @@ def _remember_step(work, kept):
 
 @njit(cache=True, nogil=True)
 def _search_direction(now, work, kept, system):
-    """Computes the search direction into ``work.own``. Returns the slope along it.
+    """Computes the search direction into ``work.own``. Returns the slope of the energy along it.
 
     This is the two-loop recursion of L-BFGS (J. Nocedal 1980).
     """
@@ -304,9 +310,7 @@ def _search_direction(now, work, kept, system):
 
 @njit(cache=True, nogil=True)
 def full_step(x, t, planes, system, work):
-    """Takes and undoes a step with all pairs stored, to measure the cost of a step. ``work`` is scratch
-    space.
-    """
+    """Takes and undoes a step with all pairs stored, to measure the cost of a step. Overwrites ``work``."""
     for m in range(_REMEMBERED_STEPS):
         work.curvatures[m] = 1.0
     record_energies(work, gradient(x, t, planes, work.raw))

@@ -6,26 +6,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.deformation.embedded.block_cholesky import SIZE, times
+from enliven.deformation.embedded.block_cholesky import SIZE, multiply_blocks
 from enliven.kernels import njit
 from enliven.lane_blocks import invert6, mirror6, transpose6
 from enliven.lanes import fma4, fma8, load4, load8, splat4, splat8, store4, store8, total4
 
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-"""Rows and columns of a symmetric stretch's six numbers, as in node frames. They are arrays, because Numba
-compiles an index into a tuple to a slow switch."""
+"""Rows and columns of the six numbers of a symmetric stretch, in the order of node frames. They are arrays,
+because Numba compiles an index into a tuple to a slow switch."""
 _ZERO_OFF_DIAGONAL_FRACTION = 1e-10
-"""Fraction of the squared diagonal below which an off-diagonal entry counts as 0. The positive part stays
-positive, with an error of 1e-5."""
+"""Fraction of the squared diagonal below which an off-diagonal entry counts as 0. The error of the positive
+part is then 1e-5."""
 
 
 @njit(cache=True, nogil=True)
 def couple(linear, held, first, out):
-    """Computes the coupling of each number of a node's stretch S to its rotation and translation, into
-    ``out``.
+    """Computes into ``out`` how each number of a node's stretch S is coupled to its rotation and translation.
 
-    ``out`` has 6 rows of 8 per node. The coupling is the sum over the node's arms u of w (R S u).(turn x R u
-    + shift). ``held`` contains the sum of w u uᵀ, and ``first`` that of w u.
+    ``out`` has 6 rows of 8 numbers per node. The coupling is the sum over the node's arms u of w (R S
+    u).(turn x R u + shift). ``held`` contains the sum of w u uᵀ, and ``first`` contains the sum of w u.
     """
     out[:] = np.float32(0.0)
     for j in range(first.shape[0] // 3):
@@ -56,8 +55,8 @@ def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
     stretch.
 
     A is the node's own block of the matrix, and C is in ``block``. ``coupled`` receives Lᵀ. ``compliance``
-    receives the inverse of the Schur complement C - Bᵀ A⁻¹ B. Returns whether that is positive definite; if
-    not, ``coupling`` stays unchanged. ``inverse`` (48,) is scratch space.
+    receives the inverse of the Schur complement C - Bᵀ A⁻¹ B. Returns True if the complement is positive
+    definite. Otherwise ``coupling`` is not changed. ``inverse`` (48,) is scratch space.
 
     A stretch alone moves all points that the node holds. Together with the rotation and translation that
     respond to it, it hardly moves them. So the two parts of the matrix become nearly independent.
@@ -65,7 +64,7 @@ def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
     mirror6(lower, own, inverse, 0, -1.0)
     if not invert6(inverse, 0, -1.0):
         return False
-    times(coupling, at, inverse, 0, coupled, at)
+    multiply_blocks(coupling, at, inverse, 0, coupled, at)
     transpose6(coupled, at, inverse, 0)
     a, b, c = load8(inverse, 0), load8(inverse, 8), load8(inverse, 16)
     d, e, f = load8(inverse, 24), load8(inverse, 32), load8(inverse, 40)
@@ -99,13 +98,14 @@ def add_geometric(x, raw, stretch, start, lower):
     rotation.
 
     The second derivative along R(1) = exp(w x) R is sym(sum of r gᵀ) - (sum of r.g) I over the columns r of R
-    and g of the gradient. The gradient of E_rot is left out, because no rotation changes E_rot. Only the
-    positive part is added: an inward force makes a rotation easier, but the matrix has to stay definite.
+    and g of the gradient. The gradient of E_rot is excluded, because no rotation changes E_rot. Only the
+    positive part is added: an inward force makes a rotation easier, but the matrix must stay positive
+    definite.
 
     Args:
         x, raw: (16 N,) the state and dE/dx.
         stretch: (N,) w_rot of each node.
-        start, lower: of the matrix; its diagonal blocks are changed.
+        start, lower: the matrix and its column starts. Its diagonal blocks are changed.
     """
     a, v = np.empty((3, 3)), np.empty((3, 3))
     rows = np.empty(12)
@@ -117,8 +117,9 @@ def add_geometric(x, raw, stretch, start, lower):
         xy, xz, yz = 0.25 * (rows[1] + rows[4]), 0.25 * (rows[2] + rows[8]), 0.25 * (rows[6] + rows[9])
         square = xx * yy - xy * xy
         cube = xz * (xy * yz - xz * yy) + yz * (xy * xz - xx * yz) + zz * square
-        # Test definiteness by Sylvester's criterion. A negative definite term is skipped, a positive definite
-        # one is added unchanged, and of any other only the positive part is added. Most terms are definite.
+        # Test definiteness by Sylvester's criterion. A negative definite term is skipped, and a positive
+        # definite term is added unchanged. Of any other term, only the positive part is added. Most terms are
+        # definite.
         if square > 0.0 and xx < 0.0 and cube < 0.0:
             continue
         if not (square > 0.0 and xx > 0.0 and cube > 0.0):
@@ -152,8 +153,8 @@ def _sum_of_levers(x, raw, w, at, out):
 
 @njit(cache=True, nogil=True)
 def _keep_positive(a, v):
-    """Replaces the symmetric ``a`` (3, 3) by its positive part, by Jacobi rotations collected in ``v`` (3,
-    3).
+    """Replaces the symmetric ``a`` (3, 3) by its positive part, by Jacobi rotations that are collected in
+    ``v`` (3, 3).
     """
     v[:] = 0.0
     v[0, 0] = v[1, 1] = v[2, 2] = 1.0
@@ -184,11 +185,12 @@ def _keep_positive(a, v):
 
 @njit(cache=True, nogil=True)
 def stretch_block(linear, held, at, w, whole, room, out):
-    """Computes half the second derivative by a node's stretch S into ``out`` (6 rows of 8).
+    """Computes half the second derivative of the energy by a node's stretch S into ``out`` (6 rows of 8).
 
-    Let G = RᵀR, and U the sum of w u uᵀ over the arms u of E_reg and E_con. R(1) = R (I + S) adds w |S G + G
-    S|^2 + 2 w (G - I).(S G S) to E_rot, and tr(S G S U) to the others. For a compressed node, this need not
-    be positive. ``whole`` 0.0 leaves the second term out (Gauss-Newton).
+    Let G = RᵀR, and U the sum of w u uᵀ over the arms u of E_reg and E_con. Let R(1) = R (I + S). Then E_rot
+    gets the terms w |S G + G S|^2 + 2 w (G - I).(S G S), and the other energies get tr(S G S U). For a
+    compressed node, the sum may not be positive. If ``whole`` is 0.0, the second term is omitted
+    (Gauss-Newton).
     """
     gram, square, z = room[0], room[1], room[2]
     for c in range(3):

@@ -1,12 +1,12 @@
-"""Steps and forces in node frames: the rotation, stretch and translation of each node.
+"""Conversion of steps and forces to node frames: the rotation, stretch and translation of each node.
 
-A node's R and position have twelve numbers. A step also has twelve: a rotation w, a translation, and a
-symmetric stretch S, with dR = (w x R) + R S. These numbers are relative to the node. When the node rotates,
-its columns change and these numbers stay the same. L-BFGS' step pairs therefore stay valid after a step. In
-the plain unknowns they would not stay valid, because there a rotation is stored as a change of directions
-that later rotate. In that case, only the first step had much effect.
+The state of a node, R and its position, has twelve numbers. A step also has twelve numbers: a rotation w, a
+translation, and a symmetric stretch S, with dR = (w x R) + R S. These numbers are relative to the node. If
+the node rotates, the columns of R change, but these numbers stay the same. So the step pairs of L-BFGS remain
+valid after a step. In the unknowns x they would not remain valid, because there a rotation is stored as a
+change of directions that later rotate. Then only the first step had much effect.
 
-Sixteen numbers per node: w and a 0, the translation and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
+A node has sixteen numbers: w and a 0, the translation and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from enliven.lanes import cross4, fma4, load4, narrowed4, splat4, store4, storeq
 
 @njit(cache=True, nogil=True)
 def force_in_node_frame(x, gradient, out):
-    """Converts dE/dx (16 N,) to the derivative in the node frames at ``x``, into ``out`` (16 N,)."""
+    """Converts the gradient dE/dx (16 N,) at ``x`` to node frames, into ``out`` (16 N,)."""
     for at in range(0, x.shape[0], 16):
         a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
         u, v, w = load4(gradient, at), load4(gradient, at + 4), load4(gradient, at + 8)
@@ -29,12 +29,12 @@ def force_in_node_frame(x, gradient, out):
 
 @njit(cache=True, nogil=True)
 def step_in_node_frame(here, own, length, x):
-    """Sets ``x`` to ``here`` moved along ``length`` of the step: R(1) = Q R (I + S + S S / 2).
+    """Sets ``x`` to the state ``here``, moved by ``length`` times the step ``own``: R(1) = Q R (I + S + S S /
+    2).
 
-    Q is the rotation by w in Cayley's formula: exp(w x) to second order, without any stretch. A rotation by
-    ten degrees along a straight line would stretch a node by 1.5 %, and E_rot would stop the step. The
-    stretch is exp(S) to second order, with eigenvalues of at least a half, so no step turns a node inside
-    out.
+    Q is the rotation by w in Cayley's formula: exp(w x) to second order, without any stretch. (A straight
+    step by ten degrees would stretch a node by 1.5 %, and E_rot would stop it.) The stretch is exp(S) to
+    second order. Its eigenvalues are at least a half, so no step turns a node inside out.
     """
     half, twice = splat4(0.5 * length), splat4(2.0)
     for at in range(0, x.shape[0], 16):
@@ -59,14 +59,15 @@ def step_in_node_frame(here, own, length, x):
 
 @njit(cache=True, nogil=True)
 def _rotated_vector(h, scale, v):
-    """Returns the vector rotated by (I - K)^-1 (I + K) = I + s (K + K K), K = h x and s = 2 / (1 + |h|^2)."""
+    """Returns v, rotated by (I - K)^-1 (I + K) = I + s (K + K K). K is the matrix h x, and s = 2 / (1 +
+    |h|^2)."""
     across = cross4(h, v)
     return fma4(scale, across + cross4(h, across), v)
 
 
 @njit(cache=True, nogil=True)
 def plain_state(x, order, linear, positions):
-    """Converts the unknowns (N, 4, 4) to linear parts and positions, in the graph's own order."""
+    """Converts the unknowns (N, 4, 4) to linear parts and positions, in the order of the graph's nodes."""
     for n in range(len(order)):
         node = order[n]
         for a in range(3):

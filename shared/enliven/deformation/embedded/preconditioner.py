@@ -3,14 +3,15 @@
 A step is written in node frames (``node_frame``): a rotation w and a symmetric stretch S of R, and a
 translation of the position. In these, the second derivative of the energy has two parts: E_rot constrains the
 stretches, and E_reg, E_con and E_rig constrain rotations and translations. So one rotation and one
-translation per node form a sparse system of 6x6 blocks, with an eighth of the work of one with all twelve
-unknowns. The stretch of each node is a separate 6x6 matrix. Points that pull at a node's side couple the two
-parts. Most of this coupling disappears if each stretch is combined with the response of its node's rotation
-and translation (``node_blocks``). Relative to this matrix, the true second derivative has eigenvalues between
-0.46 and 1.7 in the test with a possessed chair. Without the combination, they are between 0.2 and 2.4.
+translation per node form a sparse system of 6x6 blocks, with an eighth of the work of a system with all
+twelve unknowns. The stretch of each node is a separate 6x6 matrix. Points that pull at a node's side couple
+the two parts. Most of this coupling disappears if each stretch is combined with the response of its node's
+rotation and translation (``node_blocks``). Relative to this matrix, the true second derivative has
+eigenvalues between 0.46 and 1.7 in the test with a possessed chair. Without this combination, they are
+between 0.2 and 2.4.
 
-The matrix rotates with the nodes (``align``), as in corotational finite elements. So it becomes outdated only
-when neighbours rotate relative to each other.
+The matrix rotates with the nodes (``align_with_nodes``), as in corotational finite elements. So it becomes
+outdated only when neighbours rotate relative to each other.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ import numpy as np
 from enliven.arrays import Float, Float32, Int16, Int32
 from enliven.deformation.embedded.assembly import assemble
 from enliven.deformation.embedded.block_cholesky import (
-    CLOSE,
     SIZE,
+    SOLVING_SIZE,
     BlockPattern,
     factorise,
     substitute,
-    weighted,
+    weighted_row_sum,
 )
 from enliven.deformation.embedded.energy import Terms
 from enliven.kernels import copy_row, njit
@@ -49,28 +50,30 @@ from enliven.lanes import (
 )
 
 _NO_LENGTH = 1e-30
-"""Added squared metres that prevent a division by 0 for a column of zero length."""
+"""Squared metres that are added to prevent a division by 0 for a column of zero length."""
 _TIKHONOV_WEIGHT = 1e-4
 """Tikhonov regularization that keeps the matrix definite if nothing constrains a node; the energy itself
 has no such term."""
 
 
 class RigidSystem(NamedTuple):
-    """The factor, its pattern, and the state and weights for which it was computed.
+    """The factorized matrix of the preconditioner, its pattern, and the state and weights for which it was
+    computed.
 
     Attributes:
-        start, row, product, row_start, column, by_row: of
+        start, row, product, row_start, column, by_row: the fields of
             :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
-        unit: the unit of translations in metres, a power of two near an edge's length. So the numbers of a
-            block have similar sizes for any size of the mesh, and int16 resolves all of them.
+        unit: the unit of translations in metres, a power of two near the length of an edge. So the numbers of
+            a block have similar sizes for any size of the mesh, and int16 is precise enough for all of them.
         edge_block: (E,) int32 the block that couples the ends of an edge.
         pair_block: (L, 10) int32 the blocks that couple a constraint's nodes: (0, 0), (1, 0), (1, 1), ...
         lower: (48 B,) float32 the matrix, which the factorization overwrites.
         room: (48 C,) float32 scratch space for the longest column.
         rows, scales, inverse: (36 (B - N) + 8,) int16, (B - N,) and (48 N,) float32 the factor.
         linear, frames: (9 N,) and (12 N,) the columns of each node's R, and those orthonormalized with a 0.
-        turns: (24 N,) float32 each node's rotation since the factorization, in rows of four, and its
-            transpose.
+        turns: (24 N,) float32 each node's rotation since the factorization, in rows of four, and the
+        transpose of
+            this rotation.
         held, first: (9 N,), (3 N,) the sums of w u uᵀ and w u over the arms u that pull at a node.
         coupling, coupled: (48 N,) float32 the rotation and translation that respond to each number of a
             node's stretch, and their transpose.
@@ -106,7 +109,7 @@ class RigidSystem(NamedTuple):
 
     @staticmethod
     def empty(pattern: BlockPattern, terms: Terms) -> RigidSystem:
-        """Returns buffers for the matrix, with the blocks of each edge and constraint."""
+        """Returns empty buffers for the matrix, with the blocks of each edge and constraint."""
         count = len(terms.stretch)
         ends = np.sort(terms.edges.astype(np.int64), 1)[:, ::-1]
         places = [(a, b) for a in range(4) for b in range(a + 1)]
@@ -124,7 +127,7 @@ class RigidSystem(NamedTuple):
             pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
             np.zeros(SIZE * pattern.blocks, np.float32),
             np.zeros(SIZE * pattern.longest, np.float32),
-            np.zeros(CLOSE * len(pattern.column) + 8, np.int16),
+            np.zeros(SOLVING_SIZE * len(pattern.column) + 8, np.int16),
             np.zeros(len(pattern.column), np.float32),
             np.zeros(SIZE * count, np.float32),
             np.zeros(9 * count),
@@ -140,14 +143,14 @@ class RigidSystem(NamedTuple):
         )
 
     def twin(self) -> RigidSystem:
-        """Returns buffers for another matrix of the same pattern."""
+        """Returns empty buffers for another matrix of the same pattern."""
         pattern = ("start", "row", "product", "row_start", "column", "by_row", "unit")
         pattern += ("edge_block", "pair_block")
         return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
 
 
 def _translation_unit(offsets: Float) -> float:
-    """Returns the power of two nearest to the root mean square length of (E, 3) offsets; 1 if there are
+    """Returns the power of two nearest to the root mean square length of (E, 3) offsets, or 1 if there are
     none.
     """
     square = float(np.sum(offsets**2)) / max(1, len(offsets))
@@ -156,7 +159,7 @@ def _translation_unit(offsets: Float) -> float:
 
 @njit(cache=True, nogil=True)
 def _node_units(unit):
-    """Returns (8,) float32 the units of a node's rotation and of its translation, and two 0."""
+    """Returns (8,) float32 the units of a node's rotation (3) and translation (3), and two zeros."""
     out = np.zeros(8, np.float32)
     out[:3], out[3:6] = np.float32(1.0), np.float32(unit)
     return out
@@ -174,7 +177,7 @@ def _scale_to_units(lower, unit):
 
 
 @njit(cache=True, nogil=True)
-def outdated(t, planes, s, repulled):
+def is_outdated(t, planes, s, repulled):
     """Returns True if the matrix was computed for other constraints.
 
     This is the case if a weight has changed by more than the fraction ``repulled`` of the strongest weight,
@@ -190,7 +193,7 @@ def outdated(t, planes, s, repulled):
 
 @njit(cache=True, nogil=True)
 def refactor(x, t, planes, raw, s):
-    """Computes and factorizes the matrix at ``x``, with ``raw`` (16 N,) = dE/dx."""
+    """Computes and factorizes the matrix at the state ``x``, given ``raw`` (16 N,) = dE/dx."""
     for j in range(s.start.shape[0] - 1):
         for c in range(3):
             for a in range(3):
@@ -223,12 +226,12 @@ def _orthonormal_columns(x, at):
 
 
 @njit(cache=True, nogil=True)
-def align(x, s):
-    """Rotates the matrix with the nodes: computes each node's rotation since the matrix was made, into
+def align_with_nodes(x, s):
+    """Rotates the matrix with the nodes: computes each node's rotation since the factorization into
     ``s.turns``.
 
-    The rotation is N Uᵀ, where N and U are the orthonormal frames now and at the factorization. Its transpose
-    is stored after it.
+    The rotation is N Uᵀ, where N is the orthonormal frame now, and U is the frame at the factorization. The
+    transpose is stored after it.
     """
     frames, turns = s.frames, s.turns
     now = np.empty(12)
@@ -248,7 +251,7 @@ def align(x, s):
 
 @njit(cache=True, nogil=True)
 def precondition(s, way):
-    """Replaces ``way`` (16 N,), a force in node frames, by the preconditioned step.
+    """Replaces the force ``way`` (16 N,) in node frames by the preconditioned step.
 
     The second derivative is twice the matrix, so everything is halved.
     """
@@ -257,13 +260,13 @@ def precondition(s, way):
     for j in range(count):
         turn, stretch, y, at = 16 * j, 16 * j + 8, 8 * j, SIZE * j
         store8(side, y, together8(turned8(s.turns, 24 * j, half * load8(way, turn))))
-        force = together8(half * load8(way, stretch)) + weighted(s.coupled, at, side, y)
+        force = together8(half * load8(way, stretch)) + weighted_row_sum(s.coupled, at, side, y)
         store8(way, stretch, force)
-        store8(way, stretch, weighted(s.compliance, at, way, stretch))
+        store8(way, stretch, weighted_row_sum(s.compliance, at, way, stretch))
         store8(side, y, units * load8(side, y))
     substitute(s.row_start, s.column, s.rows, s.scales, s.inverse, side)
     for j in range(count):
         turn, stretch = 16 * j, 16 * j + 8
-        own = units * load8(side, 8 * j) + weighted(s.coupling, SIZE * j, way, stretch)
+        own = units * load8(side, 8 * j) + weighted_row_sum(s.coupling, SIZE * j, way, stretch)
         store8(way, turn, turned8(s.turns, 24 * j + 12, apart8(own)))
         store8(way, stretch, apart8(load8(way, stretch)))

@@ -1,9 +1,9 @@
-"""Computes the next matrix on a second thread, between two frames.
+"""Computes the next matrix of the preconditioner on a second thread, between two frames.
 
-Within a frame, this took half of the time with 1,024 nodes, and made single frames slow. The next frame
-always uses the matrix that was started at the end of the last frame, and waits for it if necessary. So the
-same input gives the same result on fast and slow machines. The matrix rotates with the nodes like any other
-(``preconditioner.align``).
+Computing it within a frame took half of the time with 1,024 nodes, and made single frames slow. The next
+frame always uses the matrix that was started at the end of the last frame, and waits for it if necessary. So
+the same input gives the same result on fast and slow machines. Like any matrix, it rotates with the nodes
+(``preconditioner.align_with_nodes``).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class MatrixRenewal:
 
     Attributes:
         system, held: the matrix in use, and its prepared form as an argument of kernels.
-        always: True if a matrix is computed after every frame, and False if only when it is outdated.
+        always: True if a matrix is computed after every frame, False if only after the old one is outdated.
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:

@@ -8,20 +8,19 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_rotations
 
 _MIN_SOUND_DETERMINANT = 0.02
-"""Determinant of a node's linear part below which it counts as collapsed or inside out."""
+"""A node counts as collapsed or inside out if the determinant of its linear part is below this value."""
 _LEAST_VOLUME = 0.05
-"""Minimum determinant of a node that is pressed flat: a twentieth of its thickness."""
+"""Minimum determinant of a node's linear part after a repair: a twentieth of its thickness."""
 _NEWTON_STEPS = 8
-"""Number of Newton steps to that determinant. Each step squares the error, and three are enough from 0.02."""
+"""Number of Newton steps that restore the determinant. Each squares the error. From 0.02, three are
+enough."""
 
 
 @njit(cache=True, nogil=True)
-def set_upright(flat, edges):
-    """Replaces each collapsed or inverted node of ``flat`` (16 N,) by the mean rotation of its sound
-    neighbours.
-
-    A mirrored node has zero E_rot, and on a flat surface also zero E_reg, so the descent does not always
-    repair it. Returns True if any node was replaced.
+def repair_inverted_nodes(flat, edges):
+    """Replaces each collapsed or inverted node of ``flat`` (16 N,) by the mean rotation of its intact
+    neighbours. A mirrored node has zero E_rot, and on a flat surface also zero E_reg, so the descent does not
+    always repair it. Returns True if any node was replaced.
     """
     x = flat.reshape(-1, 4, 4)
     count = x.shape[0]
@@ -61,11 +60,11 @@ def set_upright(flat, edges):
 
 
 @njit(cache=True, nogil=True)
-def thicken(flat):
-    """Gives each node of ``flat`` (16 N,) at least the minimum volume, if it is pressed flatter.
+def restore_flat_nodes(flat):
+    """Restores the minimum volume of the nodes of ``flat`` (16 N,) that are pressed flatter.
 
-    The cofactors of R have its singular vectors, and are largest in the direction in which R is flattest.
-    A change along the cofactors hardly changes the energy. Returns True if any node was changed.
+    The cofactor matrix of R has the singular vectors of R, and is largest in the direction in which R is
+    flattest. A change along it hardly changes the energy. Returns True if any node was changed.
     """
     x = flat.reshape(-1, 4, 4)
     has_flat = False
@@ -91,7 +90,7 @@ def thicken(flat):
 
 @njit(cache=True, nogil=True)
 def _copy_turn(target, source):
-    """Copies the first three rows and columns of ``source`` into those of ``target``."""
+    """Copies the first three rows and columns of ``source`` (4, 4) into ``target`` (4, 4)."""
     for a in range(3):
         for b in range(3):
             target[a, b] = source[a, b]
@@ -99,7 +98,7 @@ def _copy_turn(target, source):
 
 @njit(cache=True, nogil=True)
 def volume(node):
-    """Returns the determinant of R: its columns are the first three rows of ``node`` (4, 4)."""
+    """Returns the determinant of R. The columns of R are the first three rows of ``node`` (4, 4)."""
     return (
         node[0, 0] * (node[1, 1] * node[2, 2] - node[1, 2] * node[2, 1])
         - node[0, 1] * (node[1, 0] * node[2, 2] - node[1, 2] * node[2, 0])

@@ -1,16 +1,16 @@
-"""The embedded deformation solver: one symbolic analysis at the start, and a small matrix that is refactored
-now and then.
+"""The embedded deformation solver: one symbolic analysis at the start, and a small matrix that is factorized
+again from time to time.
 
-KinÊtre, eq. 8, is minimized by L-BFGS. The preconditioner is a matrix of six unknowns per node, a rotation
-and a translation, and a block of each node's stretch (:mod:`enliven.deformation.embedded.preconditioner`),
-factorized in 6x6 blocks (``block_cholesky``). Steps are taken in the nodes' own frames along rotations and
-stretches that cannot turn a node inside out (``node_frame``). A full step is taken if the energy falls, and a
-shorter one otherwise.
+The energy (KinÊtre, eq. 8) is minimized by L-BFGS. The preconditioner is a matrix of six unknowns per node, a
+rotation and a translation, and a block of each node's stretch
+(:mod:`enliven.deformation.embedded.preconditioner`), factorized in 6x6 blocks (``block_cholesky``). Steps are
+taken in the nodes' own frames, along rotations and stretches that cannot turn a node inside out
+(``node_frame``). A full step is taken if it lowers the energy, and a shorter step otherwise.
 
-The matrix rotates with the nodes: each node's rotation since the matrix was made is applied before and after
-it. After thirty frames, its eigenvalues relative to the true second derivative are between 0.15 and 5.6.
-Without this rotation, they are between 0.007 and 91 (a dancing creature of 128 nodes). So the matrix is kept
-as long as that lowers the mean number of steps of its frames, including the cost of a new one
+The matrix rotates with the nodes: each node's rotation since the factorization is applied before and after
+it. In a test with a dancing creature of 128 nodes, its eigenvalues relative to the true second derivative are
+between 0.15 and 5.6 after thirty frames. Without this rotation, they are between 0.007 and 91. So the matrix
+is kept for many frames, as long as that lowers their mean number of steps, including the cost of a new matrix
 (``lbfgs.is_aged``).
 
 A frame is complete after a step with a small predicted decrease: half of g.Bg, where B is the inverse of the
@@ -29,7 +29,7 @@ from typing import Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.constraints import PlaneConstraints, PointConstraints
+from enliven.deformation.constraints.planes import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
 from enliven.deformation.embedded.budget import measure_allowance
 from enliven.deformation.embedded.energy import Terms, gradient
@@ -40,42 +40,42 @@ from enliven.deformation.embedded.inputs import (
     checked_stiffness,
     coefficient_rows,
     convert_planes,
+    copy_usable_targets,
     sort_by_node,
-    take_usable,
 )
-from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, start_anew
+from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, reset_age
 from enliven.deformation.embedded.node_frame import plain_state
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.renewal import MatrixRenewal
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import hold
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 _STALE_MATRIX_AGE = 1 << 30
-"""Value of the step count that marks a matrix as outdated, so that it is computed again in any case."""
+"""Value of the step count that marks a matrix as outdated, so that it is always computed again."""
 _MAX_STILL_FRAME_STEPS = 2
-"""Maximum number of steps of a frame that has not moved enough to need another matrix."""
+"""A frame with at most this number of steps has moved so little that it needs no other matrix."""
 
 
 @dataclass(frozen=True)
 class EmbeddedSettings:
     """The weights of the energy (Sumner et al. 2007; KinÊtre, eq. 8) and the stopping criteria of a frame."""
 
-    rotation: float = setting(1.0, "Weight of E_rot: resistance of nodes to stretching.", low=0.0)
+    rotation: float = parameter(1.0, "Weight of E_rot: resistance of nodes to stretching.", low=0.0)
     smoothness: float = setting(
         10.0, "Weight of E_reg: agreement of neighbouring nodes. Raise it for stiffer bending.", low=0.0
     )
-    constraint: float = setting(100.0, "Weight of E_con: pull of the performer's body.", low=0.0)
-    rigidity: float = setting(
+    constraint: float = parameter(100.0, "Weight of E_con: pull of the performer's body.", low=0.0)
+    rigidity: float = parameter(
         1.0, "Weight of E_rig: rigidity of loosely connected parts. The paper uses smoothness / 10.", low=0.0
     )
-    rigid_translation: Literal["printed", "turning"] = setting(
+    rigid_translation: Literal["printed", "turning"] = parameter(
         "printed",
         "How E_rig compares translations: 'printed' follows eq. 7 and resists turning loose parts with "
         "the whole mesh. 'turning' compares at mid-edge and allows it.",
     )
-    planes: float = setting(
+    planes: float = parameter(
         10.0, "Weight of soft plane constraints: floor, self-contact and observed depth.", low=0.0
     )
     iterations: int = setting(60, "Maximum number of iterations per frame.", low=1, high=3000)
@@ -87,7 +87,7 @@ class EmbeddedSettings:
         high=1000.0,
         unit="ms",
     )
-    tolerance: float = setting(
+    tolerance: float = parameter(
         1e-4,
         "Relative decrease of the energy below which a frame is finished. Lower is more exact and slower.",
         low=0.0,
@@ -95,17 +95,18 @@ class EmbeddedSettings:
 
 
 class EmbeddedSolver:
-    """A solver that moves a graph's nodes so that the constrained points reach their targets, warm-started
-    every frame.
+    """A solver that moves a graph's nodes so that the constrained points reach their targets. Each frame
+    starts from the result of the last frame.
 
     Args:
         graph: the deformation graph.
-        attachment: the constraints; without any, the graph does not move.
-        settings: weights and limits.
+        attachment: the constrained points. Without any point, the graph does not move.
+        settings: weights of the energy, and limits of a frame.
         start: (N, 3, 3) linear parts and (N, 3) positions to start from; at rest if None.
         stiffness: (N,) above 0, factors on E_rot, E_reg and E_rig around each node (an edge uses the
-            geometric mean of its ends): above 1 a part is stiffer, below 1 it is softer, which exaggerates
-            its motion.
+        geometric
+            mean of its ends). A part is stiffer if its factor is above 1. Below 1 it is softer, which
+            exaggerates its motion.
 
     Attributes:
         iterations: number of iterations of the last frame.
@@ -123,8 +124,8 @@ class EmbeddedSolver:
         self.settings = settings or EmbeddedSettings()
         count = len(graph.positions)
         nodes = np.ascontiguousarray(attachment.node_indices, np.int32).reshape(-1, 4)
-        coupled = [nodes[:, [a, b]] for a in range(4) for b in range(a)]
-        pairs = np.concatenate([graph.edges, *coupled]).astype(np.int64)
+        node_pairs = [nodes[:, [a, b]] for a in range(4) for b in range(a)]
+        pairs = np.concatenate([graph.edges, *node_pairs]).astype(np.int64)
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
@@ -149,7 +150,7 @@ class EmbeddedSolver:
         nodes, rows = coefficient_rows(attachment, graph.positions, self._place)
         held_start, held_by, arms = sort_by_node(nodes, rows, len(graph.positions))
         edges, rigid = graph.edges, np.flatnonzero(graph.rigid).astype(np.int32)
-        along = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
+        edge_stiffness = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
         return Terms(
             edges=self._place[edges].astype(np.int32),
             offsets=np.ascontiguousarray(graph.positions[edges[:, 1]] - graph.positions[edges[:, 0]]),
@@ -164,8 +165,8 @@ class EmbeddedSolver:
             targets=np.zeros((len(nodes), 4)),
             pulls=np.zeros(len(nodes)),
             stretch=settings.rotation * stiffness[self._order],
-            smooth=settings.smoothness * along,
-            hanging=settings.rigidity * along[rigid],
+            smooth=settings.smoothness * edge_stiffness,
+            hanging=settings.rigidity * edge_stiffness[rigid],
         )
 
     def _state_of(self, settings: EmbeddedSettings) -> SolverState:
@@ -179,7 +180,7 @@ class EmbeddedSolver:
         return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
     def reset(self, start: tuple[Float, Float] | None = None) -> None:
-        """Moves to ``start`` (linear parts, positions), or to rest."""
+        """Moves the nodes to ``start`` (linear parts, positions), or to rest if it is None."""
         self._matrix.latest()
         if start is None:
             self._x[:] = self._rest
@@ -207,18 +208,18 @@ class EmbeddedSolver:
             finite.
         """
         if self._matrix.latest():
-            start_anew(self._work.age)
+            reset_age(self._work.age)
         targets, weights = self._checked_targets(targets, weights)
         if planes is not None or self._planes is not NO_PLANES:
             self._planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
             self._held_planes = hold(self._planes)
         self._leave_ridge(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
-        self.iterations, aged = next_frame(
+        self.iterations, is_aged = next_frame(
             self._held_state, self._held_planes, self._matrix.held, targets, weights, linear, positions
         )
-        worn = aged or self._matrix.always
-        if worn and self.iterations > _MAX_STILL_FRAME_STEPS and self._planes is NO_PLANES:
+        needs_matrix = is_aged or self._matrix.always
+        if needs_matrix and self.iterations > _MAX_STILL_FRAME_STEPS and self._planes is NO_PLANES:
             self.renew()
         return linear, positions
 
@@ -230,16 +231,16 @@ class EmbeddedSolver:
     def settled(self) -> bool:
         """True if the last frame ended within 0.1 % of the minimum below it.
 
-        It is False if the frame ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge. The
-        next frame starts from its result, or from the state below the ridge, and continues the descent. The
-        value is computed on request by continuing the descent, which takes as long as a few frames.
+        It is False if the frame ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge of
+        the energy. The next frame starts from its result, or from the state below the ridge, and continues
+        the descent. Computing this value continues the descent, which takes as long as a few frames.
         """
-        ended = bool(self._work.age[2])
-        if ended and not self._lower:
+        is_finished = bool(self._work.age[2])
+        if is_finished and not self._lower:
             self._lower.append(
                 find_lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
             )
-        return ended and self._lower[0] is None
+        return is_finished and self._lower[0] is None
 
     @property
     def energy(self) -> dict[str, float]:
@@ -248,19 +249,19 @@ class EmbeddedSolver:
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
     def _leave_ridge(self, targets: Float, weights: Float) -> None:
-        """Continues from the lower state next to the ridge of the energy, if it is better now.
+        """Continues from the lower state next to a ridge of the energy, if it is better for the new targets.
 
-        The last frame ended on this ridge.
+        This is called if the last frame ended on the ridge.
         """
-        beyond = self._lower.pop() if self._lower else None
-        if beyond is None:
+        lower_state = self._lower.pop() if self._lower else None
+        if lower_state is None:
             return
         self._store_targets(targets, weights)
-        here = gradient(self._x.reshape(-1), self._terms, self._planes, self._work.trial)
-        there = gradient(beyond, self._terms, self._planes, self._work.trial)
-        if there[5] < here[5]:
-            self._x.reshape(-1)[:] = self._work.last[:] = beyond
-            record_energies(self._work, there)
+        current_energy = gradient(self._x.reshape(-1), self._terms, self._planes, self._work.trial)
+        lower_energy = gradient(lower_state, self._terms, self._planes, self._work.trial)
+        if lower_energy[5] < current_energy[5]:
+            self._x.reshape(-1)[:] = self._work.last[:] = lower_state
+            record_energies(self._work, lower_energy)
 
     @property
     def _current_matrix(self) -> RigidSystem:
@@ -274,8 +275,10 @@ class EmbeddedSolver:
         return linear, positions
 
     def _store_targets(self, targets: Float, weights: Float) -> None:
-        """Copies the usable targets and weights."""
-        take_usable(targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls)
+        """Copies the usable targets and weights into the energy's constants."""
+        copy_usable_targets(
+            targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls
+        )
 
     def _checked_targets(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
         """Returns the frame's targets (L, 3) and weights (L,) after checking their shapes and values."""
@@ -284,7 +287,7 @@ class EmbeddedSolver:
         count = len(self._ones)
         if targets.shape != (count, 3) or weights.shape != (count,):
             raise InputError(
-                f"targets {targets.shape} and weights {weights.shape} for {count} constraints",
+                f"targets of shape {targets.shape} and weights {weights.shape} for {count} constraints",
                 where="embedded deformation",
             )
         return targets, weights

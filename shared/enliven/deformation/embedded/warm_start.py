@@ -1,4 +1,5 @@
-"""The start of a frame's descent: the last frame extrapolated, or another state with lower energy."""
+"""The choice of the state that a frame starts from: the extrapolated last frame, or a state with lower
+energy."""
 
 from __future__ import annotations
 
@@ -10,21 +11,21 @@ from enliven.lanes import cross4, fma4, load4, splat4, store4, total4
 from enliven.rotation import nearest_rotations
 
 _BAD_START_ENERGY_RATIO = 4.0
-"""Multiple of the last frame's energy above which a start counts as bad, and more candidates are tried."""
+"""If a start has more than this multiple of the last frame's energy, more candidates are tried."""
 
 _MIN_VOLUME_FRACTION = 0.5
-"""Minimum fraction of its volume that a node keeps under extrapolation."""
+"""Minimum fraction of its volume that a node must keep for its matrix to be extrapolated."""
 
 
 @njit(cache=True, nogil=True)
 def choose_start(x, rest, t, planes, work):
-    """Chooses the best start: the last frame, its extrapolation, either moved rigidly, or the rest pose moved
-    rigidly.
+    """Chooses the start with the lowest energy: the last frame, its extrapolation, either of them moved
+    rigidly, or the rest pose moved rigidly.
 
-    The rigid motion is the one that best moves the points to their targets. It does not change E_rot and
-    E_reg, so a leap of the whole body does not increase the energy. A state that was distorted by wrong
-    targets is abandoned as soon as the rest pose is better. The rigid candidates are tried only if the others
-    are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen start.
+    The rigid motion is the motion that best moves the points to their targets. It does not change E_rot and
+    E_reg, so a leap of the whole body does not increase the energy. If the state was distorted by wrong
+    targets, the rest pose soon becomes the better start. The rigidly moved candidates are tried only if the
+    others are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen start.
     """
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
@@ -54,9 +55,9 @@ def choose_start(x, rest, t, planes, work):
 
 @njit(cache=True, nogil=True)
 def _go_on(x, last, out):
-    """Extrapolates the nodes' motion between the last two frames by one frame, into ``out``.
+    """Extrapolates the motion of the nodes between the last two frames by one frame, into ``out``.
 
-    R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its rotation.
+    To second order, R(1) = R + d + w x (w x R), where d = R - R(-1), and w is the rotation of d.
     """
     for at in range(0, x.shape[0], 16):
         a, b, c = load4(x, at), load4(x, at + 4), load4(x, at + 8)
@@ -68,7 +69,7 @@ def _go_on(x, last, out):
         q = fma4(total4(turn * b), turn, fma4(-square, b, q))
         r = fma4(total4(turn * c), turn, fma4(-square, c, r))
         if total4(p * cross4(q, r)) < _MIN_VOLUME_FRACTION * total4(a * cross4(b, c)):
-            # The node shrinks so fast that one more frame of extrapolation would make it flat or turn it
+            # The node shrinks so fast that another frame of extrapolation would make it flat or turn it
             # inside out. So keep its current matrix.
             p, q, r = a, b, c
         here = load4(x, at + 12)
@@ -80,7 +81,7 @@ def _go_on(x, last, out):
 
 @njit(cache=True, nogil=True)
 def _rotated_state(x, turn, middle, goal, out):
-    """Rotates ``x`` about ``middle`` and moves that point to ``goal``, into ``out``."""
+    """Rotates the state ``x`` about the point ``middle``, and moves this point to ``goal``, into ``out``."""
     for j in range(x.shape[0] // 16):
         for c in range(4):
             at = 16 * j + 4 * c
@@ -94,8 +95,8 @@ def _rotated_state(x, turn, middle, goal, out):
 
 @njit(cache=True, nogil=True)
 def _rigid_motion(x, t, turn, middle, goal):
-    """Computes the rigid motion of the points to their targets: a rotation about ``middle``, which moves to
-    ``goal``. Returns False if no constraint has weight."""
+    """Computes the rigid motion that moves the points to their targets: a rotation ``turn`` about ``middle``,
+    which moves to ``goal``. Returns False if no constraint has weight."""
     count = t.nodes.shape[0]
     points = np.zeros((count, 3))
     middle[:] = 0.0
@@ -121,8 +122,8 @@ def _rigid_motion(x, t, turn, middle, goal):
             size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
             for b in range(3):
                 spread[0, a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
-    # Add a small bias towards the identity. If the points lie on a line, every rotation about it fits equally
-    # well, and the bias selects the smallest.
+    # Add a small bias towards the identity. If the points lie on a line, every rotation about this line fits
+    # equally well, and the bias selects the smallest rotation.
     for a in range(3):
         spread[0, a, a] += 1e-6 * size + 1e-12
     nearest_rotations(spread, turn.reshape(1, 3, 3))

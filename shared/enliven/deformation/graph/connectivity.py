@@ -1,4 +1,4 @@
-"""Connectivity of a graph: connected components, joints between them, bridges and cut vertices."""
+"""Connectivity of a graph: connected components, edges that join them, bridges and cut vertices."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     """Returns (C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
 
     KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
-    distance of two components is that of their nearest two nodes. Borůvka's algorithm: every component takes
-    its shortest outgoing edge, until one component is left.
+    distance of two components is the distance of their nearest two nodes. Borůvka's algorithm adds the
+    shortest outgoing edge of every component, until one component is left.
 
     Args:
-        distances: (N, N) symmetric and finite off the diagonal.
+        distances: (N, N) metres between nodes, symmetric, and finite off the diagonal.
     """
     added: list[tuple[int, int]] = []
     label = components(count, edges)
@@ -41,7 +41,7 @@ def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
 
 @njit(cache=True, nogil=True)
 def _shortest_ways_out(distances, label):
-    """Returns (C, 2) for each component the nearest pair of a node inside and a node outside."""
+    """Returns (C, 2) for each component its shortest outgoing edge: a node inside, and a node outside."""
     count = label.max() + 1
     best = np.full(count, np.inf)
     out = np.zeros((count, 2), np.int64)
@@ -65,18 +65,19 @@ def find_weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
     offsets, neighbours, edge_of = _neighbours_with_edges(count, edges)
     bridges, cuts = _bridges_and_cut_vertices(offsets, neighbours, edge_of, len(edges))
     hanging = bridges.copy()
-    for cut in np.flatnonzero(cuts):
-        touching = (edges == cut).any(1)
+    for cut_nodes in np.flatnonzero(cuts):
+        touching = (edges == cut_nodes).any(1)
         label = components(count, edges[~touching])
         sizes = np.bincount(label)
-        sizes[label[cut]] = 0
-        other = np.where(edges[:, 0] == cut, edges[:, 1], edges[:, 0])
-        hanging |= touching & (label[other] != sizes.argmax())
+        sizes[label[cut_nodes]] = 0
+        ends = np.where(edges[:, 0] == cut_nodes, edges[:, 1], edges[:, 0])
+        hanging |= touching & (label[ends] != sizes.argmax())
     return bridges, cuts, hanging
 
 
 def _neighbours_with_edges(count: int, edges: Int32) -> tuple[Int, Int, Int]:
-    """Returns CSR neighbours of each node, with the number of the edge to each neighbour."""
+    """Returns the neighbours of each node as CSR: offsets, neighbours, and the number of the edge to each of
+    them."""
     ends = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
     number = np.tile(np.arange(len(edges)), 2)
     order = np.argsort(ends[:, 0], kind="stable")

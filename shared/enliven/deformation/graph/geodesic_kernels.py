@@ -11,9 +11,9 @@ from enliven.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def spread(offsets, neighbours, lengths, sources):
-    """Runs Dijkstra from all sources at once. Returns (C,) metres to the nearest source (infinite without
-    one), and (C,) its number (-1 without one).
+def nearest_sources(offsets, neighbours, lengths, sources):
+    """Runs Dijkstra's algorithm from all sources at once. Returns (C,) the distance in metres to the nearest
+    source (infinite if no source reaches a point), and (C,) the number of this source (-1 if there is none).
     """
     count = offsets.shape[0] - 1
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
@@ -37,12 +37,12 @@ def spread(offsets, neighbours, lengths, sources):
 
 
 @njit(cache=True, nogil=True)
-def ways(offsets, neighbours, lengths, sources, count, limit):
-    """Runs Dijkstra from each of ``sources`` (N,) separately, up to ``limit`` metres.
+def distances_from_sources(offsets, neighbours, lengths, sources, count, limit):
+    """Runs Dijkstra's algorithm from each of the ``sources`` (N,) separately, up to ``limit`` metres.
 
     Returns:
         CSR over the first ``count`` points: offsets (count + 1,), (K,) the number of each source that reached
-        the point, ascending, and (K,) metres.
+        the point, ascending, and (K,) the distances in metres.
     """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     total = metres.shape[0]
@@ -81,9 +81,10 @@ def ways(offsets, neighbours, lengths, sources, count, limit):
 
 
 @njit(cache=True, nogil=True)
-def around(offsets, neighbours, lengths, limit):
-    """Returns for each point the points within ``limit`` metres, nearest first, as CSR: offsets (C + 1,),
-    points and metres.
+def points_within(offsets, neighbours, lengths, limit):
+    """Returns for each point the points within ``limit`` metres, nearest first.
+
+    The result is CSR: offsets (C + 1,), points (K,), and distances (K,) in metres.
     """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     count = metres.shape[0]
@@ -113,8 +114,8 @@ def dijkstra_workspace(offsets, neighbours):
 
 @njit(cache=True, nogil=True)
 def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):
-    """Runs Dijkstra from one source. Returns the number of points within ``limit``, and lists them in
-    ``reached``, nearest first.
+    """Runs Dijkstra's algorithm from one source. Returns the number of points within ``limit`` metres, and
+    lists them in ``reached``, nearest first.
     """
     metres[source] = 0.0
     size = push(keys, items, np.int64(0), 0.0, source)
@@ -137,7 +138,7 @@ def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, ite
 
 @njit(cache=True, nogil=True)
 def _grown_array(array, needed):
-    """Returns the array with room for twice ``needed``."""
+    """Returns a copy of the array with space for twice ``needed`` items."""
     out = np.empty(2 * needed, array.dtype)
     for i in range(array.shape[0]):
         out[i] = array[i]

@@ -1,6 +1,6 @@
-"""The deformation graph: a few nodes on a surface, linked to their neighbours, that deform all vertices.
+"""The deformation graph: a few nodes on a surface, linked to their neighbours, which deform all vertices.
 
-KinÊtre, "Orientation-Aware Sampling" and "Mesh Connectivity and Regularization".
+The method is from KinÊtre, "Orientation-Aware Sampling" and "Mesh Connectivity and Regularization".
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 NEIGHBOURS = 4
-"""Number of neighbours of a node, and of nodes that a point follows: the paper's k."""
+"""Number of neighbours of a node, and number of nodes that a point follows: the paper's k."""
 _MAX_NEIGHBOUR_SPACINGS = 2.5
 """Maximum distance of a neighbour along the surface, in node spacings."""
 _MAX_FOLLOW_SPACINGS = 4.5
@@ -39,17 +39,17 @@ _MAX_FOLLOW_SPACINGS = 4.5
 
 @dataclass(frozen=True)
 class DeformationGraph:
-    """Nodes and the edges between them; always connected.
+    """A deformation graph: nodes and the edges between them. It is always connected.
 
     Attributes:
-        positions: (N, 3) metres, g_j.
+        positions: (N, 3) metres, the positions g_j of the nodes at rest.
         normals: (N, 3) outward unit normals of the surface.
         faces: (N,) the face of the mesh that each node lies on.
-        edges: (E, 2) int32, i < j, sorted.
+        edges: (E, 2) int32, pairs of nodes i < j, sorted.
         rigid: (E,) the edges of E_rig: bridges, and edges that join a part to a cut vertex.
         bridges: (E,) true for an edge that splits the graph when removed.
         cut_vertices: (N,) true for a node that splits the graph when removed.
-        radius: metres, the R of the sampling.
+        radius: the minimum distance R of the sampling in metres.
         cells: the nodes' Voronoi cells on the surface; None for a graph that was not built on a mesh.
     """
 
@@ -97,10 +97,10 @@ class DeformationGraph:
 
     @staticmethod
     def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
-        """Returns the graph of given nodes, such as those of a received character or of a part that was cut
-        off.
+        """Returns the graph of given nodes, such as the nodes of a received character or of a part that was
+        cut off.
 
-        If the edges leave several components, these are joined by their nearest nodes.
+        If the edges form several components, these are joined by edges between their nearest nodes.
 
         Args:
             positions: (N, 3) metres, on the mesh or near it.
@@ -110,8 +110,8 @@ class DeformationGraph:
             InputError: if the mesh has no face, or there is no node.
         """
         if not len(mesh.faces) or not len(positions):
-            problem = f"{len(mesh.faces)} faces and {len(positions)} nodes make no graph"
-            raise InputError(problem, where=mesh.name, mend="Give a mesh with faces.")
+            problem = f"{len(mesh.faces)} faces and {len(positions)} nodes are not enough for a graph"
+            raise InputError(problem, where=mesh.name, remedy="Give a mesh with faces.")
         count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
         distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
         pairs = np.unique(np.concatenate([pairs, joining_edges(count, pairs, distances)]), axis=0).astype(
@@ -124,14 +124,15 @@ class DeformationGraph:
     def skin(self, mesh: Mesh) -> SkinWeights:
         """Returns four nodes and weights for each vertex of the mesh that the graph was built on.
 
-        A refinement of that mesh by :func:`enliven.meshes.mesh.refine` is allowed if the graph was built on
-        it. See :func:`enliven.deformation.graph.weights.blending_weights` for the choice of the distance.
+        If the graph was built on a refined mesh (see :func:`enliven.meshes.mesh.refine`), that mesh may be
+        passed. :func:`enliven.deformation.graph.weights.blending_weights` explains the choice of the
+        distance.
         """
         if int(self.faces.max()) >= len(mesh.faces):
             raise InputError(
-                f"the graph knows face {int(self.faces.max())}, the mesh has {len(mesh.faces)}",
+                f"the graph has a node on face {int(self.faces.max())}, the mesh has {len(mesh.faces)} faces",
                 where=mesh.name,
-                mend="Use the mesh that the graph was built on.",
+                remedy="Use the mesh that the graph was built on.",
             )
         spacing = _mean_spacing(mesh.area, len(self.positions))
         cells = self.cells
@@ -168,43 +169,45 @@ def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
 
 
 def _mean_spacing(area: float, count: int) -> float:
-    """Returns the paper's R = sqrt(A / N), metres."""
+    """Returns the mean spacing of nodes, metres: the paper's R = sqrt(A / N)."""
     return float(np.sqrt(area / count))
 
 
 def _opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bool:
     """Returns (N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
-    Each of the two nodes lies behind the other's surface, at a small depth. The nodes of two adjacent legs
-    lie in front of each other's surface.
+    Each of two such nodes is behind the other's surface, at a small depth. (The nodes of two adjacent legs
+    are in front of each other's surface.)
     """
-    way = positions[None] - positions[:, None]
-    depth = -np.einsum("ija,ia->ij", way, normals)
-    behind = (depth > 0) & (depth < spacing / 2)
-    return np.asarray(behind & behind.T & (np.linalg.norm(way, axis=2) < 2 * spacing))
+    offsets = positions[None] - positions[:, None]
+    depth = -np.einsum("ija,ia->ij", offsets, normals)
+    is_behind = (depth > 0) & (depth < spacing / 2)
+    return np.asarray(is_behind & is_behind.T & (np.linalg.norm(offsets, axis=2) < 2 * spacing))
 
 
 def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
-    """Returns the graph over ``samples``."""
+    """Returns the graph that links the samples with their neighbours."""
     count = len(samples.positions)
     spacing = _mean_spacing(cells.net.mesh.area, count)
-    apart = distance_matrix(samples)
-    straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
+    distances = distance_matrix(samples)
+    straight_distances = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
     surface_distances = path_lengths(count, cells.borders, cells.lengths)
-    detours = surface_distances > DETOUR * straight + SLACK * spacing
-    far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
-    # Sort pairs without a finite D after all others, by their distance along the surface.
-    around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + surface_distances)
-    np.fill_diagonal(around, np.inf)
-    edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
-    through = _opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
-    opposite = np.where(through, straight, np.inf)
-    edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
-    across = np.where(np.isfinite(apart), apart, straight)
+    detours = surface_distances > DETOUR * straight_distances + SLACK * spacing
+    is_far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
+    # Rank pairs without a finite D after all other pairs, by their distance along the surface.
+    surface_ranking = np.where(
+        detours, np.inf, distances[np.isfinite(distances)].max(initial=0.0) + surface_distances
+    )
+    np.fill_diagonal(surface_ranking, np.inf)
+    edges = _nearest_edges(np.where(is_far | np.isinf(distances), surface_ranking, distances), NEIGHBOURS)
+    is_opposite = _opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
+    opposite_distances = np.where(is_opposite, straight_distances, np.inf)
+    edges = np.concatenate([edges, _nearest_edges(opposite_distances, 1)])
+    shell_distances = np.where(np.isfinite(distances), distances, straight_distances)
     # Prefer paths along the surface: make every link between shells longer than all of these paths.
-    longest = float(surface_distances[np.isfinite(surface_distances)].max(initial=0.0))
-    links = np.where(np.isfinite(surface_distances), surface_distances, longest + across)
-    edges = np.concatenate([edges, joining_edges(count, edges, links)])
+    longest_path = float(surface_distances[np.isfinite(surface_distances)].max(initial=0.0))
+    link_lengths = np.where(np.isfinite(surface_distances), surface_distances, longest_path + shell_distances)
+    edges = np.concatenate([edges, joining_edges(count, edges, link_lengths)])
     edges = np.unique(edges, axis=0).astype(np.int32)
     bridges, cuts, hanging = find_weak_edges(count, edges)
     return DeformationGraph(
@@ -221,7 +224,7 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
 
 
 def _nearest_edges(distances: Float, k: int) -> Int32:
-    """Returns (E, 2) i < j: every node with its k nearest at a finite distance, undirected."""
+    """Returns (E, 2) undirected edges i < j from every node to its k nearest nodes at a finite distance."""
     k = min(k, len(distances) - 1)
     if k < 1:
         return np.empty((0, 2), np.int32)

@@ -13,23 +13,24 @@ from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
 _DARTS_PER_NODE = 80
-"""Number of candidate points per node: enough to leave hardly any gap for another sample."""
+"""Number of candidate points per node. It is large enough that hardly any gap for another sample remains."""
 _MIN_SMOOTH_COSINE = 0.75
 """Minimum cosine between a vertex normal and its faces' normals for the surface to count as smooth."""
 _ROUNDING_TOLERANCE = 1e-9
-"""Tolerance for rounding, as a fraction of a distance and in metres: faces within it are tested too."""
+"""Tolerance for rounding errors, as a fraction of a distance and in metres. Faces within it are tested
+too."""
 _MIN_SQUARED_DOUBLE_AREA = 1e-30
 """Minimum squared double area of a triangle, square metres squared, to avoid a division by zero."""
 
 
 class SurfaceSamples(NamedTuple):
-    """Points on a mesh.
+    """Sample points on a mesh.
 
     Attributes:
         positions: (N, 3) metres.
         normals: (N, 3) outward unit normals.
         faces: (N,) the face that each point lies on.
-        radius: metres, the minimum distance between points under D.
+        radius: minimum distance D between points, metres; 0 for independent points.
     """
 
     positions: Float
@@ -41,19 +42,19 @@ class SurfaceSamples(NamedTuple):
 def scatter(
     mesh: Mesh, count: int, rng: np.random.Generator, welded: tuple[Mesh, Int] | None = None
 ) -> SurfaceSamples:
-    """Returns ``count`` independent points, uniform over the area, with interpolated normals (radius 0).
+    """Returns ``count`` independent points, uniform over the area, with interpolated normals.
 
-    If the surface is smooth at a corner, the corner uses the welded vertex normal; at a crease, it uses the
-    face's own normal. So a sphere of few faces is round, and a box keeps its edges.
+    If the surface is smooth at a corner of a face, the corner has the welded vertex normal. At a crease, it
+    has the face's own normal. So a sphere of few faces is round, and a box keeps its edges.
     """
     along = np.cumsum(face_areas(mesh.vertices, mesh.faces))
     total = float(along[-1]) if len(along) else 0.0
     if not (np.isfinite(total) and total > 0):
-        raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
+        raise InputError("the mesh has no area", where=mesh.name, remedy="Give a mesh with faces.")
     # Sample in equal strata of the area. This gives the same distribution, but leaves fewer holes than
     # independent samples.
-    chosen = (np.arange(count) + rng.random(count)) / count * total
-    faces = np.minimum(np.searchsorted(along, chosen), len(along) - 1)
+    sample_positions = (np.arange(count) + rng.random(count)) / count * total
+    faces = np.minimum(np.searchsorted(along, sample_positions), len(along) - 1)
     a, b = rng.random((2, count))
     over = a + b > 1
     a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
@@ -62,10 +63,9 @@ def scatter(
 
 
 def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
-    """Returns for each of (N, 3) points in metres the nearest point of the surface, with its normal (radius
-    0).
+    """Returns for each of (N, 3) points in metres the nearest point of the surface, with its normal.
 
-    The result is exact for a point on the surface. For other points, the point of each face with clamped
+    The result is exact for points on the surface. For other points, the point of each face with clamped
     barycentric coordinates is used.
     """
     corners = mesh.vertices[mesh.faces]
@@ -80,7 +80,7 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
 def _nearest_faces(corners, middles, reach, points, faces, weights):
     """Finds the face (N,) nearest to each point, and its clamped barycentric coordinates (N, 3).
 
-    ``reach`` metres is the largest distance from a face's centre to its corners. A face is skipped if its
+    ``reach`` is the largest distance from a face's centre to its corners, in metres. A face is skipped if its
     centre is farther away than the nearest centre by more than ``reach``.
     """
     far, shares = np.empty(corners.shape[0]), np.empty(3)
@@ -104,7 +104,8 @@ def _nearest_faces(corners, middles, reach, points, faces, weights):
 
 @njit(cache=True, nogil=True)
 def _clamp_to_triangle(corners, point, shares):
-    """Returns the squared metres to the point with clamped barycentric coordinates, and fills them in."""
+    """Computes clamped barycentric coordinates into ``shares``, and returns the squared distance to their
+    point."""
     uu = uv = vv = along = across = 0.0
     for i in range(3):
         u, v, w = corners[1, i] - corners[0, i], corners[2, i] - corners[0, i], point[i] - corners[0, i]
@@ -128,7 +129,7 @@ def _clamp_to_triangle(corners, point, shares):
 
 
 def _surface_points(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> SurfaceSamples:
-    """Returns the points of ``faces`` (N,) with the barycentric coordinates (N, 3, 1), and interpolated
+    """Returns points on ``faces`` (N,) with given barycentric coordinates (N, 3, 1), and interpolated
     normals.
     """
     positions = (mesh.vertices[mesh.faces[faces]] * weights).sum(1)
@@ -139,13 +140,13 @@ def _surface_points(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, 
 
 def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     """Returns (N, 3, 3) unit normals at the corners of ``faces`` (N,)."""
-    whole, welded_of = welded
+    welded_mesh, welded_of = welded
     corners = welded_of[mesh.faces[faces]]
-    wanted, number = np.unique(corners, return_inverse=True)
-    normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
+    corner_vertices, number = np.unique(corners, return_inverse=True)
+    normals, min_cosine = normals_of(welded_mesh.vertices, welded_mesh.faces, corner_vertices)
     face_normals = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
     number = number.reshape(corners.shape)
-    return np.where((sharpest[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], face_normals)
+    return np.where((min_cosine[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], face_normals)
 
 
 def poisson_disk(
@@ -155,21 +156,22 @@ def poisson_disk(
     seed: int = 0,
     welded: tuple[Mesh, Int] | None = None,
 ) -> SurfaceSamples:
-    """Returns points with a distance of at least R under the orientation-aware distance D of eq. 6.
+    """Returns points with an orientation-aware distance D (eq. 6) of at least R from each other.
 
-    Dart throwing in a fixed random order over area-weighted candidates. With ``radius``, the number of points
-    follows from it. Without it, there are exactly ``nodes`` points. R then starts at the paper's sqrt(A / N),
-    which gives fewer points on a plane and more on a strongly curved surface. R is found by bisection such
-    that a maximal set of the candidates has N points, or as few more as possible. Any excess points are
-    dropped, the last ones first. ``welded`` is the result of :func:`enliven.meshes.mesh.weld` for the mesh,
-    if it is known.
+    The method is dart throwing in a fixed random order over area-weighted candidates. If ``radius`` is given,
+    the number of points follows from it. Otherwise there are exactly ``nodes`` points, and R is found by
+    bisection, starting at the paper's sqrt(A / N). (That radius alone gives fewer points on a plane, and more
+    on a strongly curved surface.) Any excess points are dropped, the last ones first. ``welded`` is the
+    result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
 
     Raises:
-        InputError: if the mesh has no area, there are no nodes, or the radius is not positive.
+        InputError: if the mesh has no area, ``nodes`` is below 1, or the radius is not positive.
     """
     if nodes < 1 or (radius is not None and not radius > 0):
         raise InputError(
-            f"{nodes} nodes, radius {radius}", where="sampling", mend="Give 1 node or more, a radius above 0."
+            f"{nodes} nodes with radius {radius} are not possible",
+            where="sampling",
+            remedy="Give 1 node or more, and a radius above 0.",
         )
     rng = np.random.default_rng(seed)
     area = mesh.area
@@ -178,41 +180,42 @@ def poisson_disk(
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:
-        radius, chosen = _largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
+        radius, accepted = _largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
     else:
-        chosen = throw_darts(positions, normals, radius)
-    return SurfaceSamples(positions[chosen], normals[chosen], darts.faces[order][chosen], float(radius))
+        accepted = throw_darts(positions, normals, radius)
+    return SurfaceSamples(positions[accepted], normals[accepted], darts.faces[order][accepted], float(radius))
 
 
 def _largest_sample_radius(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
-    """Returns the largest radius with at least ``count`` points, and ``count`` of these points."""
-    low, high = radius, radius
-    chosen = throw_darts(positions, normals, low)
-    while len(chosen) < count and low > 1e-9 * radius:
-        high, low = low, low / 1.3
-        chosen = throw_darts(positions, normals, low)
-    while low == high or len(throw_darts(positions, normals, high)) > count:
-        low, high = high, high * 1.3
-        if high > 1e3 * radius:
+    """Returns the largest radius that gives at least ``count`` points, and the first ``count`` of these
+    points."""
+    min_radius, max_radius = radius, radius
+    accepted = throw_darts(positions, normals, min_radius)
+    while len(accepted) < count and min_radius > 1e-9 * radius:
+        max_radius, min_radius = min_radius, min_radius / 1.3
+        accepted = throw_darts(positions, normals, min_radius)
+    while min_radius == max_radius or len(throw_darts(positions, normals, max_radius)) > count:
+        min_radius, max_radius = max_radius, max_radius * 1.3
+        if max_radius > 1e3 * radius:
             break
-    chosen = throw_darts(positions, normals, low)
+    accepted = throw_darts(positions, normals, min_radius)
     for _ in range(24):
-        if len(chosen) == count:
+        if len(accepted) == count:
             break
-        middle = (low + high) / 2
+        middle = (min_radius + max_radius) / 2
         trial = throw_darts(positions, normals, middle)
         if len(trial) >= count:
-            low, chosen = middle, trial
+            min_radius, accepted = middle, trial
         else:
-            high = middle
-    return low, chosen[:count]
+            max_radius = middle
+    return min_radius, accepted[:count]
 
 
 @njit(cache=True, nogil=True, inline="always")
 def distance(p, n_p, q, n_q):
     """Returns D(p, q) of eq. 6 for points p, q (3,) with unit normals; infinite for normals 90 degrees apart.
 
-    dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| counts the part outside of q's tangent plane three times.
+    dist_q(p) = |p - q + 2 ((p - q).n_q) n_q| weights the component outside of q's tangent plane three times.
     """
     facing = n_p[0] * n_q[0] + n_p[1] * n_q[1] + n_p[2] * n_q[2]
     if facing <= 1e-9:
@@ -226,27 +229,28 @@ def distance(p, n_p, q, n_q):
 
 
 def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
-    """Returns (K,) the kept candidates, in order: each is at least ``radius`` (D) from all kept before."""
+    """Returns (K,) the accepted candidates, in order. Each has a distance D of at least ``radius`` to all
+    before it."""
     low = positions.min(0)
-    # The distance D is never smaller than the Euclidean distance. So if cells have the side R, conflicting
-    # samples lie in the same cell or in neighbouring cells.
+    # The distance D is never smaller than the Euclidean distance. So with cells of side R, samples that are
+    # too close are in the same cell or in neighbouring cells.
     size = max(radius, float((positions.max(0) - low).max()) / 500)
     cells = ((positions - low) / size).astype(np.int64) + 1
     shape = cells.max(0) + 2
     flat = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
     unique, cell = np.unique(flat, return_inverse=True)
-    around = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
-    steps = (around[:, 0] * shape[1] + around[:, 1]) * shape[2] + around[:, 2]
-    near = np.searchsorted(unique, unique[:, None] + steps)
-    near = np.minimum(near, len(unique) - 1)
-    near[unique[near] != unique[:, None] + steps] = -1
-    return np.asarray(_throw_darts(positions, normals, cell.reshape(-1), near, radius))
+    cell_offsets = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
+    steps = (cell_offsets[:, 0] * shape[1] + cell_offsets[:, 1]) * shape[2] + cell_offsets[:, 2]
+    neighbour_cells = np.searchsorted(unique, unique[:, None] + steps)
+    neighbour_cells = np.minimum(neighbour_cells, len(unique) - 1)
+    neighbour_cells[unique[neighbour_cells] != unique[:, None] + steps] = -1
+    return np.asarray(_throw_darts(positions, normals, cell.reshape(-1), neighbour_cells, radius))
 
 
 @njit(cache=True, nogil=True)
 def _throw_darts(positions, normals, cell, near, radius):
-    """Kernel of :func:`throw_darts`, with the ``cell`` (M,) of each candidate and the cells ``near`` (C, 27)
-    each cell.
+    """Accepts candidates for :func:`throw_darts` (kernel). ``cell`` (M,) is the cell of each candidate, and
+    ``near`` (C, 27) are the cells around each cell.
     """
     head = np.full(near.shape[0], -1, np.int64)
     below = np.empty(positions.shape[0], np.int64)
@@ -274,7 +278,7 @@ def _throw_darts(positions, normals, cell, near, radius):
 
 
 def distance_matrix(samples: SurfaceSamples) -> Float:
-    """Returns (N, N) D between all samples; infinite on the diagonal."""
+    """Returns (N, N) the distances D between all samples, infinite on the diagonal."""
     return np.asarray(_distance_matrix(samples.positions, samples.normals))
 
 

@@ -1,8 +1,9 @@
 """The ends of a mesh's limbs: heads, hands, feet, tails, and other protrusions of a surface.
 
-The mean geodesic distance of a point to all others (M. Hilaga et al., "Topology matching", 2001) is largest
-at the ends of limbs. An end is ranked by its persistence: the distance that one must go back from it to reach
-a point that is farther out. A hand is represented first by its longest finger, then by its other fingers.
+The mean geodesic distance of a point to all other points (M. Hilaga et al., "Topology matching", 2001) is
+largest at the ends of limbs. The ends are ranked by persistence: the distance that one must go back from an
+end to reach a point that is farther out. A hand is represented first by its longest finger, then by its other
+fingers.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph.geodesic_kernels import spread
+from enliven.deformation.graph.geodesic_kernels import nearest_sources
 from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
 from enliven.kernels import njit
@@ -24,16 +25,17 @@ from enliven.meshes import Mesh, submesh
 from enliven.union_find import root_of
 
 _NET_NODE_COUNT = 200
-"""Number of nodes that the net is made for; the net has about forty points per node."""
+"""Number of graph nodes that determines the resolution of the net. The net has about forty points per
+node."""
 _PATH_SOURCE_COUNT = 32
-"""Number of points, far from each other, with paths to all others. A vertex at a limb's end is far from
-most of them."""
+"""Number of points that are far from each other, with paths from each to all other points. A vertex at the
+end of a limb is far from most of them."""
 _MIN_END_PERSISTENCE = 0.02
 """Minimum persistence of a limb's end, as a fraction of the longest path along the mesh."""
 
 _MAX_SMALL_SHELL_POINTS = 64
-"""Maximum size in points of a shell for which the nearest other shell is searched among the neighbours of its
-points."""
+"""For shells of at most this number of points, the nearest other shell is searched among the neighbours of
+their points."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,10 @@ class LimbEnds:
 
     Attributes:
         points: (C, 3) metres, the net's points.
-        ends: (K,) the points at the ends, most prominent first.
-        prominence: (K,) metres along the surface, persistence of each end; infinite for the first.
-        longest: metres, the longest path along the surface.
-        ways: (C, C) the net's links, in metres.
+        ends: (K,) the points at the ends of limbs, most prominent first.
+        prominence: (K,) metres along the surface, the persistence of each end; infinite for the first end.
+        longest: length of the longest path along the surface in metres.
+        ways: (C, C) sparse, the lengths of the net's links in metres.
     """
 
     points: Float
@@ -55,21 +57,22 @@ class LimbEnds:
     ways: csr_matrix
 
     def distances_from(self, points: Int) -> Float:
-        """Returns (P, C) metres along the surface from some points to all."""
+        """Returns (P, C) the distances in metres along the surface from ``points`` (P,) to all points."""
         return np.atleast_2d(dijkstra(self.ways, indices=points))
 
 
 def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
-    """Returns at most ``most`` ends of limbs of a mesh.
+    """Returns the ends of a mesh's limbs, at most ``most``.
 
     Args:
-        nodes: number of nodes that the net is made for. Parts nearer than half their spacing are merged.
+        nodes: number of graph nodes that determines the net's resolution. Parts nearer than half of the
+            nodes' spacing are merged.
 
     Raises:
         InputError: if the mesh has no area.
     """
     if not mesh.area > 0:
-        raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
+        raise InputError("the mesh has no area", where=mesh.name, remedy="Give a mesh with faces.")
     # The submesh excludes vertices without a face.
     surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
@@ -85,7 +88,7 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
 
 
 def extremities(mesh: Mesh, most: int = 12) -> Int:
-    """Returns (K,) vertices at the ends of limbs, K at most ``most``, most prominent first.
+    """Returns (K,) the vertices at the ends of limbs, most prominent first, with K at most ``most``.
 
     Raises:
         InputError: if the mesh has no area.
@@ -97,25 +100,25 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
 
 
 def _sample_far_points(links: csr_matrix, count: int) -> Float:
-    """Returns (S, C) metres along the surface from some points that are far from each other."""
+    """Returns (S, C) the distances in metres along the surface from S points that are far from each other."""
     net = links.indptr.astype(np.int64), links.indices, links.data
-    near, _ = spread(*net, np.array([0]))
+    near, _ = nearest_sources(*net, np.array([0]))
     rows = list[Float]()
     for _ in range(min(count, links.shape[0])):
-        rows.append(spread(*net, np.array([near.argmax()]))[0])
+        rows.append(nearest_sources(*net, np.array([near.argmax()]))[0])
         near = rows[0] if len(rows) == 1 else np.minimum(near, rows[-1])
     return np.array(rows)
 
 
 @njit(cache=True, nogil=True)
 def _local_maxima(offsets, neighbours, height, order):
-    """Returns the local maxima, and the height of each above its pass to a higher maximum (persistence).
+    """Returns the local maxima of ``height``, and the height of each above its pass to a higher maximum.
 
-    The points are added from the highest down, and merged into components (union-find). When two components
-    meet, the lower one's peak has found its pass.
+    This height is the persistence. The points are added from the highest down, and merged into components
+    (union-find). When two components meet, the lower of their two peaks has reached its pass.
 
     Args:
-        order: (C,) the points from the highest down.
+        order: (C,) the points, sorted from the highest down.
     """
     count = height.shape[0]
     parent, peak = np.full(count, -1), np.empty(count, np.int64)
@@ -146,7 +149,8 @@ def _local_maxima(offsets, neighbours, height, order):
 
 
 def _joined_net_edges(net: SurfaceNet) -> csr_matrix:
-    """Returns (C, C) the net's edges, with shells joined at their nearest points."""
+    """Returns (C, C) the net's edges and their lengths in metres, with shells joined at their nearest
+    points."""
     count, edges = len(net.points), net.graph.edges
     graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
     joints = joined_shells(net.points, connected_components(graph, directed=False)[1])
@@ -158,8 +162,8 @@ def _joined_net_edges(net: SurfaceNet) -> csr_matrix:
 def joined_shells(points: Float, label: Int) -> Int:
     """Returns (S - 1, 2) the shortest pairs of points that join S shells into one component.
 
-    Every shell but the largest is linked to its nearest point on another shell, until all are one component
-    (Borůvka's algorithm). This takes a few rounds, however many shells there are.
+    Every shell except the largest is linked to its nearest point on another shell, until all are one
+    component (Borůvka's algorithm). This needs only a few rounds, for any number of shells.
 
     Args:
         points: (C, 3) metres.
@@ -181,14 +185,14 @@ def joined_shells(points: Float, label: Int) -> Int:
 
 
 def _nearest_other_shell_points(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
-    """Yields (P,) points of all shells but the largest, metres to the nearest point of another shell, and
-    that point.
+    """Yields (P,) points of all shells except the largest, their distance in metres to the nearest point of
+    another shell, and that point.
     """
     size = np.bincount(label)
     largest = int(size.argmax())
     small = np.flatnonzero((size[label] <= _MAX_SMALL_SHELL_POINTS) & (label != largest))
     if len(small):
-        # Ask for one more neighbour than the largest small shell has points. Then at least one neighbour lies
+        # Ask for one more neighbour than the largest small shell has points. Then at least one neighbour is
         # on another shell.
         near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)

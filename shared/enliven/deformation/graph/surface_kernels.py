@@ -15,8 +15,8 @@ from enliven.union_find import join, root_of
 
 @njit(cache=True, nogil=True)
 def grid_cells(vertices, size):
-    """Returns (V,) int64 the number of the cell of side ``size`` that contains each vertex; at most 2^20
-    per side.
+    """Returns (V,) int64 the number of the grid cell that contains each vertex. Cells have sides of ``size``
+    metres, and the grid has at most 2^20 cells per side.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for v in range(vertices.shape[0]):
@@ -33,9 +33,9 @@ def grid_cells(vertices, size):
 
 
 @njit(cache=True, nogil=True)
-def clusters(faces, cells):
-    """Returns (V,) int32 the cluster of each vertex, and the number of clusters (connected parts within a
-    cell).
+def cluster_vertices(faces, cells):
+    """Returns (V,) int32 the cluster of each vertex, and the number of clusters. A cluster is a connected
+    part of the surface within a cell.
     """
     parent = np.arange(cells.shape[0]).astype(np.int32)
     for f in range(faces.shape[0]):
@@ -49,7 +49,7 @@ def clusters(faces, cells):
     label = np.empty(cells.shape[0], np.int32)
     count = 0
     for v in range(cells.shape[0]):
-        # The root is the smallest vertex of its group, so its label is set before another vertex needs it.
+        # The root is the smallest vertex of its group, so its label is set before any other vertex needs it.
         r = root_of(parent, v)
         if r == v:
             label[v] = count
@@ -60,9 +60,9 @@ def clusters(faces, cells):
 
 
 @njit(cache=True, nogil=True)
-def means(vertices, label, count):
-    """Returns (C, 3) the mean of each cluster's vertices, and (C,) float32 the distance to the farthest of
-    them.
+def cluster_means(vertices, label, count):
+    """Returns (C, 3) the mean of each cluster's vertices, and (C,) float32 the distance from it to the
+    farthest of them.
     """
     points, members = np.zeros((count, 3)), np.zeros(count)
     for v in range(vertices.shape[0]):
@@ -86,9 +86,9 @@ def means(vertices, label, count):
 
 
 @njit(cache=True, nogil=True)
-def by_label(label, count):
-    """Returns (C + 1,) the index at which each label's items start, and (V,) int32 the items, ascending
-    per label.
+def group_by_label(label, count):
+    """Groups items by their label. Returns (C + 1,) the index at which each label's items start, and (V,)
+    int32 the items, ascending for each label.
     """
     starts = np.zeros(count + 1, np.int64)
     for v in range(label.shape[0]):
@@ -104,9 +104,9 @@ def by_label(label, count):
 
 
 @njit(cache=True, nogil=True)
-def joined(vertices, faces, label, count):
-    """Returns (E, 2) pairs of clusters that share an edge, and (C, 3) the sums of the normals on their
-    borders.
+def adjacent_clusters(vertices, faces, label, count):
+    """Returns (E, 2) the pairs of clusters that share an edge, and (C, 3) the sum of the face normals at each
+    cluster.
     """
     size = 1024
     while size < 16 * count:
@@ -148,7 +148,7 @@ def joined(vertices, faces, label, count):
 
 @njit(cache=True, nogil=True)
 def _grown_table(size, pairs, found, count):
-    """Returns the hash table of :func:`joined`, twice as large."""
+    """Returns the hash table of :func:`adjacent_clusters` with twice the size."""
     size *= 2
     table = np.full(size, -1, np.int64)
     larger = np.empty((size // 2, 2), np.int32)
@@ -163,8 +163,8 @@ def _grown_table(size, pairs, found, count):
 
 
 def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
-    """Returns points by cell of side ``size``: their order, (K + 1,) starts of the cells, (K, 27)
-    neighbouring cells.
+    """Sorts points into cells with sides of ``size``. Returns the order of the points, (K + 1,) the start of
+    each cell, and (K, 27) the cells around each cell.
     """
     low = points.min(0)
     size = max(size, float((points.max(0) - low).max()) / 1000, 1e-300)
@@ -182,18 +182,19 @@ def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
 
 
 _MAX_SHELL_LINKS = 3
-"""Maximum number of links from a point to other shells. If shells only touch, a single link would act as a
-hinge."""
+"""Maximum number of links from a point to other shells. If touching shells had only one link, it would act as
+a hinge."""
 
 
 @njit(cache=True, nogil=True)
-def near_pairs(points, normals, shell, order, starts, around, reach):
-    """Returns (L, 2) links between points, i < j: per point at most one through the part and three to other
-    shells.
+def link_near_points(points, normals, shell, order, starts, around, reach):
+    """Returns (L, 2) links between points, i < j. A point has at most one link through a thin part, and three
+    links to other shells.
 
     Args:
-        order, starts, around: of :func:`grid`, with cells no smaller than any reach.
-        reach: metres: of links through a part, across a seam, and between touching shells.
+        order, starts, around: the result of :func:`grid`, with cells at least as large as every reach.
+        reach: (3,) metres, the maximum length of links through a part, across a seam, and between touching
+        shells.
     """
     thin, seam, touch = reach[0], reach[1], reach[2]
     farthest = max(thin, seam, touch) ** 2
@@ -222,7 +223,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                     length = x * x + y * y + z * z
                     if length > farthest:
                         continue
-                    # Two points are on opposite sides of a thin part if each lies behind the tangent plane of
+                    # Two points are on opposite sides of a thin part if each is behind the tangent plane of
                     # the other.
                     depth_i = -(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2])
                     depth_j = x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]
@@ -239,7 +240,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                     if same:
                         continue
                     if length < touch or (length < seam and (behind or facing > 0.5)):
-                        near = insert(best, nearest_points, near, length, j)
+                        near = insert_sorted(best, nearest_points, near, length, j)
             # Write the link through the thin part, and the links to other shells.
             if through >= 0:
                 out[link_count, 0], out[link_count, 1] = min(i, through), max(i, through)
@@ -251,18 +252,19 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
 
 
 @njit(cache=True, nogil=True)
-def insert(near, who, found, length, item):
-    """Inserts a length into ``near``, the smallest lengths, ascending, with ``who``; returns the new count.
+def insert_sorted(lengths, items, count, length, item):
+    """Inserts a length and its item into the ascending lists ``lengths`` and ``items``. Returns the new
+    count.
 
-    The length must be float64 and the others int64, because numba compiles every other type separately.
+    Pass the length as float64 and the item as int64, because Numba compiles a version for every other type.
     """
-    if found == near.shape[0]:
-        if length >= near[found - 1]:
-            return found
-        found -= 1
-    i = found
-    while i > 0 and near[i - 1] > length:
-        near[i], who[i] = near[i - 1], who[i - 1]
+    if count == lengths.shape[0]:
+        if length >= lengths[count - 1]:
+            return count
+        count -= 1
+    i = count
+    while i > 0 and lengths[i - 1] > length:
+        lengths[i], items[i] = lengths[i - 1], items[i - 1]
         i -= 1
-    near[i], who[i] = length, item
-    return found + 1
+    lengths[i], items[i] = length, item
+    return count + 1

@@ -1,12 +1,13 @@
 """Skin weights: the nodes that a point follows, and their weights (KinÊtre, below eq. 2).
 
-In KinÊtre, a point follows its four nearest nodes with linear fall-off 1 - d / d_max. d is the Euclidean
-distance, d_max that to the fifth node, and the weights sum to one. So a vertex of one leg may follow the
-other leg. If five nodes are about equally far away, the weights shift between them within millimetres, and
-the surface creases. This module differs in three steps:
+In KinÊtre, a point follows its four nearest nodes with the linear fall-off 1 - d / d_max. d is the Euclidean
+distance, d_max is the distance to the fifth node, and the weights sum to one. So a vertex of one leg may
+follow the other leg. If five nodes are about equally far away, the weights shift between them within
+millimetres, and the surface creases. This module differs in three steps:
 
-1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g the geodesic distance along the
-   surface, and s the node spacing. d equals e until the path along the surface is a detour; from there it
+1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g is the geodesic distance along
+the
+   surface, and s is the node spacing. d equals e until the path along the surface is a detour; from there it
    grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes. The
    paths of g also go through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the
    surface, and so are the weights, even when nodes enter and leave the four: a node enters with weight zero.
@@ -25,28 +26,28 @@ import numpy as np
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph.surface import SurfaceNet, points_around, vertices_of_points
-from enliven.deformation.graph.surface_kernels import insert
+from enliven.deformation.graph.surface_kernels import insert_sorted
 from enliven.document import SkinWeights
 from enliven.kernels import njit
 
 DETOUR = 1.5
-"""Ratio of the path along the surface to the straight distance above which it is a detour. A curved
-surface alone makes paths longer."""
+"""If the path along the surface is longer than the straight distance by more than this factor, it is a
+detour. The curvature of the surface alone makes paths longer."""
 SLACK = 0.5
 """Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
 _MIN_NODE_DISTANCE_SPACINGS = 0.6
-"""Minimum distance, in node spacings, between two nodes that carry vertices."""
+"""Minimum distance, in node spacings, between two carriers (nodes that vertices follow)."""
 _MAX_DISTANCE_IN_SPACINGS = 2.0
-"""Distance, in node spacings, beyond which a node has no weight, unless it is the nearest or nearly so."""
+"""Distance, in node spacings, beyond which a node has no weight, unless it is one of the nearest."""
 _AVERAGING_RADIUS_SPACINGS = 0.6
-"""Radius, in node spacings, of the surface around a point over which its weights are averaged."""
+"""Radius, in node spacings, of the part of the surface over which the weights of a point are averaged."""
 _MAX_POINT_DISTANCE_CELLS = 1.8
-"""Maximum distance, in net cells, from a vertex to the points that it takes its weights from. It is more
-than a cell's diagonal, so that the vertex's own point is included."""
+"""Maximum distance, in net cells, from a vertex to the points of the net that its weights are averaged over.
+It is more than a cell's diagonal, so that the vertex's own point is included."""
 _MAX_PATH_LENGTH_CELLS = 2.7
-"""The same along the surface, in net cells: 1.5 times as far, because paths bend."""
+"""Maximum distance of these points along the surface, in net cells: 1.5 times as far, because paths bend."""
 _MAX_SOURCE_POINTS = 64
-"""Maximum number of points that a vertex takes its weights from, the nearest to its own first."""
+"""Maximum number of points of the net that a vertex's weights are averaged over, nearest to its own first."""
 _MAX_NODES_PER_POINT = 12
 """Maximum number of nodes that a point of the net follows."""
 _MAX_CANDIDATE_NODES = 64
@@ -54,13 +55,14 @@ _MAX_CANDIDATE_NODES = 64
 
 
 def choose_carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
-    """Returns (M,) the nodes that vertices follow, ascending: each one that is not near to an earlier one.
+    """Returns (M,) the carriers, ascending: the nodes that vertices follow. No carrier is near to an earlier
+    one.
 
-    If there would be fewer than ``least``, returns all nodes.
+    If there would be fewer than ``least`` carriers, returns all nodes.
 
     Args:
         positions: (N, 3) metres.
-        ways: (N, N) metres along the surface.
+        ways: (N, N) metres, the distances along the surface.
         spacing: metres between nodes.
     """
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
@@ -79,11 +81,11 @@ def blending_weights(
     """Returns four nodes and weights for each vertex of the net's mesh, the largest first.
 
     Args:
-        net: of the mesh.
-        near: the carriers near each point of the net, and their distances along the surface
-            (:func:`enliven.deformation.graph.surface.node_distances`).
+        net: the net of the mesh.
+        near: the carriers near each point of the net, and their distances along the surface, from
+            :func:`enliven.deformation.graph.surface.node_distances`.
         positions: (N, 3) metres.
-        spacing: metres, s.
+        spacing: metres between nodes, the s of the module's docstring.
         k: nodes per vertex, at most 4.
     """
     nodes, shares = _at_points(net.points, *near, positions, spacing, k)
@@ -100,7 +102,7 @@ def blending_weights(
 
 @njit(cache=True, nogil=True)
 def _at_points(points, offsets, nodes, ways, positions, spacing, k):
-    """Returns (C, k) int32 nodes (-1: none) and (C, k) weights of the net's points: steps 1 and 2."""
+    """Returns (C, k) int32 nodes (-1 for none) and (C, k) weights of the net's points: steps 1 and 2."""
     chosen = np.full((points.shape[0], k), -1, np.int32)
     shares = np.zeros((points.shape[0], k))
     near, near_nodes = np.empty(k + 1), np.empty(k + 1, np.int64)
@@ -115,7 +117,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             )
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
-            near_count = insert(near, near_nodes, near_count, length, np.int64(j))
+            near_count = insert_sorted(near, near_nodes, near_count, length, np.int64(j))
         # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
         # farthest node, so that this node keeps a little weight.
         most = near[k] if near_count > k else 1.25 * near[near_count - 1] + 1e-12
@@ -131,8 +133,8 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
 
 @njit(cache=True, nogil=True)
 def _mean_weights(nodes, shares, starts, around, metres, radius, count):
-    """Returns (C, 12) nodes (-1: none), and their mean weights (C, 12) over the points around each: step
-    3.
+    """Returns (C, 12) nodes (-1 for none), and (C, 12) their mean weights over the points around each point:
+    step 3.
     """
     chosen = np.full((starts.shape[0] - 1, _MAX_NODES_PER_POINT), -1, np.int32)
     means = np.zeros(chosen.shape, np.float32)
@@ -156,7 +158,7 @@ def _mean_weights(nodes, shares, starts, around, metres, radius, count):
                 total[j] += share * shares[around[b], m] + 1e-300
         kept_count = np.int64(0)
         for t in range(some):
-            kept_count = insert(largest, largest_nodes, kept_count, -total[touched[t]], touched[t])
+            kept_count = insert_sorted(largest, largest_nodes, kept_count, -total[touched[t]], touched[t])
         for m in range(kept_count):
             chosen[c, m], means[c, m] = largest_nodes[m], -largest[m] / share_sum
         for t in range(some):
@@ -166,8 +168,8 @@ def _mean_weights(nodes, shares, starts, around, metres, radius, count):
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k):
-    """Returns (V, 4) uint16 nodes and (V, 4) float32 weights, from the points of the net around each
-    vertex.
+    """Returns (V, 4) uint16 nodes and (V, 4) float32 weights of the vertices, averaged over the points of the
+    net around each vertex.
     """
     indices = np.zeros((vertices.shape[0], 4), np.uint16)
     weights = np.zeros((vertices.shape[0], 4), np.float32)
@@ -200,7 +202,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     table[b - first, place[j]] = shares[around[b], m]
         for m in range(some):
             place[union[m]] = -1
-        # Drop nodes that cannot be among the largest of any vertex.
+        # Drop nodes that cannot have one of the largest weights of any vertex.
         some = _drop_small_columns(table, last - first, union, some, largest, largest_columns)
         # Average the table for each vertex of this point. Keep the four largest weights, each reduced by the
         # fifth.
@@ -222,7 +224,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
             kept_count = np.int64(0)
             for m in range(some):
                 if mean[m] > 0.0 and (kept_count <= k or -mean[m] < largest[k]):
-                    kept_count = insert(largest, largest_columns, kept_count, np.float64(-mean[m]), m)
+                    kept_count = insert_sorted(largest, largest_columns, kept_count, np.float64(-mean[m]), m)
             least = -largest[k] if kept_count > k else 0.0
             total = 0.0
             for m in range(min(kept_count, k)):
@@ -235,7 +237,8 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 @njit(cache=True, nogil=True)
 def _drop_small_columns(table, rows, union, some, largest, who):
-    """Removes columns that cannot be among the largest in a mean of the rows; returns the number kept.
+    """Removes columns that cannot be among the largest in any mean of the rows. Returns the number of columns
+    left.
 
     A column is removed if its largest entry is below the smallest entries of k + 1 others.
     """
@@ -244,7 +247,7 @@ def _drop_small_columns(table, rows, union, some, largest, who):
         least = table[0, m]
         for b in range(1, rows):
             least = min(least, table[b, m])
-        largest_count = insert(largest, who, largest_count, np.float64(-least), m)
+        largest_count = insert_sorted(largest, who, largest_count, np.float64(-least), m)
     bar = -largest[largest_count - 1] if largest_count == largest.shape[0] else 0.0
     kept_count = 0
     for m in range(some):

@@ -1,4 +1,6 @@
-"""The layers of a graph shape's nodes: parts with one stream each, and layers on top of them."""
+"""The layers of a possessed mesh: parts (groups of nodes that play one pose stream each), and layers on top
+of them.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
 _UNIT_TOLERANCE = 1e-3
-"""Maximum deviation of a rotation's length from 1: rounding stays far below it."""
+"""Maximum deviation of a quaternion's length from 1. Rounding errors are much smaller."""
 
 
 def _is_rotation(turn: Float) -> bool:
@@ -29,13 +31,14 @@ def _is_finite(values: Float, shape: tuple[int, ...]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """The attachment of a part of a graph shape to a node of another part, which carries it.
+    """The attachment of a part of a graph shape to a node of another part, so that the part moves along with
+    this node.
 
     The carried motion y becomes R(t) R_0^-1 (y - x_0) + x(t), with x the node's position and R the rotation
-    nearest to its linear map. x_0 and R_0 are their values at the moment of the merge.
+    nearest to its linear map. x_0 and R_0 are their values at the time of the merge.
 
     Attributes:
-        node: of the whole shape.
+        node: number of the carrying node in the whole shape.
         turn: (4,) R_0.
         place: (3,) x_0.
     """
@@ -48,7 +51,7 @@ class Ride:
         freeze(self, "turn", "place")
         if self.node < 0 or not (_is_rotation(self.turn) and _is_finite(self.place, (3,))):
             problem = f"node {self.node} cannot carry it with the rotation {self.turn} at {self.place}"
-            raise InputError(problem, where="part of a merged mesh", mend="Merge the meshes again.")
+            raise InputError(problem, where="part of a merged mesh", remedy="Merge the meshes again.")
 
 
 class SolvedLayer(LayerBase):
@@ -67,33 +70,33 @@ class SolvedLayer(LayerBase):
         def possession(self) -> Possession | None: ...
 
     def needs(self) -> tuple[tuple[str, str], ...]:
-        """Returns the references to its stream, and to the bodies that it was solved from."""
+        """Returns the references of the layer: to its stream, and to the body take of its solution."""
         solved = self.possession
         return (*super().needs(), *(() if solved is None else (("bodies", solved.take),)))
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
-        """Returns the layer with other ids of its stream and its bodies."""
-        solved, named = self.possession, super().with_takes_named(names)
+        """Returns the layer with renamed ids of its stream and its body take."""
+        solved, renamed = self.possession, super().with_takes_named(names)
         if solved is None:
-            return named
-        return replace(named, possession=replace(solved, take=names["bodies", solved.take]))  # type: ignore[call-arg]
+            return renamed
+        return replace(renamed, possession=replace(solved, take=names["bodies", solved.take]))  # type: ignore[call-arg]
 
 
 @dataclass(frozen=True, eq=False)
 class GraphPart(SolvedLayer):
-    """Nodes that play one stream.
+    """A group of nodes that play one pose stream.
 
     Attributes:
         take: the id of the stream.
         nodes: (K,) int64 numbers of the stream's nodes.
         axes: (4,) rotation of the rest pose since the recording: linear becomes linear axes^-1.
-        turn: (4,) rotation of the whole motion in the world, and
-        place: (3,) metres, its displacement: x becomes turn x + place.
-        size: scale relative to the recording: x becomes size x, before it is moved.
-        mirrored: whether it was reflected in the plane x = 0 before that, together with the rest pose: x
-            becomes S x, and linear becomes S linear S, with S = diag(-1, 1, 1).
-        ride: the node that carries it, or None for the world.
-        muted: true holds its stream's first frame.
+        turn: (4,) rotation of the whole motion in the world: x becomes turn x + place.
+        place: (3,) displacement of the whole motion, metres.
+        size: scale relative to the recording: x becomes size x. It is applied before ``turn`` and ``place``.
+        mirrored: True if motion and rest pose were reflected in the plane x = 0: x becomes S x, and linear
+            becomes S linear S, with S = diag(-1, 1, 1). It is applied first.
+        ride: the node that carries the part, or None for the world.
+        muted: True keeps the nodes in the first frame of the stream.
         possession: the inputs of the solution, for solving again; None if it was not solved.
     """
 
@@ -120,34 +123,34 @@ class GraphPart(SolvedLayer):
                 f"it cannot be turned by {self.turn}, its axes by {self.axes}, and moved by {self.place}"
             )
             raise InputError(
-                problem, where=where, mend="Move the character again, or possess the mesh again."
+                problem, where=where, remedy="Move the character again, or possess the mesh again."
             )
         node_count = np.inf if self.possession is None else len(self.possession.rest)
         if self.nodes.size and not self.nodes.max() < node_count:
             problem = f"it plays node {self.nodes.max()} of {node_count} that were solved"
-            raise InputError(problem, where=where, mend="Possess the mesh again.")
+            raise InputError(problem, where=where, remedy="Possess the mesh again.")
 
 
 @dataclass(frozen=True, eq=False)
 class GraphLayer(SolvedLayer):
-    """A layer performed on top of the motion of a graph shape: the displacement of each node from its rest
-    position.
+    """A layer that was performed on top of the motion of a graph shape. It contains the displacement of each
+    node from its rest position.
 
-    Near a node, let B map rest to the world by the base motion, and D map rest to rest by the layer. Then the
-    node maps points by B D. Of several layers the first is the outermost.
+    Near a node, let B be the map from rest to world by the base motion, and D the map from rest to rest by
+    the layer. The node then maps points by B D. If there are several layers, the first is the outermost.
 
     Attributes:
         take: the id of the stream: positions and linear maps of the nodes, relative to the mesh at rest.
         nodes: (K,) int64 numbers of the stream's nodes.
-        own: (K,) int64 the nodes of the shape that they move.
+        own: (K,) int64 numbers of the shape's nodes that these nodes move.
         rest: (N, 3) metres, the stream's nodes at rest.
-        axes, size, mirrored: how the shape's rest pose was rotated, scaled and reflected since: a
+        axes, size, mirrored: rotation, scale and reflection of the shape's rest pose since the recording. A
             displacement d becomes size axes S d, as in :class:`GraphPart`.
-        weight: from 0 to 1, its strength.
-        muted: true leaves it out.
-        possession: of :class:`SolvedLayer`.
-        feet: foot lock mode, for a layer that locks feet: see :mod:`enliven.modeling.edits.graph_feet`; empty
-            for any other.
+        weight: strength of the layer, 0 to 1.
+        muted: True leaves the layer out.
+        possession: see :class:`SolvedLayer`.
+        feet: foot lock mode of a layer that locks feet, see :mod:`enliven.modeling.edits.graph_feet`; empty
+            for all other layers.
     """
 
     take: str
@@ -170,15 +173,15 @@ class GraphLayer(SolvedLayer):
         fits = self.nodes.shape == self.own.shape and self.nodes.size > 0 and self.rest.shape[1:] == (3,)
         if not (fits and self.nodes.max() < len(self.rest)):
             problem = f"{self.nodes.shape} nodes of {self.rest.shape} move {self.own.shape}"
-            raise InputError(problem, where=where, mend="Record it again.")
+            raise InputError(problem, where=where, remedy="Record it again.")
         if not (np.isfinite(self.rest).all() and _is_rotation(self.axes)):
             problem = f"its nodes at rest, or its rotation {self.axes}, are no numbers that can be played"
-            raise InputError(problem, where=where, mend="Record it again.")
+            raise InputError(problem, where=where, remedy="Record it again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
             problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
-            raise InputError(problem, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
+            raise InputError(problem, where=where, remedy="Give a size above 0, and a weight from 0 to 1.")
 
     @property
     def id(self) -> str:
-        """Its name: the id of its stream."""
+        """The name of the layer: the id of its stream."""
         return self.take

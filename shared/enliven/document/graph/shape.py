@@ -1,4 +1,6 @@
-"""A possessed mesh as a shape: a deformation graph with nodes that play their recorded motion."""
+"""A possessed mesh: its surface follows a deformation graph, and the nodes of the graph play recorded
+motion.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ from enliven.meshes import Mesh
 
 @dataclass(frozen=True, eq=False)
 class GraphShape(RigBase):
-    """A mesh, the nodes that carry it, and the parts and layers that they play. Nodes are numbered part by
-    part.
+    """A mesh with the graph nodes that move it, and the parts and layers that the nodes play. Nodes are
+    numbered part by part.
 
     Attributes:
         id: its name in the project.
@@ -30,11 +32,12 @@ class GraphShape(RigBase):
         edges: (E, 2) int32 pairs of nodes, to be drawn.
         mesh: the surface at rest.
         skin: the four nodes that each vertex follows.
-        parts: streams of the nodes; their node counts sum to N. A part can only be carried by an earlier one.
-        over: layers on top, the outermost first.
-        ends: (5, 3) metres at rest, the ends of head, left and right hand, left and right foot, if an artist
-            named them or a scan found them; else empty.
-        joints: (20, 3) metres at rest, the joints of a scanned person; else empty.
+        parts: the groups of nodes with their streams. Their node counts sum to N. Only an earlier part can
+            carry a part.
+        over: the layers on top of the parts, the outermost first.
+        ends: (5, 3) the ends of head, left and right hand, left and right foot at rest, metres, if an artist
+            or a scan provided them; otherwise empty.
+        joints: (20, 3) the joints of a scanned person at rest, metres; otherwise empty.
 
     Raises:
         InputError: if the parts do not fit together.
@@ -50,6 +53,8 @@ class GraphShape(RigBase):
     ends: Float = field(default_factory=lambda: np.empty((0, 3)))
     joints: Float = field(default_factory=lambda: np.empty((0, 3)))
 
+    possessable = True
+
     def __post_init__(self) -> None:
         freeze(self, "positions", "ends", "joints")
         object.__setattr__(self, "edges", frozen(np.reshape(self.edges, (-1, 2)), np.int32))
@@ -57,7 +62,7 @@ class GraphShape(RigBase):
         object.__setattr__(self, "over", tuple(self.over))
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where=self.where, mend="Build the shape again.")
+            raise InputError(problem, where=self.where, remedy="Build the shape again.")
 
     kind = "graph"
     word = "possessed mesh"
@@ -66,7 +71,7 @@ class GraphShape(RigBase):
 
     @property
     def playing(self) -> tuple[LayerBase, ...]:
-        """Its parts, the layers on top of them, and the root layers."""
+        """All layers: the parts, the layers on top of them, and the root layers."""
         return (*self.parts, *self.over, *self.root_layers)
 
     @property
@@ -77,9 +82,9 @@ class GraphShape(RigBase):
     def with_playing(self, *layers: LayerBase) -> GraphShape:
         """Returns the shape with other parts and layers."""
         parts = tuple(layer for layer in layers if isinstance(layer, GraphPart))
-        over = tuple(layer for layer in layers if isinstance(layer, GraphLayer))
+        upper_layers = tuple(layer for layer in layers if isinstance(layer, GraphLayer))
         root = tuple(layer for layer in layers if isinstance(layer, RootLayer))
-        return self.with_changes(parts=parts, over=over, root_layers=root)
+        return self.with_changes(parts=parts, over=upper_layers, root_layers=root)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Raises an error if a take does not exist or does not fit."""
@@ -96,8 +101,8 @@ class GraphShape(RigBase):
             InputError: for a part, since its nodes have no other motion.
         """
         if number < len(self.parts):
-            mend = "Mute it, or cut that part off."
-            raise InputError("its nodes have no other motion", where=self.where, mend=mend)
+            advice = "Mute it, or cut that part off."
+            raise InputError("its nodes have no other motion", where=self.where, remedy=advice)
         return super().without_layer(number)
 
     def at_rest(self, mesh: Mesh | None) -> tuple[GraphShape, tuple[PoseStream, ...]]:
@@ -116,8 +121,9 @@ _REST_STREAM_ID = "rest"
 
 
 def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tuple[GraphShape, PoseStream]:
-    """Returns a mesh with static nodes (N, 3), with every vertex following the first, and the nodes'
-    stream."""
+    """Returns a shape with static nodes (N, 3), and the stream of these nodes. Every vertex of the shape
+    follows the first node.
+    """
     count = len(mesh.vertices)
     skin = SkinWeights(
         np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
@@ -133,17 +139,18 @@ def graph_shape_of(
     """Converts a possessed character and its recorded poses to a shape and its stream.
 
     Args:
-        poses: in the order of time, one per ``step``.
-        step: seconds; None takes the mean of the poses' times.
+        poses: recorded poses in the order of time, one per ``step``.
+        step: seconds between poses; None uses the mean interval of the poses' times.
 
     Raises:
-        InputError: for a rigged character, fewer than two poses, or poses of another character.
+        InputError: if the character is rigged, if there are fewer than two poses, or if poses belong to
+            another character.
     """
     where = f"character {character.id!r}"
     if character.kind != "graph":
-        raise InputError("it has bones", where=where, mend="Retarget the motion onto its skeleton instead.")
+        raise InputError("it has bones", where=where, remedy="Retarget the motion onto its skeleton instead.")
     if len(poses) < 2 or any(len(pose.positions) != len(character.pivots) for pose in poses):
-        raise InputError(f"{len(poses)} poses cannot be played", where=where, mend="Record it again.")
+        raise InputError(f"{len(poses)} poses cannot be played", where=where, remedy="Record it again.")
     seconds = (poses[-1].time_ns - poses[0].time_ns) / 1e9 / (len(poses) - 1) if step is None else step
     linear = np.array([pose.linear for pose in poses], np.float64)
     positions = np.array([pose.positions for pose in poses], np.float64)

@@ -1,4 +1,4 @@
-"""A pose stream: the recorded motion of a deformation graph's nodes, or one made from keys."""
+"""A pose stream: the motion of a deformation graph's nodes, which is recorded or computed from keyframes."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class PoseStream:
 
     Attributes:
         id: its name in the project.
-        linear: (F, N, 3, 3) float64, nearly rotations.
+        linear: (F, N, 3, 3) float64 linear maps of the nodes, which are nearly rotations.
         positions: (F, N, 3) float64 metres, the positions of the nodes in the world.
         step: seconds from one frame to the next.
         keys: the keys that the frames were computed from, in the order of time; empty for a performance.
-        follow: (N, 4) for a stream of keys: the share by which each node follows (1 for the node with the
-            keys), and its slope (3,) per metre; see :func:`keyed_stream`.
+        follow: (N, 4) for a stream of keys: the weight with which each node follows the keys (1 for the node
+            with the keys), and the gradient (3,) of this weight per metre; see :func:`keyed_stream`.
 
     Raises:
         InputError: if the arrays do not fit together or are not finite.
@@ -52,7 +52,7 @@ class PoseStream:
         elif self.follow.shape != ((nodes if self.keys else 0), 4) or not np.isfinite(self.follow).all():
             problem = f"{self.follow.shape} of {nodes} nodes follow {len(self.keys)} keys"
         if problem:
-            raise InputError(problem, where=f"stream {self.id!r}", mend="Record it again.")
+            raise InputError(problem, where=f"stream {self.id!r}", remedy="Record it again.")
 
     @property
     def duration(self) -> float:
@@ -61,32 +61,34 @@ class PoseStream:
 
     @property
     def keyed(self) -> int:
-        """The node with the keys, or -1 without keys."""
+        """The number of the node with the keys, or -1 without keys."""
         return int(self.follow[:, 0].argmax()) if self.keys else -1
 
 
 def keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[MotionKey]) -> PoseStream:
-    """Builds a stream of nodes that follow the keys of one of them, within the mesh at rest.
+    """Builds a stream of nodes that follow the keys of one of them, while the rest of the mesh stays at rest.
 
-    Let R be the rotation and d the displacement of the keys at a moment, s the share of a node at r, and k
-    the node with the keys. The node moves to r + s ((R - I) (r - k) + d). Its linear map is the rotation
-    nearest to the gradient of that, so that the mesh bends without shear.
+    Let R be the rotation and d the displacement of the keys at a time. Let s be the weight of a node at r,
+    and k the position of the node with the keys. The node at r moves to r + s ((R - I) (r - k) + d). Its
+    linear map is the rotation nearest to the gradient of this position, so that the mesh bends without shear.
 
     Args:
         rest: (N, 3) metres, the nodes at rest.
-        follow: (N, 4) s and its slope, as in :class:`PoseStream`.
+        follow: (N, 4) the weights s and their gradients, as in :class:`PoseStream`.
 
     Raises:
-        InputError: without a key, or if two are on one frame.
+        InputError: without a key, or if two keys are on the same frame.
     """
     ordered_keys = placed_keys(keys, f"stream {stream_id!r}")
     values = key_values(ordered_keys, np.arange(round(ordered_keys[-1].second / KEY_STEP) + 1) * KEY_STEP)
-    turned = to_matrix(from_rotation_vector(np.radians(values[:, :3]))) - np.eye(3)
-    shares, slopes = follow[:, 0], follow[:, 1:]
-    arms = rest - rest[int(shares.argmax())]
-    displacement = np.einsum("tij,nj->tni", turned, arms) + values[:, None, 3:]
+    rotations_minus_identity = to_matrix(from_rotation_vector(np.radians(values[:, :3]))) - np.eye(3)
+    weights, slopes = follow[:, 0], follow[:, 1:]
+    arms = rest - rest[int(weights.argmax())]
+    displacement = np.einsum("tij,nj->tni", rotations_minus_identity, arms) + values[:, None, 3:]
     gradient = (
-        np.eye(3) + shares[:, None, None] * turned[:, None] + displacement[..., None] * slopes[:, None, :]
+        np.eye(3)
+        + weights[:, None, None] * rotations_minus_identity[:, None]
+        + displacement[..., None] * slopes[:, None, :]
     )
-    positions = rest + shares[:, None] * displacement
+    positions = rest + weights[:, None] * displacement
     return PoseStream(stream_id, nearest_rotation(gradient), positions, KEY_STEP, ordered_keys, follow)

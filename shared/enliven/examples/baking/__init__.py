@@ -1,5 +1,1 @@
 """Baking: converts a surface driven by control points to bones and morph targets for other programs."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,12 +1,13 @@
-"""Converts a solved surface to a skinned one: transforms over time, at most four per vertex.
+"""Converts an animated surface to a skinned mesh: fits transforms over time, at most four per vertex.
 
     baked = bake_surface(mesh, frames, traits, held=[4711, 12])
     print(baked.error)
 
 Weights and transforms are fitted alternately (smooth skinning decomposition, B. H. Le and Z. Deng, 2012).
-Transforms begin at the control points and spread over the surface. While the error is too large, more are
-added where it is greatest. Weights are fitted to the frames that differ most; then every frame gets its
-transforms, and its error is measured. Frames are processed one after the other and are not stored.
+Transforms begin at the control points and spread over the surface. While the error is too large, more
+transforms are added where it is greatest. Weights are fitted to the frames that differ most from one another.
+Then the transforms of every frame are computed, and the error is measured. Frames are processed one after the
+other and are not stored.
 """
 
 from __future__ import annotations
@@ -29,11 +30,12 @@ Frames = Callable[[], Iterable[Float]]
 _CHUNK_FRAMES = 16
 """Number of frames that are processed together."""
 _MAX_REFITS = 3
-"""Maximum number of times that frames with too large errors are added to the fit."""
+"""Maximum number of refits, each after frames with too large errors were added to the fit."""
 _MAX_FRAMES_ADDED = 16
-"""Maximum number of frames added at once, the worst first. Each one costs time in every round."""
+"""Maximum number of frames that are added at once, the worst first. Each frame costs time in every round."""
 _FINAL_ROUNDS = 5
-"""Number of final rounds with maps that a glTF node can represent: rotation, and scale along fixed axes."""
+"""Number of final fitting rounds, in which transforms are restricted to those of a glTF node: rotation, and
+scale along fixed axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +47,9 @@ class BakedSurface:
         edges: (E, 2) int32 pairs of neighbouring transforms.
         skin: four transforms per vertex.
         linear: (F, K, 3, 3) linear maps.
-        places: (F, K, 3) metres, the positions of the pivots.
-        axes: (K, 3, 3) stretch axes Q with linear = R Q diag(s) Q' and a rotation R. None if linear may be
-            any map.
+        places: (F, K, 3) positions of the pivots over time, metres.
+        axes: (K, 3, 3) stretch axes Q, with linear = R Q diag(s) Q' for a rotation R and scales s. None if
+            linear may be any map.
         error: the error over all frames.
     """
 
@@ -72,9 +74,10 @@ def bake_surface(
 
     Args:
         mesh: the mesh at rest.
-        frames: returns its vertices in each frame, in a coordinate frame that moves with the whole mesh.
+        frames: returns an iterator over the vertices (V, 3) of each frame, in a coordinate frame that moves
+            with the whole mesh.
         traits: (F, ...) features that distinguish frames, for example the positions of the control points.
-        held: vertices that always get a transform.
+        held: vertices that always get a transform of their own.
         shear: True to allow any affine map, as in a deformation graph. False allows only maps that a glTF
             node can represent.
     """
@@ -102,10 +105,10 @@ def sample_farthest(traits: Float, count: int) -> Int:
     if len(traits) <= count:
         return np.arange(len(traits))
     chosen = [0]
-    away = ((traits - traits[0]) ** 2).sum(1)
-    while len(chosen) < count and away.max() > 0.0:
-        chosen.append(int(np.argmax(away)))
-        away = np.minimum(away, ((traits - traits[chosen[-1]]) ** 2).sum(1))
+    squared_distances = ((traits - traits[0]) ** 2).sum(1)
+    while len(chosen) < count and squared_distances.max() > 0.0:
+        chosen.append(int(np.argmax(squared_distances)))
+        squared_distances = np.minimum(squared_distances, ((traits - traits[chosen[-1]]) ** 2).sum(1))
     return np.sort(np.array(chosen))
 
 
@@ -157,11 +160,11 @@ class _Fit:
     def run(self) -> None:
         """Fits weights and maps, and adds transforms until the tolerance or the maximum number is reached.
 
-        Maps may be any affine ones until the tolerance is reached. Only then are they restricted to their
+        At first, any affine maps are allowed. Once the tolerance is reached, they are restricted to their
         final form.
         """
         settings = self._settings
-        most = min(settings.nodes, len(self._rest))
+        max_transforms = min(settings.nodes, len(self._rest))
         while True:
             self._alternate_fits(settings.rounds)
             error_ratios = self._error_ratios()
@@ -170,9 +173,9 @@ class _Fit:
                 self._fit_maps()
                 self._alternate_fits(_FINAL_ROUNDS)
                 error_ratios, self._bound = self._error_ratios(), False
-            room = most - len(self.pivots)
+            free_count = max_transforms - len(self.pivots)
             if error_ratios.max() <= 1.0 or not self.seeds.grow(
-                error_ratios, min(room, max(len(self.pivots) // 2, 4))
+                error_ratios, min(free_count, max(len(self.pivots) // 2, 4))
             ):
                 break
             self._assign_seeds()
@@ -197,13 +200,15 @@ class _Fit:
             self._fit_maps()
 
     def _error_ratios(self) -> Float:
-        """Returns (V,) each vertex's error divided by the tolerance: above 1 if it exceeds the tolerance."""
+        """Returns (V,) each vertex's error divided by the tolerance. A ratio above 1 exceeds the
+        tolerance.
+        """
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
-        whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
-        # If the mean error is too large, blame the vertices with errors above the mean.
+        mean_ratio = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
+        # If the mean error is too large, give ratios above 1 to the vertices with errors above the mean.
         vertex_ratios = (
-            whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
+            mean_ratio * np.sqrt(squares / max(squares.mean(), 1e-300)) if mean_ratio > 1.0 else 0.0 * squares
         )
         return np.asarray(np.maximum(vertex_ratios, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
@@ -229,19 +234,19 @@ class _Fit:
         smooth = self._wanted.shape[1] * (self._settings.smooth * self.size) ** 2
         flat = self._wanted.reshape(len(self._rest), -1)
         by_node = np.ascontiguousarray(self._found.transpose(1, 2, 0, 3)).reshape(len(self.pivots), 4, -1)
-        around = self._candidates, self._near, self._starts, smooth
-        fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
+        neighbours = self._candidates, self._near, self._starts, smooth
+        fit_weights(self._rest, flat, self.pivots, by_node, *neighbours, self.indices, self.weights)
 
     def errors(self, maps: Float, frame_vertices: Float) -> tuple[Float, Float, Float]:
         """Computes the sum (V,) and the maximum (V,) of each vertex's square errors, and the maximum (F,) of
         each frame."""
         squares, worst = np.zeros(len(self._rest)), np.zeros(len(self._rest))
-        parts = self._rest, self.pivots, self.indices, self.weights
-        return squares, worst, add_errors(*parts, maps, frame_vertices, squares, worst)
+        skinning = self._rest, self.pivots, self.indices, self.weights
+        return squares, worst, add_errors(*skinning, maps, frame_vertices, squares, worst)
 
 
 def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
-    """Returns (V, C, 3) metres, the vertices in the chosen frames."""
+    """Returns (V, C, 3) the vertices in the C chosen frames, metres."""
     frame_vertices = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
@@ -254,14 +259,14 @@ def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
 
 def _frame_chunks(frames: Frames, first: Int) -> Iterator[Float]:
     """Yields chunks (V, C, 3) of consecutive frames."""
-    kept: list[Float] = []
+    chunk: list[Float] = []
     for vertices in frames():
-        kept.append(vertices[first])
-        if len(kept) == _CHUNK_FRAMES:
-            yield np.stack(kept, 1)
-            kept = []
-    if kept:
-        yield np.stack(kept, 1)
+        chunk.append(vertices[first])
+        if len(chunk) == _CHUNK_FRAMES:
+            yield np.stack(chunk, 1)
+            chunk = []
+    if chunk:
+        yield np.stack(chunk, 1)
 
 
 def _measure_fit(
@@ -269,17 +274,21 @@ def _measure_fit(
 ) -> tuple[Float, Float, BakeError]:
     """Computes the transforms of all frames, and the error of the surface."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
-    total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
+    total, worst, frame, vertex, start = 0.0, 0.0, 0, 0, 0
     for frame_vertices in _frame_chunks(frames, first):
         maps = fit.maps.of(frame_vertices)
-        squares, most, of_frame = fit.errors(maps, frame_vertices)
+        squares, vertex_worst, of_frame = fit.errors(maps, frame_vertices)
         total += float(squares.sum())
-        for number, off in enumerate(np.sqrt(of_frame)):
-            missed.record(float(off), frame_vertices[:, number])
-        if most.max() > worst:
-            worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
-        linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)
-        places[at : at + len(maps)] = maps[:, :, 3]
-        at += len(maps)
+        for number, frame_error in enumerate(np.sqrt(of_frame)):
+            missed.record(float(frame_error), frame_vertices[:, number])
+        if vertex_worst.max() > worst:
+            worst, frame, vertex = (
+                float(vertex_worst.max()),
+                start + int(of_frame.argmax()),
+                int(first[vertex_worst.argmax()]),
+            )
+        linear[start : start + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)
+        places[start : start + len(maps)] = maps[:, :, 3]
+        start += len(maps)
     rms = float(np.sqrt(total / (count * len(first))))
     return linear, places, BakeError(rms, float(np.sqrt(worst)), frame, vertex, fit.size)

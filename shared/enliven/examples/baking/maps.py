@@ -38,8 +38,8 @@ class Maps:
         rest: (V, 3) metres.
         pivots: (K, 3) metres.
         indices, weights: (V, 4) int32 and float64.
-        rigid: strength of the pull towards a rotation in directions in which the surface does not determine
-            the map.
+        rigid: weight of the regularization towards a rotation. It acts in directions in which the surface
+            does not determine the map.
 
     Attributes:
         axes: (K, 3, 3) the axes Q of the scales, or None if any maps are allowed.
@@ -64,8 +64,9 @@ class Maps:
         self.axes: Float | None = None
 
     def of(self, vertices: Float) -> Float:
-        """Returns the least-squares maps (F, K, 4, 3) of the frames ``vertices`` (V, F, 3), with x = (v -
-        pivot, 1) map."""
+        """Solves for the least-squares maps (F, K, 4, 3) of the frames ``vertices`` (V, F, 3). A map moves a
+        vertex v to (v - pivot, 1) map.
+        """
         frames = vertices.shape[1]
         moments = moments_of(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
         right = np.ascontiguousarray(moments.reshape(-1, 4, frames, 3).transpose(2, 0, 1, 3))
@@ -85,7 +86,7 @@ class Maps:
         return maps
 
     def find_axes(self, maps: Float) -> None:
-        """Sets the axes to the directions of largest stretch of maps (F, K, 4, 3), over all frames."""
+        """Sets the axes to the principal stretch directions of maps (F, K, 4, 3) over all frames."""
         self.axes = stretch_axes(maps[:, :, :3].transpose(0, 1, 3, 2))
 
     def _fit_rigid_motions(self, right: Float) -> tuple[Float, Float]:
@@ -95,19 +96,20 @@ class Maps:
             (F, K, 3, 3) transposed rotations, and (F, K, 3) positions of the pivots under them.
         """
         weight = np.maximum(self._sums[:, 3], 1e-30)
-        middle, went = self._sums[:, :3] / weight[:, None], right[:, :, 3] / weight[None, :, None]
-        moment = right[:, :, :3] - self._sums[None, :, :3, None] * went[:, :, None]
-        whole = moment.sum(1, keepdims=True)
+        centre, moved_centre = self._sums[:, :3] / weight[:, None], right[:, :, 3] / weight[None, :, None]
+        moment = right[:, :, :3] - self._sums[None, :, :3, None] * moved_centre[:, :, None]
+        global_moment = moment.sum(1, keepdims=True)
         size = np.abs(moment).sum((2, 3), keepdims=True)
         size = np.maximum(size, 1e-9 * size.max(1, keepdims=True))
-        shared = whole / np.maximum(np.abs(whole).sum((2, 3), keepdims=True), 1e-300)
-        turns = nearest_rotation(moment + _GLOBAL_ROTATION_WEIGHT * size * shared)
-        return turns, went - np.einsum("ka,fkab->fkb", middle, turns)
+        shared = global_moment / np.maximum(np.abs(global_moment).sum((2, 3), keepdims=True), 1e-300)
+        rotations = nearest_rotation(moment + _GLOBAL_ROTATION_WEIGHT * size * shared)
+        return rotations, moved_centre - np.einsum("ka,fkab->fkb", centre, rotations)
 
 
 def stretch_axes(linear: Float) -> Float:
-    """Returns (K, 3, 3) rotations with columns along the directions of largest stretch of maps (F, K, 3, 3),
-    over all frames."""
+    """Returns (K, 3, 3) rotations. Their columns are the principal stretch directions of maps (F, K, 3, 3)
+    over all frames.
+    """
     strain = np.einsum("fkba,fkbc->fkac", linear, linear) - np.eye(3)
     axes = np.linalg.eigh(np.einsum("fkab,fkbc->kac", strain, strain))[1]
     axes[np.linalg.det(axes) < 0, :, 0] *= -1.0
@@ -119,8 +121,8 @@ def stretch_axes(linear: Float) -> Float:
 def factor_of(matrix):
     """Computes the lower Cholesky factor of a positive definite matrix (N, N).
 
-    LAPACK would split this small task among threads, which wait for one another on busy cores. That took
-    thirty times as long.
+    LAPACK would split this small task among threads. On busy cores the threads wait for one another, which
+    took thirty times as long.
     """
     lower = np.zeros_like(matrix)
     for i in range(len(matrix)):

@@ -47,48 +47,52 @@ def bake_morphs(
     settings = settings or BakeSettings()
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     chosen = sample_farthest(traits.reshape(len(traits), -1), settings.frames)
-    moved, normals = _gather_displacements(mesh, frames, chosen.tolist())
+    displacements, normals = _gather_displacements(mesh, frames, chosen.tolist())
     for _ in range(_MAX_REFITS):
-        shapes, spread = _principal_components(moved, settings.targets)
-        count = _needed_shapes(moved, shapes, settings, size)
+        shapes, spread = _principal_components(displacements, settings.targets)
+        count = _needed_shapes(displacements, shapes, settings, size)
         shapes, spread = shapes[:count], spread[:count]
         missed = WorstFrames(settings.worst * size)
         weights, error = _measure_weights(mesh, frames, len(traits), shapes, size, missed)
         if not missed.frames or count == settings.targets:
             break
         more = [_vertex_displacements(mesh, vertices) for vertices in missed.frames]
-        moved = np.concatenate([moved, [vertices for vertices, _ in more]])
+        displacements = np.concatenate([displacements, [vertices for vertices, _ in more]])
         normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more]])
-    moved_weights = moved @ shapes.T / spread
+    moved_weights = displacements @ shapes.T / spread
     square = moved_weights.T @ moved_weights + _NORMAL_REGULARIZATION * len(moved_weights) * np.eye(count)
-    bent = np.asarray(np.linalg.solve(square, moved_weights.T @ normals), np.float64)
-    each = (count, len(mesh.vertices), 3)
-    targets = (shapes * spread[:, None]).reshape(each)
-    return BakedMorphs(targets, bent.reshape(each), weights / spread, error)
+    normal_shapes = np.asarray(np.linalg.solve(square, moved_weights.T @ normals), np.float64)
+    frame_shape = (count, len(mesh.vertices), 3)
+    targets = (shapes * spread[:, None]).reshape(frame_shape)
+    return BakedMorphs(targets, normal_shapes.reshape(frame_shape), weights / spread, error)
 
 
 def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
     """Returns (C, 3 V) the vertices' displacements from rest in the chosen frames, and the changes of their
     normals."""
-    moved, normals = np.empty((len(chosen), mesh.vertices.size)), np.empty((len(chosen), mesh.vertices.size))
+    displacements, normals = (
+        np.empty((len(chosen), mesh.vertices.size)),
+        np.empty((len(chosen), mesh.vertices.size)),
+    )
     row = {frame: k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
         if number in row:
-            moved[row[number]], normals[row[number]] = _vertex_displacements(mesh, vertices)
+            displacements[row[number]], normals[row[number]] = _vertex_displacements(mesh, vertices)
         if number == chosen[-1]:
             break
-    return moved, normals
+    return displacements, normals
 
 
 def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
     """Returns (3 V,) displacements of vertices (V, 3) from rest, and the changes of their normals."""
-    turned = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
-    return (vertices - mesh.vertices).ravel(), turned.ravel()
+    moved_normals = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
+    return (vertices - mesh.vertices).ravel(), moved_normals.ravel()
 
 
 def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
-    """Returns (N, 3 V) the principal components of (C, 3 V), the largest first, and (N,) their standard
-    deviations."""
+    """Returns (N, 3 V) the principal components of C displacements (C, 3 V), largest first, and (N,) their
+    standard deviations.
+    """
     values, vectors = np.linalg.eigh(moved @ moved.T)
     order = np.argsort(values)[::-1][:most]
     order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]
@@ -105,11 +109,14 @@ def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
 def _needed_shapes(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
     """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or the number of all shapes if
     none suffices."""
-    left = moved.copy()
+    residual = moved.copy()
     for count, shape in enumerate(shapes, 1):
-        left -= np.outer(left @ shape, shape)
-        off = (left.reshape(len(left), -1, 3) ** 2).sum(2)
-        if np.sqrt(off.mean()) <= settings.rms * size and np.sqrt(off.max()) <= settings.worst * size:
+        residual -= np.outer(residual @ shape, shape)
+        squared_errors = (residual.reshape(len(residual), -1, 3) ** 2).sum(2)
+        if (
+            np.sqrt(squared_errors.mean()) <= settings.rms * size
+            and np.sqrt(squared_errors.max()) <= settings.worst * size
+        ):
             return count
     return len(shapes)
 
@@ -118,13 +125,13 @@ def _measure_weights(
     mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: WorstFrames
 ) -> tuple[Float, BakeError]:
     """Returns (F, N) weights of all frames, and the error of the surface."""
-    weights, total, worst, at, vertex = np.empty((count, len(shapes))), 0.0, 0.0, 0, 0
+    weights, total, worst, worst_frame, vertex = np.empty((count, len(shapes))), 0.0, 0.0, 0, 0
     for number, vertices in enumerate(frames()):
-        moved = (vertices - mesh.vertices).ravel()
-        weights[number] = shapes @ moved
-        off = ((moved - weights[number] @ shapes).reshape(-1, 3) ** 2).sum(1)
-        total += float(off.mean())
-        missed.record(float(np.sqrt(off.max())), vertices)
-        if off.max() > worst:
-            worst, at, vertex = float(off.max()), number, int(off.argmax())
-    return weights, BakeError(float(np.sqrt(total / count)), float(np.sqrt(worst)), at, vertex, size)
+        displacements = (vertices - mesh.vertices).ravel()
+        weights[number] = shapes @ displacements
+        squared_errors = ((displacements - weights[number] @ shapes).reshape(-1, 3) ** 2).sum(1)
+        total += float(squared_errors.mean())
+        missed.record(float(np.sqrt(squared_errors.max())), vertices)
+        if squared_errors.max() > worst:
+            worst, worst_frame, vertex = float(squared_errors.max()), number, int(squared_errors.argmax())
+    return weights, BakeError(float(np.sqrt(total / count)), float(np.sqrt(worst)), worst_frame, vertex, size)

@@ -1,5 +1,4 @@
-"""The positions of a baked surface's transforms: seeds on the surface, with geodesic distances along
-edges."""
+"""Places the transforms of a baked surface at seed vertices, spread by geodesic distances along edges."""
 
 from __future__ import annotations
 
@@ -10,16 +9,16 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.arap import surface_edges, virtual_edges
+from enliven.deformation.arap.weights import surface_edges, virtual_edges
 from enliven.meshes import Mesh
 
 
 class EdgeGraph:
-    """The edges of a welded mesh. Separate shells are connected where they are nearest.
+    """The edge graph of a welded mesh. Separate shells are connected at their nearest vertices.
 
     Attributes:
         edges: (E, 2) vertices.
-        lengths: (V, V) sparse, metres.
+        lengths: (V, V) sparse matrix of edge lengths, metres.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -34,7 +33,9 @@ class EdgeGraph:
         self.lengths: csr_matrix = (half + half.T).tocsr()
 
     def away(self, seeds: Sequence[int], limit: float = np.inf) -> Float:
-        """Returns (S, V) metres along the edges from each seed, or infinite beyond the limit."""
+        """Returns (S, V) geodesic distances along the edges from each seed, metres; infinite beyond the
+        limit.
+        """
         return np.asarray(dijkstra(self.lengths, directed=False, indices=list(seeds), limit=limit))
 
 
@@ -43,7 +44,7 @@ class Seeds:
 
     Attributes:
         vertices: the seeds, as vertices of the welded mesh.
-        away: (S, V) metres along the surface from each seed to each vertex.
+        away: (S, V) geodesic distances from each seed to each vertex, metres.
     """
 
     def __init__(self, net: EdgeGraph, held: Sequence[int], count: int) -> None:
@@ -62,17 +63,17 @@ class Seeds:
         Returns:
             The number of added seeds.
         """
-        left, before = scores.copy(), len(self.vertices)
-        left[self.vertices] = 0.0
-        while len(self.vertices) < before + count and left.max(initial=0.0) > 0.0:
-            chosen = int(np.argmax(left))
-            reach = 0.5 * float(self.away[:, chosen].min())
+        remaining_scores, old_count = scores.copy(), len(self.vertices)
+        remaining_scores[self.vertices] = 0.0
+        while len(self.vertices) < old_count + count and remaining_scores.max(initial=0.0) > 0.0:
+            chosen = int(np.argmax(remaining_scores))
+            radius = 0.5 * float(self.away[:, chosen].min())
             self._add_vertex(chosen)
-            left[self.away[-1] <= reach] = 0.0
-        return len(self.vertices) - before
+            remaining_scores[self.away[-1] <= radius] = 0.0
+        return len(self.vertices) - old_count
 
     def nearest(self, count: int) -> Int32:
-        """Returns (V, C) the nearest seeds of each vertex, the nearest first, or -1 if there are fewer."""
+        """Returns (V, C) the nearest seeds of each vertex, nearest first. Missing entries are -1."""
         count_there = min(count, len(self.vertices))
         order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T
         filled = np.full((self.away.shape[1], count), -1, np.int32)

@@ -1,7 +1,7 @@
-"""Fits the weights of each vertex for the transforms around it: not negative, at most four, with sum one.
+"""Fits the skinning weights of each vertex: at most four, non-negative, with sum one.
 
-B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: with the transforms
-known, each vertex is a least-squares problem of its own. Let d_k(t) be the difference between the vertex
+B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: if the transforms
+are known, each vertex is a separate least-squares problem. Let d_k(t) be the difference between the vertex
 moved by transform k at time t and its true position. Then w minimizes sum_t |sum_k w_k d_k(t)|² = w' D w,
 since the weights sum to one. Two parts are added here. A pull towards the mean of the neighbours' weights
 keeps the surface smooth between frames. The old weights are kept if the new weights are not better.
@@ -27,7 +27,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
         pivots: (K, 3).
         maps: (K, 4, 3 F) x = (v - pivot, 1) map.
         candidates: (V, C) int32, -1 for none.
-        near, starts: the neighbours of vertex v are near[starts[v]:starts[v + 1]].
+        near, starts: adjacency list; the neighbours of vertex v are near[starts[v]:starts[v + 1]].
         smooth: weight of the smoothness term: square metres over all frames per unit difference from the
             neighbours.
     """
@@ -77,8 +77,9 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _transform_differences(at, own, wanted, out):
-    """Computes into ``out`` (3 F) the differences between ``at`` (3,) moved by a transform (4, 3 F) and
-    ``wanted``."""
+    """Writes to ``out`` (3 F) the difference between ``at`` (3,), moved by a transform (4, 3 F), and
+    ``wanted``.
+    """
     x, y, z = at
     for j in range(len(out)):
         out[j] = own[3, j] + x * own[0, j] + y * own[1, j] + z * own[2, j] - wanted[j]
@@ -94,7 +95,8 @@ def _dot_product(a, b):
 
 @njit(cache=True, nogil=True)
 def solve_bounded(gram, pull, smooth, there, free, room, found):
-    """Fills ``found`` with the weights, at most four above zero. Returns False if no solution exists.
+    """Solves for the weights of one vertex, at most four above zero, and writes them to ``found``. Returns
+    False if no solution exists.
 
     First negative weights are removed, the lowest first. Then the smallest weights are removed until four are
     left.
@@ -123,7 +125,9 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
 
 @njit(cache=True, nogil=True)
 def _solve_sum_one(gram, pull, smooth, least, there, free, room, found):
-    """Solves for the free weights with sum one, and sets the others to 0, with two right-hand sides."""
+    """Solves for the free weights with sum one, and sets the other weights to 0. The constraint is met by
+    combining the solutions of two right-hand sides.
+    """
     # Collect the free weights, and build their matrix with two right-hand sides: pull, and ones.
     n = 0
     order = np.empty(there, np.int64)
@@ -184,7 +188,7 @@ def _weights_cost(gram, found, pull, smooth, there):
 
 @njit(cache=True, nogil=True)
 def _mean_neighbour_weights(v, candidates, there, near, starts, indices, weights, pull):
-    """Computes into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
+    """Writes to ``pull`` the mean weights of the neighbours for each candidate of vertex v."""
     for c in range(there):
         pull[c] = 0.0
     around = starts[v + 1] - starts[v]

@@ -16,10 +16,10 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 
     Args:
         turned: (F, P, 3) metres, the control points with the yaw applied.
-        feet: (K,) numbers of the control points that it can stand on.
-        stands: (F, K) bool, the feet that the performer stands on; all False if unknown.
-        grip: height difference in metres for another, lower foot to become the anchor if ``stands`` is
-            unknown.
+        feet: (K,) numbers of the control points that the mesh can stand on.
+        stands: (F, K) bool, True for feet that the performer stands on; all False if unknown.
+        grip: if ``stands`` is unknown, minimum height difference in metres at which another, lower foot
+            becomes the anchor.
         root: (F, 3) metres, output.
         anchors: (F,) numbers of control points, -1 in flight, output.
     """
@@ -40,7 +40,7 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 
 @njit(cache=True, nogil=True)
 def _choose_anchor(places, feet, stands, before, highest):
-    """Chooses the anchor after ``before`` (-1: none).
+    """Chooses the anchor of a frame; ``before`` is the anchor of the previous frame (-1 for none).
 
     The previous anchor stays the anchor while the performer stands on it. Otherwise the lowest standing foot
     becomes the anchor. If ``stands`` is unknown, the previous anchor stays while it is not above ``highest``,

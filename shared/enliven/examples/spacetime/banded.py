@@ -1,8 +1,8 @@
 """The spacetime system, solved by a band factorization: block LDL' of 3x3 blocks, two off the diagonal.
 
 The unknowns of the paper's system (eq. 24) are the weights of all frames. They are eliminated within each
-frame (``bounded``: c = base - give q). This leaves the accelerations y = lambda A c (eq. 20, 21), with (A
-c)_i = c_(i-1) - 2 c_i + c_(i+1) and q = lambda A' y:
+frame; module ``bounded`` gives the positions c = base - give q for a pull q. This leaves the accelerations y
+= lambda A c (eq. 20, 21), with (A c)_i = c_(i-1) - 2 c_i + c_(i+1) and q = lambda A' y:
 
     (1 + lambda^2 A give A') y = lambda A base
 
@@ -22,7 +22,8 @@ class Band:
     """The factorization of one control point's system.
 
     Args:
-        give: (F, 3, 3) the response of the positions to a pull, symmetric and positive semidefinite.
+        give: (F, 3, 3) the response (compliance) of the positions to a pull, symmetric and positive
+            semidefinite.
         weight: lambda.
     """
 
@@ -34,25 +35,26 @@ class Band:
 
     def solve(self, right: Float) -> Float:
         """Solves for the accelerations (F - 2, 3, R) of right-hand sides with that shape."""
-        out = np.ascontiguousarray(right).copy()
-        substitute(self._inverse, self._one, self._two, out)
-        return out
+        solution = np.ascontiguousarray(right).copy()
+        substitute(self._inverse, self._one, self._two, solution)
+        return solution
 
 
 def accelerations(places: Float) -> Float:
-    """Computes the accelerations A c (..., F - 2, 3) of positions c (..., F, 3). The result is empty for
-    fewer than three frames."""
+    """Computes the accelerations (second differences) A c (..., F - 2, 3) of positions c (..., F, 3). The
+    result is empty if there are fewer than three frames.
+    """
     return np.asarray(places[..., :-2, :] - 2.0 * places[..., 1:-1, :] + places[..., 2:, :])
 
 
 def pulled(forces: Float, frames: int) -> Float:
     """Computes A' y (..., F, 3) for forces y (..., F - 2, 3)."""
-    out = np.zeros((*forces.shape[:-2], frames, 3))
+    pulls = np.zeros((*forces.shape[:-2], frames, 3))
     if frames > 2:
-        out[..., :-2, :] += forces
-        out[..., 1:-1, :] -= 2.0 * forces
-        out[..., 2:, :] += forces
-    return out
+        pulls[..., :-2, :] += forces
+        pulls[..., 1:-1, :] -= 2.0 * forces
+        pulls[..., 2:, :] += forces
+    return pulls
 
 
 @njit(cache=True, nogil=True)

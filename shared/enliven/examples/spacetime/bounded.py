@@ -1,13 +1,13 @@
-"""Solves for bounded weights: the exact solution of each frame's small quadratic program.
+"""Solves for weights within bounds: the exact solution of a small quadratic program per frame and point.
 
 A node is one control point at one frame. Let q (3,) be the pull on it, w its weights, and r its offset from
 the weighted examples. They minimize
 
     argmin  w' M w / 2 - b' w + |r|^2 / (2 slack) + q' (C' w + r + o),      low <= w <= high.
 
-For a fixed set of weights at their bounds, w = still - swing q and c = C' w + r + o = base - give q. The sets
-are found by pivoting. At first all wrong weights are changed at once. If that cycles, they are changed one by
-one (Murty's least-index rule, which always terminates).
+For a fixed set of weights at their bounds, w = still - swing q and c = C' w + r + o = base - give q. These
+sets are found by pivoting. At first, all wrong weights change between free and bounded at once. If that
+cycles, they change one by one (Murty's least-index rule, which always terminates).
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ _JOINT_CHANGE_ROUNDS = 6
 
 @dataclass
 class Nodes:
-    """The nodes of P points in F frames, with E weights each. ``respond`` computes the arrays from ``still``
-    on."""
+    """The nodes of P points in F frames, with E weights each. :meth:`respond` computes ``still`` and the
+    arrays after it.
+    """
 
     matrix: Float  # (P, F, E, E)
     right: Float  # (P, F, E)
     reach: Float  # (P, F, E, 3)
     offset: Float  # (P, F, 3)
-    slack: Float  # (P, F, 3), zero along a held axis
+    slack: Float  # (P, F, 3), zero along a fixed axis
     state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high bound, 2 unknown
     still: Float  # (P, F, E)
     swing: Float  # (P, F, E, 3)
@@ -55,7 +56,7 @@ class Nodes:
         return Nodes(matrix, right, reach, offset, slack, state, still, swing, base, give, least)
 
     def begin(self, slack: float) -> None:
-        """Resets the nodes to an unknown set of weights at bounds, without offsets."""
+        """Resets the nodes: it is unknown which weights are at their bounds, and offsets are zero."""
         self.offset[:] = 0.0
         self.slack[:] = slack
         self.state[:] = 2
@@ -64,7 +65,7 @@ class Nodes:
         """Computes the positions ``places`` (P, F, 3) for a pull (P, F, 3).
 
         Returns:
-            The number of nodes with a new set of weights at bounds, and the sum of the least energies.
+            The number of nodes with a changed set of weights at bounds, and the sum of the minimum energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
         results = (self.still, self.swing, self.base, self.give, self.least)
@@ -152,7 +153,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
 
 @njit(cache=True, nogil=True)
 def _renew_weights(node, known, f, qx, qy, qz, low, high, work):
-    """Finds the set of weights of node f at bounds, and the resulting linear terms."""
+    """Determines which weights of node f are at their bounds, and the resulting linear terms."""
     matrix, right, reach, _, _, state = node
     _, g, _, _, trial = work
     for e in range(len(g)):
@@ -166,7 +167,7 @@ def _renew_weights(node, known, f, qx, qy, qz, low, high, work):
 
 @njit(cache=True, nogil=True, inline="always")
 def _first_wrong_weight(matrix, f, g, state, w, low, high):
-    """Returns the first weight that is out of bounds, or at a bound that it should leave, or -1 for none."""
+    """Returns the first weight that is out of bounds or should leave its bound, or -1 if there is none."""
     for e in range(len(w)):
         if _is_wrong(matrix, f, g, state, w, low, high, e):
             return e
@@ -221,7 +222,9 @@ def _factor_free_part(matrix, f, work):
 
 @njit(cache=True, nogil=True, inline="always")
 def _fill_weights(matrix, f, work, count, low, high):
-    """Computes the weights: those at bounds take their bounds, and the free ones solve for g."""
+    """Computes the weights: weights at bounds get the bounds, and free weights solve the remaining system for
+    g.
+    """
     w, g, free, factor, state = work
     for e in range(len(w)):
         if state[e] != 0:

@@ -5,9 +5,9 @@
     Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
 
 Each constraint sets one coordinate, or the difference of two, axis by axis. So the constraints form a forest
-(union-find). A coordinate linked to a known value becomes known, and is eliminated node by node. A constraint
-that would close a cycle is dropped if it agrees with the others, and raises an error if it contradicts them.
-The remaining constraints are independent.
+(union-find). If a coordinate is linked to a known value, it becomes known too, and is eliminated from its
+node. A constraint that would close a cycle is dropped if it agrees with the others, and raises an error if it
+contradicts them. The remaining constraints are independent.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _ERROR_PLACE = "constraints"
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Independent constraints, in sizes of the mesh.
+    """Independent constraints. The unit of length is the mesh's size.
 
     Attributes:
-        held: (P, F, 3) bool, true for known coordinates.
-        values: (P, F, 3) their values; 0 elsewhere.
+        held: (P, F, 3) bool, True for known coordinates.
+        values: (P, F, 3) values of the known coordinates; 0 elsewhere.
         first, second: (R, 3) int64 (point, frame, axis) of the two coordinates of each constraint.
         difference: (R,) required value of coordinate ``first`` - coordinate ``second``.
     """
@@ -52,7 +52,7 @@ def convert_constraints(
 
     Raises:
         InputError: if a point or frame does not exist, a value is not finite, or constraints contradict one
-            another. The message names them.
+            another. The message names the constraints.
     """
     middle, size = examples.targets.mean(0), examples.target_size
     links = [
@@ -63,18 +63,18 @@ def convert_constraints(
         added = forest.join(a, b, value, constraint, _AGREEMENT_TOLERANCE * size)
         if added and b is not None:
             rows.append((a, b, value))
-    held, values = np.zeros((len(middle), frames, 3), np.bool_), np.zeros((len(middle), frames, 3))
+    is_known, values = np.zeros((len(middle), frames, 3), np.bool_), np.zeros((len(middle), frames, 3))
     for node in forest.nodes():
         fixed_value = forest.value(node)
         if fixed_value is not None:
-            held[node] = True
+            is_known[node] = True
             values[node] = (fixed_value - middle[node[0], node[2]]) / size
-    rows = [row for row in rows if not held[row[0]]]
+    rows = [row for row in rows if not is_known[row[0]]]
     first = np.array([a for a, _, _ in rows], np.int64).reshape(-1, 3)
     second = np.array([b for _, b, _ in rows], np.int64).reshape(-1, 3)
     shift = middle[second[:, 0], second[:, 2]] - middle[first[:, 0], first[:, 2]]
     difference = (np.array([value for _, _, value in rows]) + shift) / size
-    return Conditions(held, values, first, second, difference)
+    return Conditions(is_known, values, first, second, difference)
 
 
 _Node = tuple[int, int, int]
@@ -82,8 +82,9 @@ _Link = tuple[Constraint, _Node, _Node | None, float]
 
 
 def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
-    """Splits a constraint into single coordinates: (constraint, a, b, value) for a - b = value, or a =
-    value."""
+    """Splits a constraint into one link per coordinate: (constraint, a, b, value) means a - b = value, or a =
+    value if b is None.
+    """
     _check_constraint(one, frames)
     p, f = examples.point(one.point), one.frame
     for axis in ("xyz".index(letter) for letter in one.axes):
@@ -101,21 +102,23 @@ def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: fl
 def _check_constraint(one: Constraint, frames: int) -> None:
     first = 1 if isinstance(one, Velocity) else 0
     if not first <= one.frame < frames:
-        mend = f"Frames are {first}..{frames - 1}."
-        raise InputError(f"{one} is outside of the motion's frames", where=_ERROR_PLACE, mend=mend)
+        advice = f"Frames are {first}..{frames - 1}."
+        raise InputError(f"{one} is outside of the motion's frames", where=_ERROR_PLACE, remedy=advice)
     if not one.axes or set(one.axes) - set("xyz"):
         raise InputError(
-            f"{one} has axes {one.axes!r}", where=_ERROR_PLACE, mend='Give "x", "y", "z" or several.'
+            f"{one} has axes {one.axes!r}", where=_ERROR_PLACE, remedy='Give "x", "y", "z" or several.'
         )
     numbers = (
         one.place if isinstance(one, Position) else one.velocity if isinstance(one, Velocity) else one.apart
     )
     if len(numbers) != 3 or not np.isfinite(numbers).all():
-        raise InputError(f"{one} is {numbers}", where=_ERROR_PLACE, mend="Give three finite numbers.")
+        raise InputError(f"{one} is {numbers}", where=_ERROR_PLACE, remedy="Give three finite numbers.")
 
 
 class _Forest:
-    """Coordinates and the known differences between them. The ground (None) is 0."""
+    """A union-find forest of coordinates with known differences. The node None is the ground and has the
+    value 0.
+    """
 
     def __init__(self) -> None:
         self._above: dict[_Node | None, tuple[_Node | None, float]] = {None: (None, 0.0)}
@@ -126,15 +129,15 @@ class _Forest:
         return [node for node in self._above if node is not None]
 
     def join(self, a: _Node | None, b: _Node | None, value: float, why: Constraint, close: float) -> bool:
-        """Adds a - b = value. Returns False if it is known already."""
+        """Adds the constraint a - b = value. Returns False if it already follows from earlier constraints."""
         (root_a, of_a), (root_b, of_b) = self._root_of(a), self._root_of(b)
         if root_a == root_b:
             if abs(of_a - of_b - value) > close:
                 contradicted = ", ".join(
                     str(constraint) for constraint in self._connecting_constraints(a, b)[:4]
                 )
-                mend = "Remove or change one of them."
-                raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, mend=mend)
+                advice = "Remove or change one of them."
+                raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, remedy=advice)
             return False
         # If one of the roots is the ground (None), keep the ground as the root, so that values remain
         # absolute. ``of_x`` is x minus its root.
@@ -154,12 +157,12 @@ class _Forest:
     def _root_of(self, node: _Node | None) -> tuple[_Node | None, float]:
         """Returns the root of a coordinate, and the coordinate minus its root. Compresses the path."""
         self._above.setdefault(node, (node, 0.0))
-        way, root = [], node
+        path_nodes, root = [], node
         while self._above[root][0] != root:
-            way.append(root)
+            path_nodes.append(root)
             root = self._above[root][0]
         total = 0.0
-        for passed in reversed(way):
+        for passed in reversed(path_nodes):
             total += self._above[passed][1]
             self._above[passed] = (root, total)
         return root, total

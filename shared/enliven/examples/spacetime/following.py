@@ -4,9 +4,9 @@ floor.
     following = PathFollower(size, settings, step, feet=2)
     pull, held = following.next(off, stands)         # frame by frame, in a take and live
 
-The feet of a mesh slip a little at every step, so its own steps lead it away from a performer that stays in
-place. Beyond a maximum distance (the leash) it is slowly pulled back. A standing foot stays in place
-meanwhile, and returns to its position in the mesh when it is lifted.
+The feet of a mesh slip slightly at every step, so the mesh would drift away from a performer that stays in
+place. If its distance from the path exceeds a maximum (the leash), it is slowly pulled back. Meanwhile, a
+standing foot stays in place, and returns to its position in the mesh when it is lifted.
 
 A position on the floor is a complex number here: x + iz, metres.
 """
@@ -33,20 +33,20 @@ _MAX_PATH_LEASHES = 2.0
 """Maximum distance from the path, as a multiple of the leash. Larger distances are corrected even if standing
 feet slide."""
 _SLIDING_PULL_S = 0.2
-"""Time constant, in seconds, of that correction: short, but without a jump."""
+"""Time constant, in seconds, of the correction of such larger distances: short, but without a jump."""
 
 
 class PathFollower:
     """The pull of a mesh towards its path, frame by frame.
 
     Args:
-        size: of the mesh, metres.
-        settings: the leash, and the time in which a foot returns to its position.
+        size: size of the mesh, metres.
+        settings: the length of the leash, and the time in which a foot returns to its position.
         step: seconds between frames.
         feet: number of feet with which it steps; 0 for a mesh that does not step.
 
     Attributes:
-        held: for each foot its displacement on the floor from its position in the mesh, in metres.
+        held: for each foot, its displacement on the floor from its position in the mesh, metres.
     """
 
     def __init__(self, size: float, settings: LocomotionSettings, step: float, feet: int = 0) -> None:
@@ -80,14 +80,14 @@ class PathFollower:
         return pull
 
     def _limit_held(self, held: complex) -> complex:
-        far = abs(held)
-        return held * (self._most / far) if far > self._most else held
+        distance = abs(held)
+        return held * (self._most / distance) if distance > self._most else held
 
 
 def _part_beyond_circle(off: complex, radius: float) -> complex:
     """Returns the part of a displacement outside a circle."""
-    far = abs(off)
-    return (far - radius) / far * off if far > radius else 0j
+    distance = abs(off)
+    return (distance - radius) / distance * off if distance > radius else 0j
 
 
 def floor_numbers(places: Float) -> Complex:
@@ -97,8 +97,8 @@ def floor_numbers(places: Float) -> Complex:
 
 def floor_positions(places: Complex | complex) -> Float:
     """Converts complex numbers on the floor (...,) to positions (..., 3) at height 0, metres."""
-    at = np.asarray(places)
-    return np.stack([at.real, np.zeros(at.shape), at.imag], axis=-1)
+    positions = np.asarray(places)
+    return np.stack([positions.real, np.zeros(positions.shape), positions.imag], axis=-1)
 
 
 def _decay_fraction(step: float, constant: float) -> float:

@@ -1,11 +1,13 @@
-"""The position of the mesh in the world: anchored in contact with the floor, ballistic in flight (section 5).
+"""Computes the position of the mesh in the world: anchored during floor contact, ballistic in flight (section
+5).
 
     switches = find_switches(performance.world[:, feet], step, size)        # edit them on the timeline
     placed = place_motion(places (F, P, 3), yaw (F,), step, switches, feet)  # placed.world, .root, .anchors
 
 In contact the lowest foot is on the floor, and the anchor does not move over it. The anchor is the lowest
-foot, until another is clearly lower. In flight the mesh keeps its take-off velocity. Its vertical velocity is
-chosen so that it lands when the performer lands. In the free mode, it keeps the vertical take-off velocity.
+foot. It changes only when another foot is clearly lower. In flight the mesh keeps its take-off velocity. Its
+vertical velocity is chosen so that it lands when the performer lands. In the free mode, the vertical take-off
+velocity is kept instead.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import stand
-from enliven.mapping import rotate_about_y
-from enliven.motion.contact import find_runs, touching
+from enliven.motion.contact.contacts import find_runs, touching
+from enliven.skeletons.facing import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ class PlacedMotion:
     Attributes:
         world: (F, P, 3) metres, the control points; the floor is y = 0.
         root: (F, 3) metres: world = mesh rotated by yaw, plus root.
-        anchors: (F,) the control point that stands; -1 in flight.
+        anchors: (F,) the number of the control point that stays in place on the floor; -1 in flight.
         switches: the resulting switches between contact and flight.
     """
 
@@ -41,8 +43,9 @@ class PlacedMotion:
     switches: tuple[Switch, ...]
 
     def couplings(self, points: Sequence[str]) -> tuple[Coupling, ...]:
-        """Returns constraints for equal heights of two feet when the anchor changes. Use them to solve
-        again."""
+        """Returns constraints that give two feet equal heights when the anchor changes. Solve again with
+        these constraints.
+        """
         frames = np.flatnonzero((self.anchors[1:] != self.anchors[:-1]) & (self.anchors[1:] >= 0)) + 1
         pairs = [(int(self.anchors[f - 1]), int(self.anchors[f]), int(f)) for f in frames]
         return tuple(Coupling(points[b], points[a], f) for a, b, f in pairs if a >= 0)
@@ -51,8 +54,8 @@ class PlacedMotion:
 def find_switches(
     feet: Float, step: float, size: float, settings: LocomotionSettings | None = None
 ) -> tuple[Switch, ...]:
-    """Detects when a performer with feet (F, K, 3), metres in the world, touches the floor. The first switch
-    is at frame 0.
+    """Detects when a performer touches the floor, from the feet (F, K, 3) in the world, metres. The first
+    switch is at frame 0.
 
     A foot touches the floor while it is low, and either slow or at its lowest point. If no foot touches the
     floor, the performer is in flight.
@@ -72,7 +75,7 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
     """Returns (F, K) true for feet of the performer that touch the floor, with the criteria of
     :func:`find_switches`."""
     settings = settings or LocomotionSettings()
-    how = settings.contact
+    contact = settings.contact
     feet = np.asarray(feet, np.float64)
     if len(feet) < 3:
         return np.ones(feet.shape[:2], np.bool_)
@@ -81,14 +84,14 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
     # A runner's standing foot rolls fast, but it is slow relative to the mean of all feet, which moves at the
     # running speed.
     runs = np.linalg.norm(velocity.mean(1)[:, [0, 2]], axis=1)
-    slow = np.maximum(how.speed * size, settings.runner * runs)
+    slow = np.maximum(contact.speed * size, settings.runner * runs)
     stands = np.empty(feet.shape[:2], np.bool_)
     pairs = zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True)
     for k, (foot, moves) in enumerate(pairs):
         own_height = max(floor, np.percentile(foot[:, 1], 5))
         speed = np.linalg.norm(moves, axis=1) / slow
         down = np.empty(len(feet), np.bool_)
-        touching(foot[:, 1] - own_height, speed, how.height * size, 1.0, how.release, down)
+        touching(foot[:, 1] - own_height, speed, contact.height * size, 1.0, contact.release, down)
         stands[:, k] = down
     return stands
 
@@ -117,25 +120,29 @@ def place_motion(
         switches: ascending, the first at frame 0.
         feet: numbers of the control points that it can stand on.
         stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). These feet are the
-            anchors, each until it is lifted. None uses the lowest foot, independent of the performer.
+            anchors, each until it is lifted. If None, the lowest foot is the anchor, independent of the
+            performer.
 
     Raises:
         InputError: if switches are out of order or outside the motion, or without feet.
     """
     settings = settings or LocomotionSettings()
-    turned = rotate_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
-    touches = _touches_floor(switches, len(turned))
+    rotated = rotate_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
+    touches = _touches_floor(switches, len(rotated))
     if len(feet) == 0:
         raise InputError(
-            "it has no feet", where="locomotion", mend="Name the control points that it stands on."
+            "it has no feet", where="locomotion", remedy="Name the control points that it stands on."
         )
-    way = _RootPath(turned, np.asarray(feet, np.int64), step, settings, stands)
+    root_path = _RootPath(rotated, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in find_runs(touches) if touches.any() else []:
-        way.fly(first)
-        way.stand(first, last)
-    way.fly(len(turned))
+        root_path.fly(first)
+        root_path.stand(first, last)
+    root_path.fly(len(rotated))
     return PlacedMotion(
-        turned + way.root[:, None], way.root, way.anchors, switches_from_contact(way.anchors >= 0)
+        rotated + root_path.root[:, None],
+        root_path.root,
+        root_path.anchors,
+        switches_from_contact(root_path.anchors >= 0),
     )
 
 
@@ -180,8 +187,9 @@ class _RootPath:
         self._done = until
 
     def _land_early(self, start: int, until: int) -> None:
-        """Handles an early landing: if the mesh reaches the floor before the performer, it stands there from
-        then on."""
+        """Handles an early landing: if the mesh reaches the floor before the performer, it stands from then
+        on.
+        """
         under = np.flatnonzero(self.root[start:until, 1] < self._lowest[start:until])
         if len(under) == 0:
             return
@@ -208,18 +216,23 @@ def check_switches(switches: Sequence[Switch], frames: int) -> None:
     Raises:
         InputError: if they do not.
     """
-    at = [switch.frame for switch in switches]
-    if not at or at[0] != 0 or any(b <= a for a, b in pairwise(at)) or at[-1] >= frames:
-        mend = f"Begin at 0, ascend, and stay below {frames}."
-        raise InputError(f"switches at frames {at}", where="locomotion", mend=mend)
+    switch_frames = [switch.frame for switch in switches]
+    if (
+        not switch_frames
+        or switch_frames[0] != 0
+        or any(b <= a for a, b in pairwise(switch_frames))
+        or switch_frames[-1] >= frames
+    ):
+        advice = f"Begin at 0, ascend, and stay below {frames}."
+        raise InputError(f"switches at frames {switch_frames}", where="locomotion", remedy=advice)
 
 
 def _touches_floor(switches: Sequence[Switch], frames: int) -> Bool:
     """Returns (F,) True in frames with contact."""
     check_switches(switches, frames)
-    at = [switch.frame for switch in switches]
+    switch_frames = [switch.frame for switch in switches]
     out = np.empty(frames, np.bool_)
-    for switch, end in zip(switches, [*at[1:], frames], strict=True):
+    for switch, end in zip(switches, [*switch_frames[1:], frames], strict=True):
         out[switch.frame : end] = switch.kind == "contact"
     return out
 

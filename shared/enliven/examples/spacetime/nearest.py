@@ -6,10 +6,10 @@ w is
     |sum_e w_e (j_e - j)|^2  +  affine^2 (sum_e w_e - 1)^2  +  sum_e t_e w_e^2            (eq. 14, 16)
 
 in sizes of the performer. The first two terms are the paper's, in a form that is invariant to the performer's
-position. t_e grows with the distance of example e from the pose and is zero at the example itself. So at an
-example its weight is one and all others are zero (law 3), and near examples are preferred if many weights
-explain a pose. When an example leaves the set of nearest ones, its t_e grows without bound, so that nothing
-jumps when another replaces it.
+position. t_e grows with the distance of example e from the pose and is zero at the example itself. So if the
+pose equals an example, its weight is one and all others are zero (law 3). If many weights explain a pose,
+near examples are preferred. When an example leaves the set of nearest ones, its t_e grows without bound, so
+that the weights change continuously when another example replaces it.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from enliven.examples.spacetime.bounded import Nodes
 from enliven.kernels import njit
 
 _MIN_EXCLUDED_DISTANCE = 1e-6
-"""Minimum relative distance to the first excluded example. It limits t_e for an example that is about to
-leave."""
+"""Minimum relative distance to the first excluded example. It limits t_e of an example that is about to leave
+the set."""
 
 
 class Nearest:
@@ -44,21 +44,21 @@ class Nearest:
         whole_distances(self._seen, self._known, self._whole)
 
     def nodes(self, points: Sequence[int], spare: Nodes | None = None) -> Nodes:
-        """Returns the energies of some control points at all frames, with E = min(n, nearest) weights each.
+        """Computes the energies of some control points at all frames, with E = min(n, nearest) weights each.
 
         The energies are w' matrix w / 2 - right' w plus a constant. ``reach`` contains the control points'
-        positions in the examples relative to their centre, in sizes of the mesh. The results are written into
-        ``spare`` if it is given; it must have the same number of points.
+        positions in the examples relative to their centre, in sizes of the mesh. If ``spare`` (nodes of the
+        same number of points) is given, the results are written into it.
         """
         frames, count = self._whole.shape
-        most = min(self._settings.nearest, count)
-        out = spare or Nodes.empty(len(points), frames, most)
-        how = (self._settings.affine**2, self._settings.far, self._settings.pose)
+        weight_count = min(self._settings.nearest, count)
+        result = spare or Nodes.empty(len(points), frames, weight_count)
+        cost_weights = (self._settings.affine**2, self._settings.far, self._settings.pose)
         for i, p in enumerate(points):
-            given = self._seen[p], self._known[p], self._goals[p], self._whole
-            energies(*given, *how, out.matrix[i], out.right[i], out.reach[i])
-        out.begin(self._settings.slack)
-        return out
+            point_inputs = self._seen[p], self._known[p], self._goals[p], self._whole
+            energies(*point_inputs, *cost_weights, result.matrix[i], result.right[i], result.reach[i])
+        result.begin(self._settings.slack)
+        return result
 
 
 @njit(cache=True, nogil=True)

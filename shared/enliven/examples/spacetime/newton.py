@@ -1,11 +1,11 @@
 """Solves one control point's trajectory in compiled code: Newton's method on the dual, globally and in
 windows.
 
-When weights reach or leave their bounds, the quadratic pieces change, mostly at a few frames. After each step
-over all frames, windows around these frames are solved with the rest held fixed; then all frames again. A
-step over all frames that would not help is damped. The iteration ends when a whole step changes no piece;
-then the solution is exact. With costs far outside the range of the settings, it may stop after many rounds
-with the best result so far.
+When weights reach or leave their bounds, the piecewise quadratic energy switches to another piece, usually at
+a few frames. After each step over all frames, windows around these frames are solved with the other frames
+fixed. Then all frames are solved again. A step over all frames that would not decrease the energy is damped.
+The iteration ends when a step over all frames changes no piece. The solution is then exact. With costs far
+outside the range of the settings, it may stop after many rounds with the best result so far.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from enliven.kernels import copy_rows, njit
 _WINDOW_MARGIN_ROWS = 16
 """Rows of a window before and after a changed piece."""
 _MAX_ROUNDS = 60
-"""Maximum number of Newton steps over all frames. They end as soon as no frame changes its quadratic
-piece."""
+"""Maximum number of Newton steps over all frames. The iteration ends earlier if no frame changes its
+quadratic piece."""
 _MAX_STEPS = np.int64(40)
 """Maximum number of Newton steps in a window. As a plain int it would be a Numba type of its own (a
 literal)."""
@@ -96,7 +96,7 @@ def _solve_windows(node, known, y, goal, how, work, places, marks, band):
             if wanted[ahead]:
                 end = min(ahead + 1 + _WINDOW_MARGIN_ROWS, rows)
             ahead += 1
-        # A window with all rows would repeat the next whole step, so it is skipped.
+        # Skip a window with all rows, because the next step over all frames does the same.
         if end - start < rows:
             _, steps = _solve_rows(
                 node, known, y, goal, start, end, how, work, places, marks, band, _MAX_STEPS
@@ -166,7 +166,7 @@ def _newton_step(node, known, y, goal, a, b, how, band):
     for r in range(a, b):
         for i in range(3):
             right[r - a, i, 0] = weight * (base[r, i] - 2.0 * base[r + 1, i] + base[r + 2, i])
-    # Add the effect of rows outside the window on the first two and the last two frames inside it.
+    # Add the effect of the rows outside the window on the first two and the last two frames inside.
     for r in range(max(a - 2, 0), min(b + 2, rows)):
         if a <= r < b:
             continue

@@ -1,7 +1,8 @@
 """Foot lock: keeps standing feet in place, including those that are not the anchor.
 
-Examples never put two feet exactly as far apart as the performer's. So while both stand, only the anchor is
-still. Here every standing foot is moved back to one position, with smooth transitions.
+The distance between two feet of the mesh never equals that of the performer exactly. So while both feet
+stand, only the anchor stays in place. This module locks every standing foot to one position, with smooth
+transitions.
 
     places = lock_feet(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
 """
@@ -15,8 +16,8 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
 from enliven.examples.spacetime.locomotion import PlacedMotion
-from enliven.mapping import rotate_about_y
-from enliven.motion.contact import find_runs, hold
+from enliven.motion.contact.contacts import find_runs, hold
+from enliven.skeletons.facing import rotate_about_y
 
 
 def lock_feet(
@@ -39,23 +40,26 @@ def lock_feet(
         step: seconds between frames.
         settings: ``plant`` is the strength of the lock, ``contact.blend`` its transition time.
     """
-    out = np.array(places, np.float64)
+    locked = np.array(places, np.float64)
     times = np.arange(len(places)) * step
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     for k, foot in enumerate(feet):
-        way = placed.world[:, foot]
+        foot_path = placed.world[:, foot]
         runs = find_runs(stands[:, k] & (placed.anchors >= 0))
         if not runs:
             continue
-        stood = np.array([_lock_position(way[a : b + 1], placed.anchors[a : b + 1] == foot) for a, b in runs])
+        stood = np.array(
+            [_lock_position(foot_path[a : b + 1], placed.anchors[a : b + 1] == foot) for a, b in runs]
+        )
         starts, ends = (np.array([run[end] for run in runs]) * step for end in (0, 1))
         hold(times, starts, ends, stood, settings.contact.blend, weights, goals)
-        back = settings.plant * weights[:, None] * (goals - way) * [1.0, 0.0, 1.0]
-        out[:, foot] += rotate_about_y(back, -yaw)
-    return out
+        correction = settings.plant * weights[:, None] * (goals - foot_path) * [1.0, 0.0, 1.0]
+        locked[:, foot] += rotate_about_y(correction, -yaw)
+    return locked
 
 
-def _lock_position(way: Float, anchor: Bool) -> Float:
-    """Returns (3,) the position to lock a foot with path (N, 3): where it becomes the anchor, else the
-    mean."""
-    return np.asarray(way[anchor.argmax()] if anchor.any() else way.mean(0))
+def _lock_position(foot_path: Float, anchor: Bool) -> Float:
+    """Returns (3,) the position to which a foot with path (N, 3) is locked: where it becomes the anchor, or
+    else the mean of its path.
+    """
+    return np.asarray(foot_path[anchor.argmax()] if anchor.any() else foot_path.mean(0))

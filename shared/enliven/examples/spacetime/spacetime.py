@@ -1,4 +1,4 @@
-"""The exact solution of the spacetime problem over all frames and control points, with bounded weights.
+"""Solves the spacetime problem exactly over all frames and control points, with bounded weights.
 
 Section 5, eq. 24. With weights w, offsets r from the weighted examples, and c = C w + r + middle, it is
 
@@ -26,7 +26,8 @@ from enliven.examples.spacetime.newton import solve_point
 from enliven.kernels import njit
 
 _MAX_NEWTON_STEPS = 60
-"""Maximum number of Newton steps. The last one changes no quadratic piece and is exact."""
+"""Maximum number of Newton steps. The iteration ends earlier with an exact solution if a step changes no
+quadratic piece."""
 _MIN_STEP_FRACTION = 1e-6
 """Minimum fraction of a Newton step in the line search."""
 
@@ -52,18 +53,18 @@ def solve(
     workers: Executor | None = None,
     only: Sequence[int] | None = None,
 ) -> Solution:
-    """Solves all points: coupled points together, and the others one by one.
+    """Solves all points: coupled points together, and the other points one by one.
 
     Args:
         nodes_of: builds the nodes of some points, reusing the memory of finished nodes.
-        conditions: for P points and F frames.
-        weight: lambda, per frame.
+        conditions: the constraints of P points and F frames.
+        weight: lambda (see the module), for times in frames.
         bounds: lower and upper bound of the weights.
         workers: threads that share the points; None solves them sequentially.
-        only: the points to solve; the others are 0. None for all.
+        only: the points to solve; the positions of the other points are 0. None for all points.
     """
     places = np.zeros(conditions.held.shape)
-    # Reuse the nodes, because allocating new memory takes as long as the computation.
+    # Reuse the memory of finished nodes, because allocating new memory takes as long as the computation.
     spare: list[Nodes] = []
 
     def one(group: list[int]) -> int:
@@ -94,7 +95,7 @@ def solve(
 def _eliminate_held(held, values, matrix, right, reach, offset, slack):
     """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``, in place.
 
-    The difference between a held coordinate and C w is r, at its cost. It becomes part of the weights'
+    The offset r is the difference between a held coordinate and C w. Its cost becomes part of the weights'
     energy.
     """
     count = reach.shape[2]
@@ -124,7 +125,9 @@ def _coupled_groups(points: int, conditions: Conditions) -> list[list[int]]:
 
 
 class _System:
-    """The points of one group: y (P, F - 2, 3) accelerations times lambda, and multipliers (R,)."""
+    """The system of one group of coupled points. Its unknowns are y (P, F - 2, 3), the accelerations times
+    lambda, and the Lagrange multipliers (R,).
+    """
 
     def __init__(
         self,
@@ -174,7 +177,7 @@ class _System:
         return pull
 
     def _solve_newton(self) -> tuple[Float, Float]:
-        """Computes the y and nu that are optimal for the current quadratic pieces."""
+        """Computes the y and nu that minimize the current quadratic pieces."""
         bands = [Band(give, self._weight) for give in self._nodes.give]
         self.work += sum(band.work for band in bands)
         base, rows = self._nodes.base, len(self._difference)
@@ -182,17 +185,17 @@ class _System:
         y = np.stack([band.solve(r[..., None])[..., 0] for band, r in zip(bands, right, strict=True)])
         if rows == 0:
             return y, np.zeros(0)
-        given = self._multiplier_response(rows)
-        border = self._weight * accelerations(np.moveaxis(given, 3, 1))
+        response = self._multiplier_response(rows)
+        border = self._weight * accelerations(np.moveaxis(response, 3, 1))
         border = np.moveaxis(border, 1, 3)
         through = np.stack([band.solve(b) for band, b in zip(bands, border, strict=True)])
-        small = given[self._first] - given[self._second] - np.einsum("pfir,pfis->rs", border, through)
+        small = response[self._first] - response[self._second] - np.einsum("pfir,pfis->rs", border, through)
         gap = base[self._first] - base[self._second] - self._difference
         nu = np.linalg.solve(small, gap - np.einsum("pfir,pfi->r", border, y))
         return y - through @ nu, nu
 
     def _multiplier_response(self, rows: int) -> Float:
-        """Computes (P, F, 3, R) give H': the response of the positions to the multipliers."""
+        """Computes the response (P, F, 3, R) of the positions to the multipliers: give H'."""
         out = np.zeros((self._points, self._frames, 3, rows))
         for r in range(rows):
             for ends, sign in ((self._first, 1.0), (self._second, -1.0)):

@@ -17,7 +17,7 @@ def reduce_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
     Args:
         turns: True for unit quaternions without sign jumps, which players interpolate on the sphere. The
             tolerance is then in radians.
-        times: (T,) seconds of the frames. None for evenly spaced ones.
+        times: (T,) seconds of the frames. None for evenly spaced frames.
     """
     if len(values) <= 2 or tolerance <= 0.0:
         return np.arange(len(values))

@@ -9,7 +9,8 @@ from enliven.arrays import Float, Int
 from enliven.document import CubicKeys, SkinWeights
 from enliven.exporters.joints import listed, normalize_float32, normalize_skin
 from enliven.meshes import Mesh
-from enliven.meshes.gltf import JUMP_DURATION_S, MeshScene
+from enliven.meshes.gltf.motion import JUMP_DURATION_S
+from enliven.meshes.gltf.scene import MeshScene
 from enliven.rotation import IDENTITY
 
 _MAX_STILL_CHANGE = 1e-7
@@ -58,10 +59,10 @@ class GltfScene(MeshScene):
             pygltflib.Skin(name=name, joints=joints, skeleton=tree, inverseBindMatrices=matrices)
         )
         indices, weights = normalize_skin(skin.indices, skin.weights)
-        small = indices.astype(np.uint8) if len(joints) <= 256 else indices
+        packed_indices = indices.astype(np.uint8) if len(joints) <= 256 else indices
         array, primitives = pygltflib.ARRAY_BUFFER, []
         for primitive, vertices in self.add_primitives(name, mesh):
-            primitive.attributes.JOINTS_0 = self.blob.add(small[vertices], array)
+            primitive.attributes.JOINTS_0 = self.blob.add(packed_indices[vertices], array)
             primitive.attributes.WEIGHTS_0 = self.blob.add(weights[vertices], array)
             primitives.append(primitive)
         document.meshes.append(pygltflib.Mesh(name=name, primitives=primitives))
@@ -71,27 +72,31 @@ class GltfScene(MeshScene):
     def animate(self, times: Float, node: int, path: str, values: Float, keys: Int | None = None) -> None:
         """Adds a channel for values that change.
 
-        Constant values are stored at the node, or with two keys if they differ from its rest value.
+        Constant values need no keys if they equal the node's rest value, and two keys otherwise.
 
         Args:
-            keys: frames that are sufficient. None for all.
+            keys: indices of the frames that suffice under interpolation. None for all frames.
         """
-        still = np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE
-        if still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
-            stored = normalize_float32(values[:1])[0] if path == "rotation" else values[0]
-            setattr(self.document.nodes[node], path, listed(stored))
+        is_still = np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE
+        if is_still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
+            stored_value = normalize_float32(values[:1])[0] if path == "rotation" else values[0]
+            setattr(self.document.nodes[node], path, listed(stored_value))
             return
-        jumps = None if still else find_jumps(times, values)
+        jumps = None if is_still else find_jumps(times, values)
         if jumps is not None:
-            stored = (
+            stored_value = (
                 normalize_float32(values[jumps]) if path == "rotation" else values[jumps].astype(np.float32)
             )
-            self.add_channel(times[jumps], node, path, self.blob.add(stored), "STEP")
+            self.add_channel(times[jumps], node, path, self.blob.add(stored_value), "STEP")
             return
-        kept = np.arange(len(times)) if keys is None else keys
-        kept = np.array([0, len(times) - 1]) if still else kept
-        stored = normalize_float32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
-        self.add_channel(times[kept], node, path, self.blob.add(stored))
+        kept_frames = np.arange(len(times)) if keys is None else keys
+        kept_frames = np.array([0, len(times) - 1]) if is_still else kept_frames
+        stored_value = (
+            normalize_float32(values[kept_frames])
+            if path == "rotation"
+            else values[kept_frames].astype(np.float32)
+        )
+        self.add_channel(times[kept_frames], node, path, self.blob.add(stored_value))
 
     def add_curve(self, node: int, path: str, keys: CubicKeys) -> None:
         """Adds a channel of cubic keys. Each is stored as incoming tangent, value, outgoing tangent."""
@@ -102,7 +107,7 @@ class GltfScene(MeshScene):
         self.add_channel(keys.seconds, node, path, self.blob.add(rows.astype(np.float32)), "CUBICSPLINE")
 
     def add_channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
-        """Adds a channel that reads its values from an existing accessor, with the given interpolation."""
+        """Adds a channel with the given interpolation for values in an existing accessor."""
         sampler = pygltflib.AnimationSampler(input=self._key_times(times), output=output, interpolation=how)
         self._animation.samplers.append(sampler)
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
@@ -110,33 +115,33 @@ class GltfScene(MeshScene):
         self._animation.channels.append(channel)
 
     def _key_times(self, times: Float) -> int:
-        """Returns the accessor of key times. Equal times are stored once."""
-        stored = times.astype(np.float32)
-        key = stored.tobytes()
+        """Returns the accessor of key times. Equal time arrays are stored once."""
+        stored_times = times.astype(np.float32)
+        key = stored_times.tobytes()
         if key not in self._known:
-            self._known[key] = self.blob.add(stored)
+            self._known[key] = self.blob.add(stored_times)
         return self._known[key]
 
 
 def find_jumps(times: Float, values: Float) -> Int | None:
     """Returns (K,) the frames of ``values`` (T, C) that reproduce a channel with STEP interpolation.
 
-    None if the values also change over a longer time than a jump of a clip takes.
+    Returns None if the values also change more slowly than a jump in a clip.
     """
-    changed = np.abs(np.diff(values, axis=0)).max(1) > _MAX_STILL_CHANGE
-    if not changed.any() or (changed & (np.diff(times) > 1.5 * JUMP_DURATION_S)).any():
+    is_changed = np.abs(np.diff(values, axis=0)).max(1) > _MAX_STILL_CHANGE
+    if not is_changed.any() or (is_changed & (np.diff(times) > 1.5 * JUMP_DURATION_S)).any():
         return None
-    kept = np.unique([0, *(np.flatnonzero(changed) + 1), len(times) - 1])
-    held = values[kept[np.searchsorted(kept, np.arange(len(times)), "right") - 1]]
-    return kept if np.abs(held - values).max() <= len(times) * _MAX_STILL_CHANGE else None
+    kept_frames = np.unique([0, *(np.flatnonzero(is_changed) + 1), len(times) - 1])
+    held_values = values[kept_frames[np.searchsorted(kept_frames, np.arange(len(times)), "right") - 1]]
+    return kept_frames if np.abs(held_values - values).max() <= len(times) * _MAX_STILL_CHANGE else None
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
-    """Returns True if a node without the channel has this value already."""
+    """Returns True if the node already has this value without the channel."""
     if path == "translation":
-        rest = np.zeros(3) if node.translation is None else np.array(node.translation)
+        rest_value = np.zeros(3) if node.translation is None else np.array(node.translation)
     elif path == "rotation":
-        rest = np.roll(IDENTITY, -1) if node.rotation is None else np.array(node.rotation)
+        rest_value = np.roll(IDENTITY, -1) if node.rotation is None else np.array(node.rotation)
     else:
-        rest = np.ones(3)
-    return bool(np.abs(value - rest).max() <= _MAX_STILL_CHANGE)
+        rest_value = np.ones(3)
+    return bool(np.abs(value - rest_value).max() <= _MAX_STILL_CHANGE)

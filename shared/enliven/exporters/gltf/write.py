@@ -25,7 +25,7 @@ import pygltflib
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.examples.baking import BakedMorphs
+from enliven.examples.baking.morphs import BakedMorphs
 from enliven.exporters.gltf.keys import reduce_keys
 from enliven.exporters.gltf.scene import GltfScene
 from enliven.exporters.joints import joint_tracks, listed
@@ -61,7 +61,7 @@ GLB = Exporter(write_gltf, keyed=True)
 def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
     """Returns the bytes of the file. See :func:`write_gltf`."""
     if not performances:
-        raise InputError("there is nothing to write", where="glTF", mend="Give a character.")
+        raise InputError("there is nothing to write", where="glTF", remedy="Give a character.")
     scene = GltfScene(name)
     for performance in performances:
         if performance.skeleton is not None:
@@ -74,20 +74,20 @@ def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
 
 
 def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton) -> None:
-    """Adds the mesh, the joints of the bones, then of the ends of limbs, and their animation."""
+    """Adds the mesh, the joints of bones and limb ends, and their animation."""
     mesh, skin = performance.surface
     tracks = joint_tracks(performance, skeleton)
-    turned = np.abs(tracks.axes - np.eye(3)).max() > _MAX_UPRIGHT_DIFFERENCE
-    curves = {} if turned else {(curve.bone, curve.turns): curve for curve in performance.cubic}
+    is_turned = np.abs(tracks.axes - np.eye(3)).max() > _MAX_UPRIGHT_DIFFERENCE
+    curves = {} if is_turned else {(curve.bone, curve.turns): curve for curve in performance.cubic}
     times, nodes = performance.times, list[int]()
     for j, (name, parent) in enumerate(zip(tracks.names, tracks.parents, strict=True)):
-        rest = {"translation": listed(tracks.offsets[j])}
+        rest_pose = {"translation": listed(tracks.offsets[j])}
         is_bone = j < tracks.bones
         if is_bone:
-            rest["children"] = []
+            rest_pose["children"] = []
         if is_bone and tracks.stretches:
-            rest["rotation"] = listed(np.roll(tracks.rest[j], -1))
-        node = scene.node(nodes[parent] if j else None, name=name, **rest)
+            rest_pose["rotation"] = listed(np.roll(tracks.rest[j], -1))
+        node = scene.node(nodes[parent] if j else None, name=name, **rest_pose)
         nodes.append(node)
         if (j, True) in curves:
             scene.add_curve(node, "rotation", curves[j, True])
@@ -106,48 +106,50 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:
-    """Adds the mesh, and a joint for each transform, with the required keys."""
+    """Adds the mesh, and an animated joint for each transform, with the required keys only."""
     mesh, skin = performance.surface
     holder, pivots = _add_holder_node(scene, performance), performance.pivots
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
-    turns, scales = split_stretch(performance.linear @ axes)
+    rotations, scales = split_stretch(performance.linear @ axes)
     standing = from_matrix(axes)
-    most, reach = performance.keys / 3.0, largest_reaches(performance)
+    tolerance, reach = performance.keys / 3.0, largest_reaches(performance)
     joints = []
     for k, at in enumerate(pivots):
-        rest = np.roll(standing[k], -1)
-        node = scene.node(holder, name=f"joint {k}", translation=listed(at), rotation=listed(rest))
-        for path, values, within in (
-            ("translation", performance.positions[:, k], most),
-            ("rotation", np.roll(turns[:, k], -1, -1), most / reach[k]),
-            ("scale", scales[:, k], most / reach[k]),
+        rest_rotation = np.roll(standing[k], -1)
+        node = scene.node(holder, name=f"joint {k}", translation=listed(at), rotation=listed(rest_rotation))
+        for path, values, channel_tolerance in (
+            ("translation", performance.positions[:, k], tolerance),
+            ("rotation", np.roll(rotations[:, k], -1, -1), tolerance / reach[k]),
+            ("scale", scales[:, k], tolerance / reach[k]),
         ):
-            keys = reduce_keys(values, within, path == "rotation", performance.times)
+            keys = reduce_keys(values, channel_tolerance, path == "rotation", performance.times)
             scene.animate(performance.times, node, path, values, keys)
         joints.append(node)
     scene.add_skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
 
 
 def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
-    """Adds the node that moves through the world as the performance's frame does."""
+    """Adds the node that moves through the world like the performance's frame."""
     holder = scene.node(name=f"{performance.name} frame", children=[])
     if performance.turns is not None and performance.places is not None:
-        turns = remove_sign_jumps(performance.turns[:, None])[:, 0]
+        rotations = remove_sign_jumps(performance.turns[:, None])[:, 0]
         scene.animate(performance.times, holder, "translation", performance.places)
-        scene.animate(performance.times, holder, "rotation", np.roll(turns, -1, -1))
+        scene.animate(performance.times, holder, "rotation", np.roll(rotations, -1, -1))
     return holder
 
 
 def largest_reaches(performance: Performance) -> Float:
-    """Returns (J,) metres: the largest distance of a transform's vertices from its pivot, in any frame."""
+    """Returns (J,) the largest distance in metres of a transform's vertices from its pivot, over all
+    frames.
+    """
     mesh, skin = performance.surface
-    far = np.zeros(len(performance.pivots))
+    reach = np.zeros(len(performance.pivots))
     for slot in range(4):
-        node, there = skin.indices[:, slot], skin.weights[:, slot] > 0.0
-        away = np.linalg.norm(mesh.vertices - performance.pivots[node], axis=1)
-        np.maximum.at(far, node[there], away[there])
+        node, is_moved = skin.indices[:, slot], skin.weights[:, slot] > 0.0
+        distances = np.linalg.norm(mesh.vertices - performance.pivots[node], axis=1)
+        np.maximum.at(reach, node[is_moved], distances[is_moved])
     stretch = np.linalg.norm(performance.linear, axis=2).max((0, 2))
-    return np.asarray(np.maximum(far * np.maximum(stretch, 1.0), 1e-9))
+    return np.asarray(np.maximum(reach * np.maximum(stretch, 1.0), 1e-9))
 
 
 def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs) -> None:
@@ -156,18 +158,18 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     document, blob, holder = scene.document, scene.blob, _add_holder_node(scene, performance)
     primitives, array = [], pygltflib.ARRAY_BUFFER
     for primitive, vertices in scene.add_primitives(performance.name, mesh):
-        for shape, bent in zip(morphs.targets, morphs.normals, strict=True):
-            added = (blob.add(values[vertices].astype(np.float32), array) for values in (shape, bent))
+        for shape, normals in zip(morphs.targets, morphs.normals, strict=True):
+            added = (blob.add(values[vertices].astype(np.float32), array) for values in (shape, normals))
             primitive.targets.append(dict(zip(("POSITION", "NORMAL"), added, strict=True)))
         primitives.append(primitive)
-    none = [0.0] * len(morphs.targets)
-    document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=primitives, weights=none))
+    no_weights = [0.0] * len(morphs.targets)
+    document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=primitives, weights=no_weights))
     node = scene.node(holder, name=performance.name, mesh=len(document.meshes) - 1)
     # The product of a weight and the largest displacement of its target bounds the motion of any vertex. So
     # the tolerance for dropping keys can be given in metres.
-    far = np.linalg.norm(morphs.targets, axis=2).max(1)
-    within = performance.keys / np.sqrt(len(far))
-    keys = reduce_keys(morphs.weights * far, within, times=performance.times)
-    stored = morphs.weights[keys].astype(np.float32)
-    scene.add_channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
+    reach = np.linalg.norm(morphs.targets, axis=2).max(1)
+    within = performance.keys / np.sqrt(len(reach))
+    keys = reduce_keys(morphs.weights * reach, within, times=performance.times)
+    stored_weights = morphs.weights[keys].astype(np.float32)
+    scene.add_channel(performance.times[keys], node, "weights", blob.add(stored_weights.ravel()))
     scene.add_roots(holder)

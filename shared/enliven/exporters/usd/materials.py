@@ -13,7 +13,7 @@ from enliven.exporters.plain_materials import PlainMaterial, TextureUse, image_s
 from enliven.meshes import MeshMaterials
 
 _PLAIN_ROUGHNESS = 0.9
-"""Roughness of a material for faces without one: without an explicit material nothing is shiny."""
+"""Roughness of the material for faces without one. Such faces must not look shiny."""
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 """Wrap modes of glTF samplers."""
 
@@ -26,7 +26,7 @@ class BoundMaterial(NamedTuple):
 
 
 class StageMaterials:
-    """The materials of all meshes of a stage. Equal ones are stored once.
+    """The materials of all meshes of a stage. Equal materials are stored once.
 
     Args:
         stage: the stage under construction.
@@ -61,15 +61,15 @@ class StageMaterials:
 
     def add(self, materials: MeshMaterials) -> list[BoundMaterial]:
         """Adds the materials of a mesh with their images. Returns them in their order."""
-        images = [self._image_name(own.image.tobytes(), own.kind) for own in materials.textures]
-        samplers = tuple(zip(images, (own.sampler for own in materials.textures), strict=True))
-        bound = list[BoundMaterial]()
-        for definition, plain in zip(materials.definitions, plain_materials(materials), strict=True):
+        images = [self._image_name(texture.image.tobytes(), texture.kind) for texture in materials.textures]
+        samplers = tuple(zip(images, (texture.sampler for texture in materials.textures), strict=True))
+        bound_materials = list[BoundMaterial]()
+        for definition, plain_material in zip(materials.definitions, plain_materials(materials), strict=True):
             key = (definition, samplers)
             if key not in self._bound:
-                self._bound[key] = self._add_material(plain, materials, images)
-            bound.append(self._bound[key])
-        return bound
+                self._bound[key] = self._add_material(plain_material, materials, images)
+            bound_materials.append(self._bound[key])
+        return bound_materials
 
     def _add_material(
         self, plain: PlainMaterial, materials: MeshMaterials, images: list[str]
@@ -129,11 +129,11 @@ class StageMaterials:
 
     def _define(self, name: str) -> tuple[UsdShade.Material, UsdShade.Shader]:
         """Adds a material with a surface shader."""
-        own = unused(_shader_name(name), self._names, "_")
-        self._names.add(own)
+        prim_name = unused(_shader_name(name), self._names, "_")
+        self._names.add(prim_name)
         if not self._stage.GetPrimAtPath(self._path):
             self._stage.DefinePrim(self._path, "Scope")
-        material = UsdShade.Material.Define(self._stage, self._path.AppendChild(own))
+        material = UsdShade.Material.Define(self._stage, self._path.AppendChild(prim_name))
         surface = self._shader(material, "surface", "UsdPreviewSurface")
         output = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
         material.CreateSurfaceOutput().ConnectToSource(output)
@@ -166,8 +166,8 @@ class StageMaterials:
             moved = self._shader(material, f"{name}_transform", "UsdTransform2d")
             moved.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(output)
             # The formulas of glTF count rows from the top of an image, those of USD from its bottom.
-            cos, sin, down = math.cos(use.rotation), math.sin(use.rotation), use.scale[1]
-            shift = Gf.Vec2f(use.offset[0] + sin * down, 1.0 - use.offset[1] - cos * down)
+            cos, sin, scale_v = math.cos(use.rotation), math.sin(use.rotation), use.scale[1]
+            shift = Gf.Vec2f(use.offset[0] + sin * scale_v, 1.0 - use.offset[1] - cos * scale_v)
             moved.CreateInput("rotation", Sdf.ValueTypeNames.Float).Set(math.degrees(use.rotation))
             moved.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*use.scale))
             moved.CreateInput("translation", Sdf.ValueTypeNames.Float2).Set(shift)

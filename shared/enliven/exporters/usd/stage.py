@@ -16,7 +16,7 @@ from enliven.exporters.joints import JointTracks, joint_tracks, normalize_float3
 from enliven.exporters.performance import Performance
 from enliven.exporters.usd.materials import StageMaterials
 from enliven.meshes import Mesh
-from enliven.meshes.gltf import linear_from_srgb
+from enliven.meshes.gltf.srgb import linear_from_srgb
 
 _MAX_STILL_CHANGE = 1e-7
 """Maximum change of a value over all frames that counts as no motion: below float32's resolution."""
@@ -86,17 +86,17 @@ class UsdStage:
         stage.SetEndTimeCode(self._end)
         stage.SetTimeCodesPerSecond(rate)
         stage.SetFramesPerSecond(rate)
-        plain = folder / f"stage.{kind if kind != 'usdz' else 'usdc'}"
-        stage.GetRootLayer().Export(str(plain))
+        stage_path = folder / f"stage.{kind if kind != 'usdz' else 'usdc'}"
+        stage.GetRootLayer().Export(str(stage_path))
         if kind != "usdz":
-            return plain
-        # The package contains the images that the stage names, which are next to it.
+            return stage_path
+        # The package contains the images that the stage refers to, which are next to it.
         for name, data in self.images.items():
             target = folder / self._materials.folder / name
             target.parent.mkdir(exist_ok=True)
             target.write_bytes(data)
         package = folder / "stage.usdz"
-        UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(plain)), str(package))
+        UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(stage_path)), str(package))
         return package
 
     def _time_codes(self, times: Float) -> Float:
@@ -126,23 +126,23 @@ class UsdStage:
         places = (tracks.places * scale).astype(np.float32)
         _author(animation.CreateTranslationsAttr(), codes, places, Vt.Vec3fArray)
         # OpenUSD stores quaternions with the real part last.
-        turns = np.ascontiguousarray(np.roll(normalize_float32(tracks.turns), -1, -1))
-        _author(animation.CreateRotationsAttr(), codes, turns, Vt.QuatfArray)
+        rotations = np.ascontiguousarray(np.roll(normalize_float32(tracks.turns), -1, -1))
+        _author(animation.CreateRotationsAttr(), codes, rotations, Vt.QuatfArray)
         _author(animation.CreateScalesAttr(), codes, tracks.scales.astype(np.float16), Vt.Vec3hArray)
         binding = UsdSkel.BindingAPI.Apply(bones.GetPrim())
         binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
         surface = self._mesh(path.AppendChild("Mesh"), performance.name, mesh)
         self._points(surface, codes[:1], iter([mesh.vertices]), mesh, len(codes), lambda _: None)
-        skinned = UsdSkel.BindingAPI.Apply(surface.GetPrim())
-        skinned.CreateSkeletonRel().SetTargets([bones.GetPath()])
+        binding_api = UsdSkel.BindingAPI.Apply(surface.GetPrim())
+        binding_api.CreateSkeletonRel().SetTargets([bones.GetPath()])
         indices, weights = normalize_skin(skin.indices, skin.weights)
         count = indices.shape[1]
-        skinned.CreateJointIndicesPrimvar(False, count).Set(
+        binding_api.CreateJointIndicesPrimvar(False, count).Set(
             Vt.IntArray.FromNumpy(indices.astype(np.int32).ravel())
         )
-        skinned.CreateJointWeightsPrimvar(False, count).Set(Vt.FloatArray.FromNumpy(weights.ravel()))
-        skinned.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
+        binding_api.CreateJointWeightsPrimvar(False, count).Set(Vt.FloatArray.FromNumpy(weights.ravel()))
+        binding_api.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
 
     def _add_points(
         self,
@@ -173,8 +173,8 @@ class UsdStage:
             time = Usd.TimeCode(float(code)) if len(codes) > 1 else Usd.TimeCode.Default()
             vertices = np.ascontiguousarray(frame * self._scale, np.float32)
             points.Set(Vt.Vec3fArray.FromNumpy(vertices), time)
-            moved = Mesh(frame, mesh.faces)
-            normals.Set(Vt.Vec3fArray.FromNumpy(_unit_normals(moved)), time)
+            posed_mesh = Mesh(frame, mesh.faces)
+            normals.Set(Vt.Vec3fArray.FromNumpy(_unit_normals(posed_mesh)), time)
             box = np.stack([vertices.min(0), vertices.max(0)])
             extent.Set(Vt.Vec3fArray.FromNumpy(box), time)
             progress((number + 1) / count)
@@ -196,18 +196,18 @@ class UsdStage:
             )
             linear = np.ascontiguousarray(linear_from_srgb(mesh.colours), np.float32)
             colours.Set(Vt.Vec3fArray.FromNumpy(linear))
-        own = mesh.materials
-        if own is None:
+        materials = mesh.materials
+        if materials is None:
             surface.CreateDoubleSidedAttr(True)
             UsdShade.MaterialBindingAPI.Apply(surface.GetPrim()).Bind(self._materials.plain())
             return surface
-        for number in range(own.uvs.shape[2]):
+        for number in range(materials.uvs.shape[2]):
             coordinates = variables.CreatePrimvar(
                 _uv_name(number), Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
             )
             # USD counts texture rows from the bottom of the image, glTF from its top.
-            flat = own.uvs[:, :, number].reshape(-1, 2) * [1.0, -1.0] + [0.0, 1.0]
-            unique, indices = np.unique(flat, axis=0, return_inverse=True)
+            uvs = materials.uvs[:, :, number].reshape(-1, 2) * [1.0, -1.0] + [0.0, 1.0]
+            unique, indices = np.unique(uvs, axis=0, return_inverse=True)
             coordinates.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(unique, np.float32)))
             coordinates.SetIndices(Vt.IntArray.FromNumpy(indices.ravel().astype(np.int32)))
         self._bind(surface, mesh)
@@ -217,13 +217,15 @@ class UsdStage:
         """Binds the materials of a mesh: one to the whole mesh, or each to a subset of the faces."""
         own = mesh.materials
         assert own is not None
-        bound = self._materials.add(own)
-        used = np.unique(own.of).tolist()
-        surface.CreateDoubleSidedAttr(any(n < 0 or bound[n].double_sided for n in used))
+        bound_materials = self._materials.add(own)
+        used_materials = np.unique(own.of).tolist()
+        surface.CreateDoubleSidedAttr(any(n < 0 or bound_materials[n].double_sided for n in used_materials))
         binding = UsdShade.MaterialBindingAPI.Apply(surface.GetPrim())
-        materials = {n: self._materials.plain() if n < 0 else bound[n].material for n in used}
-        if len(used) == 1:
-            binding.Bind(materials[used[0]])
+        materials = {
+            n: self._materials.plain() if n < 0 else bound_materials[n].material for n in used_materials
+        }
+        if len(used_materials) == 1:
+            binding.Bind(materials[used_materials[0]])
             return
         names = set[str]()
         for number, material in materials.items():
@@ -236,7 +238,7 @@ class UsdStage:
 
 
 def identifier(name: str) -> str:
-    """Returns a valid name of a prim that is similar to a name."""
+    """Returns a valid prim name that is similar to the given name."""
     candidate = "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in name)
     candidate = f"_{candidate}" if not candidate or candidate[0].isdigit() else candidate
     return candidate if Sdf.Path.IsValidIdentifier(candidate) else Tf.MakeValidIdentifier(name)
@@ -249,11 +251,11 @@ def _uv_name(number: int) -> str:
 
 def _joint_tokens(tracks: JointTracks) -> list[str]:
     """Returns the path of each joint in the skeleton, as USD names joints."""
-    tokens, used = list[str](), set[str]()
+    tokens, used_names = list[str](), set[str]()
     for name, parent in zip(tracks.names, tracks.parents, strict=True):
-        own = unused(identifier(name), used, "_")
-        used.add(own)
-        tokens.append(own if parent < 0 else f"{tokens[parent]}/{own}")
+        unique_name = unused(identifier(name), used_names, "_")
+        used_names.add(unique_name)
+        tokens.append(unique_name if parent < 0 else f"{tokens[parent]}/{unique_name}")
     return tokens
 
 
@@ -282,7 +284,9 @@ def _author(attribute: Usd.Attribute, codes: Float, values: Any, kind: Any) -> N
 
 
 def _unit_normals(mesh: Mesh) -> Float32:
-    """Returns (V, 3) unit normals. A vertex without faces of any area gets one, too."""
+    """Returns (V, 3) unit normals. Vertices without faces, or with faces of zero area, get a unit normal,
+    too.
+    """
     normals = mesh.vertex_normals().astype(np.float32)
     normals[np.linalg.norm(normals, axis=1) < 0.5] = [0.0, 1.0, 0.0]
     return normals

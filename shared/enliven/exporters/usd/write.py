@@ -1,8 +1,8 @@
 """Writes characters and their motion as Universal Scene Description: .usda (text), .usdc or .usdz (package).
 
 A character with a skeleton becomes a SkelRoot with a Skeleton, a SkelAnimation and a skinned mesh. All other
-characters become meshes with time-sampled points. So possessed meshes and puppets are exact. Images lie
-in a folder next to a .usda or .usdc, and in the package of a .usdz.
+characters become meshes with time-sampled points. So possessed meshes and puppets are exact. Images are
+stored in a folder next to a .usda or .usdc, and inside the package of a .usdz.
 
 The library, usd-core, is an optional extra. It is imported only if a file of this kind is written.
 """
@@ -51,7 +51,7 @@ def write_usd(
     path = Path(path)
     _check_options(unit)
     if not performances:
-        raise InputError("there is nothing to write", where=str(path), mend="Give a character.")
+        raise InputError("there is nothing to write", where=str(path), remedy="Give a character.")
     from pxr import Tf
 
     from enliven.exporters.usd.stage import UsdStage
@@ -64,13 +64,13 @@ def write_usd(
             stage = UsdStage(name, images, units_per_metre(unit), up)
             for number, performance in enumerate(performances):
                 stage.add(performance, _part_of_progress(progress, number, len(performances)))
-            written = stage.save(folder, kind)
+            stage_path = stage.save(folder, kind)
         except Tf.ErrorException as error:
             problem = f"it cannot be written ({plain_reason(error)})"
-            raise ResourceError(problem, where=str(path), mend=_MEND) from None
+            raise ResourceError(problem, where=str(path), remedy=_MEND) from None
         part = outputs.enter_context(replace_file(path, _MEND))
         with explain_write_errors(path, _MEND):
-            shutil.copyfile(written, part)
+            shutil.copyfile(stage_path, part)
         if kind != "usdz" and stage.images:
             target = path.with_name(images)
             image_folder = outputs.enter_context(replace_folder(target, _is_own_image, _MEND))
@@ -80,12 +80,12 @@ def write_usd(
 
 
 def _check_options(unit: str = "m", **_: object) -> None:
-    """Refuses an unknown unit, and a missing library."""
+    """Raises an error for an unknown unit, or if the library is missing."""
     units_per_metre(unit)
     if find_spec("pxr") is None:
         problem = "USD files need the package usd-core, which is not installed"
-        mend = 'Install it: pip install "enliven[usd]" (in a checkout: "./shared[usd]").'
-        raise ResourceError(problem, where="USD", mend=mend)
+        remedy = 'Install it: pip install "enliven[usd]" (in a checkout: "./shared[usd]").'
+        raise ResourceError(problem, where="USD", remedy=remedy)
 
 
 def _is_own_image(name: str) -> bool:
@@ -95,7 +95,7 @@ def _is_own_image(name: str) -> bool:
 def _part_of_progress(
     progress: Callable[[float], object] | None, number: int, count: int
 ) -> Callable[[float], object]:
-    """Returns a callback that takes the finished fraction of one of several characters."""
+    """Returns a progress callback for one of several characters."""
 
     def report(share: float) -> None:
         if progress is not None:

@@ -1,7 +1,7 @@
 """Writes the motion of a humanoid alone as a VRM animation (.vrma, VRMC_vrm_animation 1.0).
 
-The nodes of the file are the VRM bones in the T-pose, without rotations at rest. So the rotation of a node
-is that of its bone relative to the T-pose. Programs transfer it to any VRM avatar. Only the hips have a
+The nodes of the file are the VRM bones in the T-pose, without rotations at rest. So the rotation of a node is
+that of its bone relative to the T-pose. Programs can apply it to any VRM avatar. Only the hips have a
 position.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.exporters.gltf import GltfScene
+from enliven.exporters.gltf.scene import GltfScene
 from enliven.exporters.joints import listed
 from enliven.exporters.performance import Performance
 from enliven.exporters.registry import Exporter
@@ -43,7 +43,7 @@ def write_vrma(path: Path | str, performances: Sequence[Performance], name: str 
     """
     if len(performances) != 1:
         problem = f"a VRM animation holds one character, not {len(performances)}"
-        raise InputError(problem, where=str(path), mend="Choose one: --character NAME.")
+        raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
     write_file(Path(path), vrma_of(performances[0], name), "Choose another place.")
 
 

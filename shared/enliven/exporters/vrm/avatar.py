@@ -2,7 +2,7 @@
 
 An avatar has no motion: write that as a .vrma. The avatar stands in the T-pose, as VRM requires. The mesh and
 its binding are those of the model, so the skinning does not change. Each joint of the skeleton is a node. The
-rotations of the nodes at rest lead to the T-pose.
+rest rotations of the nodes put the skeleton into the T-pose.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
-from enliven.exporters.gltf import GltfScene
+from enliven.exporters.gltf.scene import GltfScene
 from enliven.exporters.joints import listed
 from enliven.exporters.performance import Performance
 from enliven.exporters.registry import Exporter
@@ -43,7 +43,7 @@ def write_vrm(
     """
     if len(performances) != 1:
         problem = f"a VRM file holds one character, not {len(performances)}"
-        raise InputError(problem, where=str(path), mend="Choose one: --character NAME.")
+        raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
     write_file(Path(path), vrm_of(performances[0], name, author), "Choose another place.")
 
 
@@ -58,21 +58,22 @@ def vrm_of(performance: Performance, name: str = "enliven", author: str = "unkno
     assert skeleton is not None
     if len({bone.joint for bone in humanoid.bones.values()}) < len(humanoid.bones):
         problem = "it is not a humanoid: its spine has no joint of its own"
-        raise InputError(problem, where=f"character {performance.name!r}", mend="Write a .glb instead.")
+        raise InputError(problem, where=f"character {performance.name!r}", remedy="Write a .glb instead.")
     scene, nodes = GltfScene(name), list[int]()
-    turns = _rest_turns(skeleton, humanoid)
+    rotations = _rest_turns(skeleton, humanoid)
     for joint, parent in enumerate(skeleton.parents):
         if joint:
-            local, offset = multiply(conjugate(turns[parent]), turns[joint]), skeleton.vectors[joint]
+            local, offset = multiply(conjugate(rotations[parent]), rotations[joint]), skeleton.vectors[joint]
         else:
-            local, offset = turns[0], rotate(humanoid.facing, skeleton.positions[0])
-        rest = {"translation": listed(offset), "rotation": listed(np.roll(local, -1))}
-        above = nodes[parent] if joint else None
-        nodes.append(scene.node(above, name=skeleton.names[joint], children=[], **rest))
-    # A bone rotates about its upper joint, and all bones of a joint rotate alike in an avatar.
+            local, offset = rotations[0], rotate(humanoid.facing, skeleton.positions[0])
+        rest_pose = {"translation": listed(offset), "rotation": listed(np.roll(local, -1))}
+        parent_node = nodes[parent] if joint else None
+        nodes.append(scene.node(parent_node, name=skeleton.names[joint], children=[], **rest_pose))
+    # A bone rotates about its upper joint. In an avatar all bones of a joint rotate together, so one rotation
+    # per joint is enough.
     upper = np.maximum(skeleton.parents, 0).astype(np.uint16)
-    moved = SkinWeights(upper[skin.indices], skin.weights)
-    scene.add_skinned(performance.name, mesh, moved, nodes[0], nodes, skeleton.positions)
+    skin_of_nodes = SkinWeights(upper[skin.indices], skin.weights)
+    scene.add_skinned(performance.name, mesh, skin_of_nodes, nodes[0], nodes, skeleton.positions)
     human_bones = {bone_name: {"node": nodes[bone.joint]} for bone_name, bone in humanoid.bones.items()}
     meta = {"name": name, "authors": [author], "licenseUrl": _LICENCE}
     scene.document.extensionsUsed = [EXTENSION]
@@ -85,8 +86,8 @@ def vrm_of(performance: Performance, name: str = "enliven", author: str = "unkno
 def _rest_turns(skeleton: Skeleton, humanoid: Humanoid) -> list[np.ndarray]:
     """Returns the rotation (4,) of each joint's node in the world, in the T-pose."""
     of_joint = {bone.joint: humanoid.t_pose[name] for name, bone in humanoid.bones.items()}
-    turns = list[np.ndarray]()
+    rotations = list[np.ndarray]()
     for joint, parent in enumerate(skeleton.parents):
-        inherited = humanoid.facing if parent < 0 else turns[parent]
-        turns.append(of_joint.get(joint, inherited))
-    return turns
+        inherited = humanoid.facing if parent < 0 else rotations[parent]
+        rotations.append(of_joint.get(joint, inherited))
+    return rotations

@@ -13,15 +13,16 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import HumanJoints, HumanLimb, facing_of, finger_joints, human_joints
 from enliven.rotation import from_rotation_vector, multiply, rotate, swing, unit
+from enliven.skeletons.facing import facing_of
+from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints, human_joints
 
 _LEFT_DIRECTION = np.array([1.0, 0.0, 0.0])
 _DOWN_DIRECTION = np.array([0.0, -1.0, 0.0])
 _SPINE_NAMES = ("spine", "chest", "upperChest")
 """Names of the bones between hips and neck."""
 _LIMB_ENDS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
-"""The bones that a T-pose straightens, and the bone at the end of each."""
+"""The bones that a T-pose straightens, and the bone at each one's end."""
 _FINGER_SEGMENTS = ("Proximal", "Intermediate", "Distal")
 _THUMB_SEGMENTS = ("Metacarpal", "Proximal", "Distal")
 _FINGER_NAMES = {"thumb": "Thumb", "index": "Index", "middle": "Middle", "ring": "Ring", "pinky": "Little"}
@@ -32,8 +33,8 @@ class HumanoidBone:
     """A bone of VRM.
 
     Attributes:
-        joint: the joint of the skeleton at which it begins.
-        turned_by: the bone of the skeleton with its rotation.
+        joint: the joint of the skeleton at which the VRM bone begins.
+        turned_by: the bone of the skeleton that defines the VRM bone's rotation.
         parent: name of the VRM bone above. Empty for the hips.
     """
 
@@ -47,7 +48,7 @@ class Humanoid:
     """The VRM bones of a skeleton.
 
     Attributes:
-        bones: by their names in VRM, parents before children.
+        bones: the VRM bones by name, parents before children.
         t_pose: (4,) rotation of each bone from the skeleton's rest pose to the T-pose, in the world.
         facing: (4,) rotation that makes the rest pose face +Z.
     """
@@ -66,13 +67,13 @@ def humanoid_of(skeleton: Skeleton | None, where: str) -> Humanoid:
     Raises:
         InputError: if the names of the joints do not identify all bones that VRM requires.
     """
-    mend = "Write a .glb instead, or name the joints as Mixamo, VRM or Unreal do."
+    remedy = "Write a .glb instead, or name the joints as Mixamo, VRM or Unreal do."
     human = None if skeleton is None else human_joints(skeleton)
     if skeleton is None or human is None:
         problem = "it is not a humanoid: no two arms and two legs are found by the names of its joints"
-        raise InputError(problem, where=where, mend=mend)
+        raise InputError(problem, where=where, remedy=remedy)
     if not human.head_knots:
-        raise InputError("it is not a humanoid: no joint is named head", where=where, mend=mend)
+        raise InputError("it is not a humanoid: no joint is named head", where=where, remedy=remedy)
     bones = _humanoid_bones(skeleton, human)
     facing = from_rotation_vector(np.array([0.0, -facing_of(skeleton), 0.0]))
     return Humanoid(bones, _t_pose(skeleton, bones, facing), facing)
@@ -90,8 +91,8 @@ def _humanoid_bones(skeleton: Skeleton, human: HumanJoints) -> dict[str, Humanoi
         bones["hips"] = HumanoidBone(0, 0, "")
     # The spine consists of the joints after the hips, up to the joint that the arms share.
     spine = [*skeleton.path(human.hips, human.chest)[1:]] or [human.hips]
-    chosen = spine if len(spine) < 3 else [spine[0], spine[1], spine[-1]]
-    trunk = [*zip(_SPINE_NAMES, chosen, strict=False)]
+    spine_bones = spine if len(spine) < 3 else [spine[0], spine[1], spine[-1]]
+    trunk = [*zip(_SPINE_NAMES, spine_bones, strict=False)]
     if len(human.head_knots) > 1:
         trunk.append(("neck", human.head_knots[0]))
     trunk.append(("head", human.head_knots[-1]))
@@ -101,7 +102,7 @@ def _humanoid_bones(skeleton: Skeleton, human: HumanJoints) -> dict[str, Humanoi
     ):
         add(name, joint, toward, above)
         above = name
-    chest = _SPINE_NAMES[len(chosen) - 1]
+    chest = _SPINE_NAMES[len(spine_bones) - 1]
     for side, arm, leg in zip(("left", "right"), human.arms, human.legs, strict=True):
         collar = skeleton.path(human.chest, arm.knots[0])[1:-1]
         if collar:
@@ -142,7 +143,7 @@ def _add_limb(
 def _bone_toward(skeleton: Skeleton, joint: int, toward: int) -> int:
     """Returns the bone that begins at a joint and leads to another one.
 
-    If no bone begins there, it is the bone that ends there.
+    If no bone begins there, returns the bone that ends there.
     """
     if toward == joint:
         return joint
@@ -153,19 +154,21 @@ def _bone_toward(skeleton: Skeleton, joint: int, toward: int) -> int:
 def _t_pose(skeleton: Skeleton, bones: dict[str, HumanoidBone], facing: Float) -> dict[str, Float]:
     """Returns the rotation (4,) of each bone from the rest pose to the T-pose."""
     at = rotate(facing, skeleton.positions)
-    turns = dict[str, Float]()
+    rotations = dict[str, Float]()
     for name, bone in bones.items():
         end = _LIMB_ENDS.get(name.removeprefix("left").removeprefix("right"))
         side = "left" if name.startswith("left") else "right"
         if end is not None:
-            across = _LEFT_DIRECTION if side == "left" else -_LEFT_DIRECTION
-            along = unit(at[bones[f"{side}{end}"].joint] - at[bone.joint])
-            turns[name] = multiply(swing(along, _DOWN_DIRECTION if "Leg" in name else across), facing)
+            target_direction = _LEFT_DIRECTION if side == "left" else -_LEFT_DIRECTION
+            direction = unit(at[bones[f"{side}{end}"].joint] - at[bone.joint])
+            rotations[name] = multiply(
+                swing(direction, _DOWN_DIRECTION if "Leg" in name else target_direction), facing
+            )
         elif name.endswith("Hand") or "Hand" in bone.parent or _is_finger(bone.parent):
-            turns[name] = turns[bone.parent]
+            rotations[name] = rotations[bone.parent]
         else:
-            turns[name] = facing
-    return turns
+            rotations[name] = facing
+    return rotations
 
 
 def _is_finger(name: str) -> bool:

@@ -1,20 +1,24 @@
-"""The joints of a glTF file as bodies: rest position, motion over time and the surface that each moves."""
+"""The joints of a glTF file as rigid bodies. A body has a rest position, a motion over time and the surface
+that it moves.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.formats.rig import LinkBody
-from enliven.meshes.gltf import GltfPart, GltfSurface
+from enliven.formats.rig.rig_links import LinkBody
+from enliven.meshes.gltf.parts import GltfPart
+from enliven.meshes.gltf.surface import GltfSurface
 from enliven.rotation import from_matrix, hencky_strain
 
 _MAX_ROUNDING_STRETCH = 1e-4
-"""Largest stretch of a joint beyond 1 that counts as rounding instead of a scale track."""
+"""Maximum deviation of a joint's stretch from 1 that counts as a rounding error. A larger deviation is a
+scale animation."""
 
 
 def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
-    """Returns a body for each joint.
+    """Measures the rest position, motion and surface of each joint, and returns a body for each.
 
     Args:
         surface: the surface of the file, with its bind pose.
@@ -25,22 +29,22 @@ def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> lis
     number = {node: k for k, node in enumerate(chosen)}
     bodies = list[LinkBody]()
     for node in chosen:
-        away = world[:, node] @ np.linalg.inv(bind.world[node])
-        mirrors = np.where(np.linalg.det(away[:, :3, :3]) < 0, -1.0, 1.0)
-        away[:, :3, :3] *= mirrors[:, None, None]
-        turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
-        scaled = _largest_stretch(away[:, :3, :3]) > _MAX_ROUNDING_STRETCH
-        strains = hencky_strain(away[:, :3, :3], turns) if scaled else None
-        above = file.parents[node]
-        while above >= 0 and above not in number:
-            above = file.parents[above]
+        from_bind = world[:, node] @ np.linalg.inv(bind.world[node])
+        mirrors = np.where(np.linalg.det(from_bind[:, :3, :3]) < 0, -1.0, 1.0)
+        from_bind[:, :3, :3] *= mirrors[:, None, None]
+        turns = from_matrix(from_bind[:, :3, :3]) if len(from_bind) else np.zeros((0, 4))
+        is_scaled = _largest_stretch(from_bind[:, :3, :3]) > _MAX_ROUNDING_STRETCH
+        strains = hencky_strain(from_bind[:, :3, :3], turns) if is_scaled else None
+        ancestor = file.parents[node]
+        while ancestor >= 0 and ancestor not in number:
+            ancestor = file.parents[ancestor]
         leaves = [
             (file.name(child), bind.world[child][:3, 3])
             for child in file.document.nodes[node].children or []
             if child not in number and file.document.nodes[child].mesh is None
         ]
         body = LinkBody(
-            file.name(node), number.get(above, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
+            file.name(node), number.get(ancestor, -1), bind.world[node][:3, 3], turns, world[:, node, :3, 3]
         )
         body.leaves, body.strains = leaves, strains
         body.mirrors = mirrors if (mirrors < 0).any() else None
@@ -59,11 +63,13 @@ def _largest_stretch(linear: Float) -> float:
 def _measure_bodies(
     bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]
 ) -> None:
-    """Gives each body the area of the surface that it moves, and the far end of that surface."""
+    """Measures the area of the surface that each body moves, and the far end of this surface."""
     vertices = np.concatenate(rest)
     nodes = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
-    area = np.concatenate([_vertex_areas(part, at) for part, at in zip(parts, rest, strict=True)])
+    area = np.concatenate(
+        [_vertex_areas(part, part_vertices) for part, part_vertices in zip(parts, rest, strict=True)]
+    )
     for node, k in number.items():
         node_weight = np.where(nodes == node, weights, 0.0).sum(1)
         bodies[k].mass = float(node_weight @ area)
@@ -73,7 +79,9 @@ def _measure_bodies(
 
 
 def _vertex_areas(part: GltfPart, vertices: Float) -> Float:
-    """Returns the area (V,) in m2 of each vertex: a third of each of its faces, and never quite zero."""
+    """Returns the area (V,) of each vertex in m^2: a third of the area of its faces, and always above
+    zero.
+    """
     a, b, c = (vertices[part.faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
     return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12, np.float64)
@@ -82,11 +90,11 @@ def _vertex_areas(part: GltfPart, vertices: Float) -> Float:
 def _far_end(start: Float, vertices: Float) -> Float:
     """Returns the end (3,) of a bone that leads from ``start`` through the middle of its vertices.
 
-    Its length reaches the farthest vertex in that direction.
+    The bone is as long as the extent of the vertices in this direction.
     """
-    middle = (vertices.min(0) + vertices.max(0)) / 2 - start
-    length = float(np.linalg.norm(middle))
+    to_centre = (vertices.min(0) + vertices.max(0)) / 2 - start
+    length = float(np.linalg.norm(to_centre))
     if length < 1e-9:
         return start
-    along = middle / length
-    return np.asarray(start + along * max(float(((vertices - start) @ along).max()), 0.0))
+    direction = to_centre / length
+    return np.asarray(start + direction * max(float(((vertices - start) @ direction).max()), 0.0))

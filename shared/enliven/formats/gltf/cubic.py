@@ -1,10 +1,11 @@
-"""Converts the cubic keys of a glTF animation from the file's nodes to the bones that are made from them.
+"""Converts the cubic keys of a glTF animation from the file's nodes to the bones of the model.
 
 A bone rotates relative to its parent by D_parent^-1 D = B_m W_m^-1 W_n B_n^-1. Here W are the world rotations
-of the nodes n and m that the bone and its parent follow, and B those of the bind pose. If exactly one node
-between them is animated, that is a q c with constant unit quaternions a and c. Hermite interpolation of q is
-linear in its keys and slopes, so a q c is the curve with keys and slopes a (.) c. The factors a and c do not
-change the length that is normalised.
+of the nodes n and m that the bone and its parent follow, and B those of the bind pose. If exactly one node q
+between m and n is animated, D_parent^-1 D = a q c with constant unit quaternions a and c. Hermite
+interpolation of q is linear in its keys and slopes, so a q c is also a Hermite curve. Its keys and slopes are
+those of q, multiplied by a from the left and by c from the right. The factors a and c do not change the
+length that is normalised.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, CubicKeys
-from enliven.formats.rig import Tree
-from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, compose_matrices
+from enliven.formats.rig.rig_tree import Tree
+from enliven.meshes.gltf.bind import Bind
+from enliven.meshes.gltf.file import GltfFile, compose_matrices
+from enliven.meshes.gltf.motion import animated_locals
+from enliven.meshes.gltf.surface import GltfSurface
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _MAX_SCALE_DIFFERENCE = 1e-5
@@ -26,7 +30,8 @@ _MAX_SCALE_DIFFERENCE = 1e-5
 _MAX_CONSTANT_CHANGE = 1e-9
 """Maximum change of a value in a constant channel: below float32's resolution."""
 _MAX_QUATERNION_LENGTH_ERROR = 1e-3
-"""Largest difference from 1 of the length of a quaternion in the file: rounding of small integers."""
+"""Maximum deviation of a quaternion's length from 1 in the file. It allows for the rounding of small
+integers."""
 _MAX_CURVE_DEVIATION = 1e-4
 """Maximum deviation of a curve from its clip's frames, in radians or as a fraction of the skeleton's size."""
 
@@ -34,7 +39,7 @@ _MAX_CURVE_DEVIATION = 1e-4
 def add_cubic_keys(
     clip: Clip, animation: int, start: float, surface: GltfSurface, tree: Tree, chosen: list[int]
 ) -> Clip:
-    """Returns the clip with the cubic keys of its animation, as far as they can be converted to its bones.
+    """Adds those cubic keys of an animation to its clip that can be converted to bones.
 
     Args:
         clip: the clip.
@@ -88,10 +93,12 @@ def _moving_samplers(file: GltfFile, animation: int) -> dict[int, dict[str, Any]
 
 
 def _local_transforms(file: GltfFile, animation: int) -> Float:
-    """Returns the nodes' local transforms (n, 4, 4) at time 0. Those of still nodes never change."""
-    at = animated_locals(file, animation, np.zeros(1))
-    local: Float = compose_matrices(at.translation, at.rotation, at.scale)[0]
-    for node, matrix in at.fixed.items():
+    """Returns the nodes' local transforms (n, 4, 4) at time 0. Transforms of nodes without animation never
+    change.
+    """
+    first_frame = animated_locals(file, animation, np.zeros(1))
+    local: Float = compose_matrices(first_frame.translation, first_frame.rotation, first_frame.scale)[0]
+    for node, matrix in first_frame.fixed.items():
         local[node] = matrix
     return np.asarray(local)
 
@@ -105,19 +112,19 @@ def _relative_rotation(
 ) -> tuple[Float, Float, Float] | None:
     """Returns times, values and slopes of a node's rotation relative to an ancestor (-1: the world).
 
-    Returns None unless exactly one node between them rotates, with cubic keys, and none changes its scale.
+    Returns None unless exactly one node between them rotates, with cubic keys, and no node changes its scale.
     """
     above, node = ends
-    way = _node_path(file, above, node)
-    turned = [way_node for way_node in way if "rotation" in channels.get(way_node, {})]
-    if len(turned) != 1 or any("scale" in channels.get(way_node, {}) for way_node in way):
+    node_path = _node_path(file, above, node)
+    rotating_nodes = [way_node for way_node in node_path if "rotation" in channels.get(way_node, {})]
+    if len(rotating_nodes) != 1 or any("scale" in channels.get(way_node, {}) for way_node in node_path):
         return None
-    (mover,) = turned
+    (mover,) = rotating_nodes
     sampler = channels[mover]["rotation"]
-    mover_index = way.index(mover)
+    mover_index = node_path.index(mover)
     before, after = (
-        _rotation_of(_transform_product(local, way[:mover_index])),
-        _rotation_of(_transform_product(local, way[mover_index + 1 :])),
+        _rotation_of(_transform_product(local, node_path[:mover_index])),
+        _rotation_of(_transform_product(local, node_path[mover_index + 1 :])),
     )
     from_bind, to_bind = (
         _rotation_of(bind.world[node]),
@@ -127,12 +134,16 @@ def _relative_rotation(
         return None
     if not _is_cubic(sampler) or _rotation_of(local[mover]) is None:
         return None
-    left, right = multiply(to_bind, before), multiply(after, conjugate(from_bind))
+    left_factor, right_factor = multiply(to_bind, before), multiply(after, conjugate(from_bind))
     seconds, values, slopes = _sampler_keys(file, sampler, "rotation")
     values, slopes = np.roll(values, 1, -1), np.roll(slopes, 1, -1)
     if np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _MAX_QUATERNION_LENGTH_ERROR:
         return None
-    return seconds, multiply(multiply(left, values), right), multiply(multiply(left, slopes), right)
+    return (
+        seconds,
+        multiply(multiply(left_factor, values), right_factor),
+        multiply(multiply(left_factor, slopes), right_factor),
+    )
 
 
 def _world_translation(
@@ -142,11 +153,11 @@ def _world_translation(
 
     It is also None if the position has no cubic keys.
     """
-    way = _node_path(file, -1, node)
+    node_path = _node_path(file, -1, node)
     sampler = channels.get(node, {}).get("translation")
-    if sampler is None or not _is_cubic(sampler) or any(ancestor in channels for ancestor in way[:-1]):
+    if sampler is None or not _is_cubic(sampler) or any(ancestor in channels for ancestor in node_path[:-1]):
         return None
-    parent_world = _transform_product(local, way[:-1])
+    parent_world = _transform_product(local, node_path[:-1])
     seconds, values, slopes = _sampler_keys(file, sampler, "translation")
     return seconds, values @ parent_world[:3, :3].T + parent_world[:3, 3], slopes @ parent_world[:3, :3].T
 
@@ -160,11 +171,11 @@ def _sampler_keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float
 
 def _node_path(file: GltfFile, above: int, node: int) -> list[int]:
     """Returns the path to ``node`` from the child of its ancestor ``above``, or else from the root."""
-    way = list[int]()
+    nodes_up = list[int]()
     while node >= 0 and node != above:
-        way.append(node)
+        nodes_up.append(node)
         node = file.parents[node]
-    return way[::-1]
+    return nodes_up[::-1]
 
 
 def _transform_product(local: Float, nodes: list[int]) -> Float:
@@ -183,22 +194,22 @@ def _rotation_of(matrix: Float) -> Float | None:
     return np.asarray(from_matrix(linear / size))
 
 
-def _checked_curves(clip: Clip, made: list[CubicKeys]) -> Clip:
-    """Returns the clip with only those curves that agree with all of its frames."""
+def _checked_curves(clip: Clip, curves: list[CubicKeys]) -> Clip:
+    """Adds those of the converted curves to the clip that agree with all of its frames."""
     parents, finest = clip.skeleton.parents, clip.finest
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)
     agreeing = list[CubicKeys]()
     size = max(float(clip.skeleton.lengths.sum()), 1e-9)
-    for curve in made:
+    for curve in curves:
         values = curve.at(seconds)
         if curve.turns:
             turns = finest.turns[:, curve.bone]
             if curve.bone:
                 turns = multiply(conjugate(finest.turns[:, parents[curve.bone]]), turns)
-            off = 2.0 * np.arccos(np.clip(np.abs((values * turns).sum(1)), 0.0, 1.0)).max()
+            deviation = 2.0 * np.arccos(np.clip(np.abs((values * turns).sum(1)), 0.0, 1.0)).max()
         else:
-            off = np.abs(values - finest.root).max() / size
-        if off < _MAX_CURVE_DEVIATION:
+            deviation = np.abs(values - finest.root).max() / size
+        if deviation < _MAX_CURVE_DEVIATION:
             agreeing.append(curve)
     return replace(clip, cubic=tuple(agreeing)) if agreeing else clip

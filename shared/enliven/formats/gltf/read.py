@@ -18,40 +18,32 @@ from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bodies import measure_bodies
 from enliven.formats.gltf.cubic import add_cubic_keys
-from enliven.formats.rig import (
-    LinkBody,
-    Rig,
-    Tree,
-    build_tree,
-    clip_tracks,
-    joint_drift,
-    place_on_floor,
-    scale_to_height,
-    weld_shape,
-)
+from enliven.formats.rig.rig import Rig, place_on_floor, scale_to_height, weld_shape
+from enliven.formats.rig.rig_links import LinkBody
+from enliven.formats.rig.rig_tree import Tree, build_tree, clip_tracks, joint_drift
 from enliven.meshes import Mesh
-from enliven.meshes.gltf import (
+from enliven.meshes.gltf.file import GltfFile
+from enliven.meshes.gltf.motion import (
     MAX_NODE_SAMPLES,
-    GltfFile,
-    GltfPart,
-    GltfSurface,
     animated_locals,
     frame_times,
-    gltf_surface,
     key_times,
-    moving_nodes,
     world_matrices,
 )
+from enliven.meshes.gltf.parts import GltfPart, moving_nodes
+from enliven.meshes.gltf.surface import GltfSurface, gltf_surface
 from enliven.rotation import remove_sign_jumps
 
 _MIN_NOTED_MOTION_FRACTION = 1e-3
-"""Minimum omitted motion that gets a note, as a fraction of the model's size. Less is not visible."""
+"""Motion that is omitted gets a note if it is at least this fraction of the model's size. Smaller motion is
+not visible."""
 
 _MAX_JOINTS = 4096
-"""Maximum number of joints: that of a pose on the wire (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
+"""Maximum number of joints: the limit of a pose in the network protocol
+(:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 _MIN_NOTED_PAUSE_S = 0.1
-"""Minimum pause in seconds before the first key that gets a note. Programs that count frames from 1 leave
-less."""
+"""A pause before the first key gets a note if it is at least this long, in seconds. Programs that count
+frames from 1 leave a shorter pause."""
 
 
 @dataclass
@@ -59,13 +51,13 @@ class _Animation:
     """One animation, with the times of its samples among the samples of all animations.
 
     Attributes:
-        name: the file's name for it, or one made from its number.
-        frames: its K samples among those of all animations.
+        name: the animation's name in the file, or a name with its number.
+        frames: the slice of its K samples in the samples of all animations.
         seconds: (K,) times of the samples, from 0.
         even: (F,) indices of the evenly spaced samples.
         step: seconds between the evenly spaced samples.
         number: its number in the file.
-        start: time in the file of its first sample, in seconds.
+        start: time of its first sample in the file, in seconds.
     """
 
     name: str
@@ -77,7 +69,9 @@ class _Animation:
     start: float
 
 
-@np.errstate(all="ignore")  # numbers of a damaged file overflow before they are checked
+@np.errstate(
+    all="ignore"
+)  # Ignore overflow warnings: numbers of a damaged file may overflow before they are checked.
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:
@@ -90,7 +84,7 @@ def read_gltf(
         name: name of the shape. If empty, the file's name is used.
         height: height in metres to which the model is scaled. If None, it is not scaled.
         floor: True to put its lowest vertex on the floor.
-        weld: True to join vertices at the same position that follow the same bones; see ``weld_shape``.
+        weld: True to merge vertices at the same position that follow the same bones; see ``weld_shape``.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.
@@ -102,7 +96,7 @@ def read_gltf(
 
 
 def _read_unscaled(path: Path | str, name: str) -> Rig:
-    """Reads the model without scaling or moving it."""
+    """Reads the model in its original size and position."""
     surface = gltf_surface(path, name)
     file = surface.file
     try:
@@ -139,17 +133,17 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin_weights(parts, tree, body_of)
     shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
-    clips, taken = [], set[str]()
+    clips, used_names = [], set[str]()
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
-        clip = _animation_clip(animation, tree, bodies, tracks, taken)
+        clip = _animation_clip(animation, tree, bodies, tracks, used_names)
         clips.append(add_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
     notes += tree.notes + _lost_motion_notes(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
 
 def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
-    """Returns the animations, and world_from_node (F, n, 4, 4) over the samples of all of them."""
+    """Samples all animations. Returns them, and world_from_node (F, n, 4, 4) over all samples."""
     animations, worlds, start = list[_Animation](), list[Float](), 0
     for number, animation in enumerate(file.document.animations or []):
         even = frame_times(file, number)
@@ -161,8 +155,10 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
         name = animation.name or f"animation {number + 1}"
         if even[0] > _MIN_NOTED_PAUSE_S:
             notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
-        own_samples, at = slice(start, start + len(times)), np.searchsorted(times, even)
-        animations.append(_Animation(name, own_samples, times - times[0], at, step, number, float(times[0])))
+        own_samples, even_indices = slice(start, start + len(times)), np.searchsorted(times, even)
+        animations.append(
+            _Animation(name, own_samples, times - times[0], even_indices, step, number, float(times[0]))
+        )
         start += len(times)
     count = len(file.document.nodes)
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
@@ -174,19 +170,19 @@ def _joint_candidates(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     These are the joints of the used skins, the nodes with a rigidly attached mesh, and animated nodes between
     them.
     """
-    named = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
-    named |= {part.carrier for part in parts if part.skin < 0}
+    joint_nodes = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
+    joint_nodes |= {part.carrier for part in parts if part.skin < 0}
     animated = {c.target.node for a in file.document.animations or [] for c in a.channels}
     between = set[int]()
-    for node in named:
-        at, way = file.parents[node], list[int]()
-        while at >= 0:
-            way.append(at)
-            if at in named:
-                between |= set(way)
+    for node in joint_nodes:
+        ancestor, nodes_between = file.parents[node], list[int]()
+        while ancestor >= 0:
+            nodes_between.append(ancestor)
+            if ancestor in joint_nodes:
+                between |= set(nodes_between)
                 break
-            at = file.parents[at]
-    return [n for n in moving_nodes(file, parts) if n in named or (n in between and n in animated)]
+            ancestor = file.parents[ancestor]
+    return [n for n in moving_nodes(file, parts) if n in joint_nodes or (n in between and n in animated)]
 
 
 def _skin_weights(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
@@ -226,7 +222,7 @@ def _animation_clip(
 
 
 def _mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
-    """Returns (K, N) -1 for mirrored bones and 1 for others, or None if no bone is mirrored."""
+    """Returns (K, N) -1 for mirrored bones and 1 for all others, or None if no bone is mirrored."""
     signs = np.ones((len(animation.seconds), len(tree.driver)))
     for j, driver in enumerate(tree.driver):
         mirrors = bodies[driver].mirrors
@@ -236,10 +232,14 @@ def _mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -
 
 
 def _lost_motion_notes(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
-    """Returns notes about motion in the animations that no bone follows, with its size."""
-    away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _MIN_NOTED_MOTION_FRACTION * size]
-    if not away:
+    """Returns notes about motion in the animations that the bones cannot reproduce, with its size."""
+    drifts = [
+        (name, distance)
+        for name, distance in joint_drift(bodies, tree)
+        if distance > _MIN_NOTED_MOTION_FRACTION * size
+    ]
+    if not drifts:
         return []
-    name, far = max(away, key=lambda pair: pair[1])
-    summary = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"
-    return [f"{summary}: at most {far:.3g} m ({far / size:.1%} of the size), {name}"]
+    name, distance = max(drifts, key=lambda pair: pair[1])
+    summary = f"animations move {len(drifts)} joint{'s' * (len(drifts) > 1)} off their bones; not kept"
+    return [f"{summary}: at most {distance:.3g} m ({distance / size:.1%} of the size), {name}"]

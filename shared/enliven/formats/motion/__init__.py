@@ -1,5 +1,1 @@
 """Motion captures: BVH files and CMU's exponential maps."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,8 +1,9 @@
-"""Frames at the ends of a capture that are not part of the motion: a T-pose, or a pose for calibration.
+"""Detects frames at the ends of a capture that are not part of the motion, such as a T-pose or a calibration
+pose.
 
 Many conversions of CMU's captures begin with such a pose: frame 0 is a T-pose, and the motion starts at frame
-1. During playback, the body jumps. The frames are detected by the speed of the jump: no person moves that
-fast, and the rest of the motion is smooth.
+1. During playback, the body jumps. The jump is detected by its speed: it is faster than any person moves, and
+the rest of the motion is smooth.
 """
 
 from __future__ import annotations
@@ -19,24 +20,26 @@ _MIN_IMPOSSIBLE_SPEED = 8.0
 m/s."""
 _MIN_JUMP_SPEED_RATIO = 4.0
 """Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
-Captures have smaller glitches of their own."""
+Captures may also contain smaller glitches."""
 _MIN_FADE_SPEED_RATIO = 1.5
 """Minimum speed of the frames in which an added pose fades into the motion, relative to the rest of the
 take."""
 _MAX_FADE_S = 0.3
-"""Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
-some frames."""
+"""Maximum duration of the fade from an added pose into the motion, in seconds. In resampled files, the jump
+is spread over some frames."""
 _MIN_JUMP_BODY_SIZES = 0.15
-"""Minimum jump of a joint, as a multiple of the body size. A smaller jump hardly shows."""
+"""Minimum jump of a joint, as a fraction of body size. A smaller jump is hardly visible."""
 _MAX_HOLD_S = 2.0
-"""Longest time for which an added pose is held, in seconds."""
+"""Maximum duration of an added pose, in seconds."""
 _SAME_POSE_BODY_SIZES = 1e-5
-"""Maximum motion of a joint between two frames of a held pose, in body sizes. People are never that still."""
+"""Maximum motion of a joint between two frames of a static pose, as a fraction of body size. Real people
+always move more."""
 _MIN_OTHER_INTERVALS = 5
-"""Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
+"""Minimum number of frame intervals in the rest of a take. With fewer intervals, it is unknown whether the
+motion is smooth."""
 _MAX_REST_POSE_DISTANCE = 0.05
-"""Maximum mean distance of the joints from the rest pose in a frame that shows it, as a multiple of the body
-size."""
+"""Maximum mean distance of the joints from the rest pose in a frame that shows the rest pose, as a fraction
+of body size."""
 
 
 def count_added_frames(
@@ -47,8 +50,8 @@ def count_added_frames(
     Args:
         places: (F, N, 3) the joints over time, in any unit.
         seconds: time from one frame to the next.
-        rest: (N, 3) the joints in the file's rest pose. A take that begins in this pose may fade into the
-            motion.
+        rest: (N, 3) the joints in the file's rest pose. If an added pose is the rest pose, it may fade into
+            the motion.
         only_rest: True if only frames in the rest pose count as added, and False if any pose counts.
     """
     return (
@@ -58,13 +61,13 @@ def count_added_frames(
 
 
 def without_added_poses(capture: Capture) -> Capture:
-    """Returns the capture without the added poses at its ends, with a note about the removed frames."""
+    """Removes the added poses at the ends of a capture, and adds a note about the removed frames."""
     begin, end = count_added_frames(capture.positions, capture.seconds)
     if not (begin or end):
         return capture
-    kept = slice(begin, capture.frames - end)
+    kept_frames = slice(begin, capture.frames - end)
     notes = (*capture.notes, *added_frame_notes(begin, end))
-    positions, rotations = capture.positions[kept], capture.rotations[kept]
+    positions, rotations = capture.positions[kept_frames], capture.rotations[kept_frames]
     return replace(capture, positions=positions, rotations=rotations, notes=notes)
 
 
@@ -85,29 +88,29 @@ def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_r
         return 0
     steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1) / size
     moving = np.flatnonzero(steps > _SAME_POSE_BODY_SIZES)
-    held = int(moving[0]) if len(moving) else 0
+    static_count = int(moving[0]) if len(moving) else 0
     fade = max(round(_MAX_FADE_S / seconds), 1)
-    # Leave out the other end as well, because it may have an added pose of its own.
-    other_steps = steps[held + fade : len(steps) - fade]
-    if held * seconds > _MAX_HOLD_S or len(other_steps) < _MIN_OTHER_INTERVALS:
+    # Leave out the other end too, because it may also have an added pose.
+    other_steps = steps[static_count + fade : len(steps) - fade]
+    if static_count * seconds > _MAX_HOLD_S or len(other_steps) < _MIN_OTHER_INTERVALS:
         return 0
     fastest, shows_rest = float(other_steps.max()), rest is not None and _is_rest_pose(places[0], rest, size)
     if only_rest and not shows_rest:
         return 0
-    first = steps[held : held + fade]
+    first = steps[static_count : static_count + fade]
     fast = first > (_MIN_FADE_SPEED_RATIO if shows_rest else _MIN_JUMP_SPEED_RATIO) * fastest
     count = len(fast) if fast.all() else int(np.argmin(fast))
     if not count or first[:count].max() < _MIN_JUMP_SPEED_RATIO * fastest:
         return 0
-    jump = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
+    jump = float(np.linalg.norm(places[static_count + count] - places[0], axis=1).max()) / size
     return (
-        held + count
+        static_count + count
         if jump > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _MIN_IMPOSSIBLE_SPEED * seconds)
         else 0
     )
 
 
 def _is_rest_pose(pose: Float, rest: Float, size: float) -> bool:
-    """Returns True if a pose (N, 3) is the rest pose, independent of the root's position."""
+    """Returns True if a pose (N, 3) equals the rest pose, independent of the root's position."""
     distances = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
     return bool(distances.mean() < _MAX_REST_POSE_DISTANCE * size)

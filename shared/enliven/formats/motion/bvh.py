@@ -18,21 +18,22 @@ from enliven.meshes import WrongWordError, blocks, parse_numbers, word_lines, wo
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
 _MAX_FRAME_TIME_S = 1.0
-"""Longest plausible frame time, in seconds. No capture is slower than one frame a second, so a longer time
-means that the header is damaged."""
+"""Maximum plausible frame time, in seconds. A longer time indicates a damaged header, because no capture is
+slower than one frame per second."""
 _MAX_DEPTH_JOINTS = 256
 """Maximum depth of the hierarchy in joints. The deepest known skeletons, with tails and ropes, have about
 60."""
 _MAX_JOINTS = 4096
-"""Maximum number of joints: that of a pose on the wire."""
+"""Maximum number of joints: the limit of a pose in the network protocol."""
 _MAX_JOINT_SAMPLES = 1 << 24
-"""Maximum number of frames times joints: 93 min of 25 joints at 120 frames a second. It takes 3 GB of
-rotations and positions."""
+"""Maximum product of frames and joints: 93 min of 25 joints at 120 frames per second. Rotations and positions
+then need 3 GB."""
 _MAX_HEAD_BYTES = 1 << 24
 """Maximum size of a hierarchy in bytes. 4096 joints, nested 256 deep and indented by tabs, take 8 MB."""
 _BLANK_PATTERN = r"(?:\s|(?:#|//)[^\n]*)*"
 _WORD_PATTERN = re.compile(_BLANK_PATTERN + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
-"""A word after blanks and comments. A colon inside a word belongs to a name such as "mixamorig:Hips"."""
+"""Pattern of a word after blanks and comments. A colon inside a word belongs to a name such as
+"mixamorig:Hips"."""
 _NAME_PATTERN = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
 _COMMENT_PATTERN = re.compile(r"(?:#|//)[^\n]*")
 _KEYWORDS = {
@@ -57,7 +58,7 @@ class _Hierarchy:
     Attributes:
         channels: for each joint, a pair (kind, axis) per channel. The kind is "p" (position) or "r"
             (rotation).
-        taken: for each name in use, the highest number that was appended to it.
+        taken: for each used name, the highest number that was appended to it.
     """
 
     names: list[str] = field(default_factory=list)
@@ -68,9 +69,9 @@ class _Hierarchy:
 
 
 class _Words:
-    """A tokenizer of a file's text that finds each word on request.
+    """A tokenizer that finds each word of a file's text on request.
 
-    Braces and colons are words of their own, and comments ("# ..." or "// ...") are left out.
+    Braces and colons are separate words. Comments ("# ..." or "// ...") are skipped.
     """
 
     def __init__(self, path: Path, text: str) -> None:
@@ -78,12 +79,12 @@ class _Words:
         self._at, self._counted, self._line = 0, 0, 1
 
     def peek(self) -> str:
-        """Returns the next word; empty at the end."""
+        """Returns the next word without advancing; empty at the end."""
         match = _WORD_PATTERN.match(self._text, self._at)
         return match[1] if match else ""
 
     def next(self, expected: str) -> str:
-        """Returns the next word and advances. ``expected`` is named in the error if the file ends here."""
+        """Returns the next word and advances. If the file ends here, the error names ``expected``."""
         match = _WORD_PATTERN.match(self._text, self._at)
         if match is None:
             raise InputError(f"the file ends where {expected} should be", where=str(self._path))
@@ -114,9 +115,9 @@ class _Words:
         self._counted = self._at
         return self._line
 
-    def wrong(self, what: str, mend: str = "", line: int | None = None) -> InputError:
+    def wrong(self, what: str, remedy: str = "", line: int | None = None) -> InputError:
         location = f"{self._path}, line {self.line if line is None else line}"
-        return InputError(what, where=location, mend=mend)
+        return InputError(what, where=location, remedy=remedy)
 
     def numbers(self, words: list[str], count: int, of: str, line: int) -> list[float]:
         try:
@@ -132,7 +133,7 @@ class _Words:
 
 
 def read_bvh(path: Path | str) -> Capture:
-    """Reads a BVH file, in its own unit and axes.
+    """Reads a BVH file. The result is in the unit and axes of the file.
 
     Keywords may be in any case, and lines may be wrapped between words. If the file has fewer or more frames
     than its header states, all existing frames are read, and a note is added.
@@ -144,8 +145,8 @@ def read_bvh(path: Path | str) -> Capture:
     with open_file(path) as file:
         head = file.read(_MAX_HEAD_BYTES)
     if len(head) == _MAX_HEAD_BYTES and "MOTION" not in decode_text(head).upper():
-        # A hierarchy of this length must contain a wrong line. Parse only this part, which is enough to
-        # report the line.
+        # If the hierarchy fills the whole read limit, it must contain a wrong line. Parse only this part,
+        # which is enough to find and report the line.
         words = _Words(path, decode_text(head))
         _begin_file(words)
         _read_hierarchy(words)
@@ -226,19 +227,20 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
 
 
 def _unused_name(name: str, taken: dict[str, int]) -> str:
-    """Returns the name, or if a joint has it already, the name with the first free number. A wrist may have
-    two ends."""
-    plain, number = name, taken.get(name, 1)
+    """Returns a name that no other joint has: the given name, or the name with the first free number. Names
+    may repeat, for example if a wrist has two ends.
+    """
+    base_name, number = name, taken.get(name, 1)
     while name in taken:
         number += 1
-        name = f"{plain} {number}"
-    taken[plain] = number
+        name = f"{base_name} {number}"
+    taken[base_name] = number
     taken.setdefault(name, 1)
     return name
 
 
 def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int]]:
-    """Returns (kind, axis) of each channel of a joint, from their count and names."""
+    """Parses the channels of a joint from their count and names. Returns (kind, axis) of each."""
     channel_kinds = {
         f"{axis}{kind}".lower(): (kind[0], _AXES[axis]) for axis in _AXES for kind in ("position", "rotation")
     }
@@ -257,7 +259,7 @@ def _is_count(word: str) -> bool:
 
 
 def _read_header(words: _Words) -> tuple[int, float]:
-    """Returns the number of frames that the header states, and the seconds between them."""
+    """Reads the number of frames, and the seconds between them, from the header."""
     count = _after_label(words, "frames", "'Frames:' and their number")
     if not _is_count(count):
         raise words.wrong("expected 'Frames:' and their number")
@@ -269,7 +271,7 @@ def _read_header(words: _Words) -> tuple[int, float]:
 
 
 def _after_label(words: _Words, label: str, expected: str) -> str:
-    """Returns the word after a label such as "Frame Time:", which may have blanks and any case."""
+    """Reads a label such as "Frame Time:", with any blanks and any case, and returns the word after it."""
     label_read, value = "", ""
     while len(label_read) < len(label) and not value:
         word, _, value = words.next(expected).partition(":")
@@ -282,42 +284,43 @@ def _after_label(words: _Words, label: str, expected: str) -> str:
 
 
 def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
-    """Returns (F, C) the number of each channel in each frame, and notes about unusual content.
+    """Reads the frames. Returns (F, C) the value of each channel in each frame, and notes about unusual
+    content.
 
     A frame may span several lines, and a line may contain several frames.
     """
     width, joints = sum(map(len, tree.channels)), len(tree.names)
     first_line, text = words.rest()
-    most = _MAX_JOINT_SAMPLES // joints
+    max_frames = _MAX_JOINT_SAMPLES // joints
     body = _COMMENT_PATTERN.sub("", text).encode()
-    parts, counts, lines = list[Float](), list[Int](), list[Int]()
+    value_blocks, counts, lines = list[Float](), list[Int](), list[Int]()
     total = 0
     for offset, block in blocks(body):
-        before = first_line + body.count(b"\n", 0, offset)
+        lines_before = first_line + body.count(b"\n", 0, offset)
         try:
             numbers = parse_numbers(block)
         except WrongWordError as error:
             frame = total // max(width, 1) + 1
             problem = f"near frame {frame}, a word is not a number: {error.what}"
-            raise words.wrong(problem, line=before + error.line) from None
+            raise words.wrong(problem, line=lines_before + error.line) from None
         line_numbers = word_lines(block, word_starts(block))
         if not np.isfinite(numbers).all():
-            line = before + int(line_numbers[np.argmin(np.isfinite(numbers))])
+            line = lines_before + int(line_numbers[np.argmin(np.isfinite(numbers))])
             raise words.wrong("a frame has a number that is not finite", line=line)
         row_lines, row_counts = np.unique(line_numbers, return_counts=True)
-        parts.append(numbers)
-        lines.append(row_lines + before)
+        value_blocks.append(numbers)
+        lines.append(row_lines + lines_before)
         counts.append(row_counts)
         total += len(numbers)
-        if total > most * width:
-            problem = f"more than {most} frames of {joints} joints are too many"
-            raise words.wrong(problem, "Split the file.", line=before)
+        if total > max_frames * width:
+            problem = f"more than {max_frames} frames of {joints} joints are too many"
+            raise words.wrong(problem, "Split the file.", line=lines_before)
     if total == 0 or width == 0:
         raise words.wrong("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
     frames = total // width
     notes = () if frames == promised else (f"the header states {promised} frames, but the file has {frames}",)
-    return np.concatenate(parts).reshape(frames, width), notes
+    return np.concatenate(value_blocks).reshape(frames, width), notes
 
 
 def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: int) -> None:
@@ -325,8 +328,8 @@ def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: in
     a line.
 
     Args:
-        counts: (L,) how many numbers each non-empty line contains.
-        lines: (L,) the line numbers of these lines.
+        counts: (L,) number of values in each non-empty line.
+        lines: (L,) line numbers of these lines.
     """
     total = int(counts.sum())
     if (counts == width).all() or total == promised * width:
@@ -340,7 +343,8 @@ def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: in
 
 
 def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
-    """Returns (F, N, 3) offsets and (F, N, 3, 3) rotations of each joint in its parent's frame.
+    """Converts channel values to offsets (F, N, 3) and rotations (F, N, 3, 3) of each joint in its parent's
+    frame.
 
     If a joint has position channels, they replace its offset.
     """

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 
 UNITS: dict[str, float] = {"m": 1.0, "in": 0.0254, "cmu": 0.0254 / 0.45, "cm": 0.01, "mm": 0.001}
-"""Metres per unit, by the name of the unit. The unit of CMU's files is 1 / 0.45 inch."""
+"""Metres per unit, by unit name. The unit of CMU's files is 1 / 0.45 inch."""
 _ADULT_LEG_LENGTH_M = 0.82
 """Distance from hip to ankle of an average adult, in metres. The unit of a file is guessed from it."""
 
@@ -19,7 +19,7 @@ class Capture:
     """A motion in the coordinates and the unit of its file.
 
     Attributes:
-        names: (N,) the joints, parents before children. The end of a chain is called "<parent> end".
+        names: (N,) names of the joints, parents before children. The end of a chain is called "<parent> end".
         parents: (N,) the parent of each joint, -1 at a root.
         positions: (F, N, 3) the joints in the file's space and unit.
         rotations: (F, N, 3, 3) world_from_joint. The end of a chain has its parent's rotation.
@@ -69,6 +69,7 @@ def forward_kinematics(parents: tuple[int, ...], offsets: Float, rotations: Floa
 
 
 def guess_unit(leg: float) -> str:
-    """Returns the unit in which a leg of length ``leg`` (hip to ankle, in the file's unit) is nearest to a
-    person's."""
+    """Guesses the unit of a file: the unit in which the length of a leg (hip to ankle, in the file's unit) is
+    most similar to that of a person.
+    """
     return min(UNITS, key=lambda name: abs(np.log(max(leg, 1e-9) * UNITS[name] / _ADULT_LEG_LENGTH_M)))

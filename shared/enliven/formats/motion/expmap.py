@@ -22,7 +22,7 @@ from enliven.rotation import from_rotation_vector, to_matrix
 COLUMNS = 117
 """Number of values in a frame: 3 for the root's position, and 3 for each of 38 joints."""
 SECONDS = 1.0 / 120.0
-"""Frame time, in seconds. CMU captures at 120 Hz, and the files do not contain the frame rate."""
+"""Frame time, in seconds. The files do not contain the frame rate; CMU captures at 120 Hz."""
 
 _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("Hips", -1, (0.0, 0.0, 0.0)),
@@ -64,7 +64,7 @@ _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("RThumb", 32, (0.0, 0.0, 0.0)),
     ("RThumb end", 36, (-0.59786, 0.0, 0.59786)),
 )
-"""Name, parent and offset (in CMU units) of each joint, in the order of the maps."""
+"""Name, parent and offset (in CMU units) of each joint, in the order of the exponential maps."""
 
 
 def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
@@ -105,7 +105,9 @@ def _row_values(line: str, number: int, path: Path) -> list[float]:
 
 
 def _corrected_rotations(wrong: Float) -> Float:
-    """Returns (F, 3, 3) Rz Ry Rx from rotations composed in the wrong order, Rz Rx Ry = ``wrong``."""
+    """Corrects the order of Euler rotations: decomposes ``wrong`` (F, 3, 3) = Rz Rx Ry, and returns Rz Ry Rx
+    (F, 3, 3).
+    """
     x = np.arcsin(np.clip(wrong[:, 2, 1], -1.0, 1.0))
     y = np.arctan2(-wrong[:, 2, 0], wrong[:, 2, 2])
     z = np.arctan2(-wrong[:, 0, 1], wrong[:, 1, 1])

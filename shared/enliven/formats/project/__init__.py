@@ -1,5 +1,1 @@
-"""The project file of enliven, written and read."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Reads and writes the project file of enliven."""

@@ -2,8 +2,8 @@
 reads.
 
 The file is a zip archive of project.json (the document with its version) and arrays/<name>.npy, so other
-tools can read it. The name of an array is a checksum of its content, which reveals damage. Writing is atomic:
-the previous file stays until the new one is complete.
+tools can read it. The name of an array is a checksum of its content, so that damage is detected. Writing is
+atomic: the previous file is replaced only when the new one is complete.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ _UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1:
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
 _READABLE_ZIP_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Accepted zip methods: stored and deflated. Other methods can allocate gigabytes before the first byte.
-"""
+"""Accepted zip methods: stored and deflated. Other methods can allocate gigabytes before the first byte."""
 _BASE_UNPACKED_BYTES = 1 << 28
-"""Unpacked size, in bytes, that is allowed for every file: 256 MB. Equal numbers of that size pack to 300
-kB."""
+"""Unpacked size, in bytes, that is allowed for every file: 256 MB. Constant arrays of this size are
+compressed to 300 kB."""
 _MAX_UNPACKED_RATIO = 20
-"""Maximum number of additional unpacked bytes per byte of the file. Motion packs to a third, so the limit has
-a margin."""
+"""Maximum number of additional unpacked bytes per byte of the file. Motion is compressed only to a third of
+its size, so the limit is far above usual files."""
 _COMPRESSION_LEVEL = 1
 """Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
-An edit on a stage waits for it."""
+The lower level is used because an edit on a stage waits for the compression."""
 _ZIP_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)
-"""Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
+"""Date of every zip entry: the earliest date that zip can store. With a fixed date, equal projects give equal
+files."""
 
 
 def write_project(path: Path | str, project: Project) -> None:
-    """Writes a project. Equal projects give equal bytes.
+    """Writes a project. Equal projects give identical files.
 
     Raises:
         InputError: if the existing file is a project of a later version, which is not replaced.
@@ -67,7 +67,7 @@ def write_project(path: Path | str, project: Project) -> None:
 
 def refuse_later_project(path: Path) -> None:
     """Raises LaterVersionError if a file is a project of a later version, so that it is not replaced."""
-    if not path.is_file():  # Opening a pipe would block until its other end is opened.
+    if not path.is_file():  # Skip pipes, because opening one would block until its other end is opened.
         return
     try:
         with zipfile.ZipFile(path) as archive:
@@ -87,8 +87,8 @@ def read_project(path: Path | str) -> Project:
 
     Raises:
         InputError: if the file is missing, not a project, truncated, damaged, or of a later version. Damaged
-            or missing motion of a possessed mesh raises no error if it can be solved again. The mesh then
-            stays at rest.
+            or missing motion of a possessed mesh raises no error if it can be solved again. The mesh is then
+            at rest.
     """
     path = Path(path)
     return project_of(read_file(path), str(path))
@@ -99,8 +99,8 @@ def project_bytes(project: Project) -> bytes:
     arrays: dict[str, AnyArray] = {}
     header = {"format": _FORMAT, "version": VERSION, "made_by": __version__}
     header["project"] = pack(project, arrays)
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         text = json.dumps(header, ensure_ascii=False, separators=(",", ":"))
         archive.writestr(_zip_entry(_HEADER), text, compresslevel=_COMPRESSION_LEVEL)
         for name, array in arrays.items():
@@ -109,11 +109,11 @@ def project_bytes(project: Project) -> bytes:
             archive.writestr(
                 _zip_entry(f"{_ARRAYS}{name}.npy"), numbers.getvalue(), compresslevel=_COMPRESSION_LEVEL
             )
-    return out.getvalue()
+    return buffer.getvalue()
 
 
 def project_of(data: bytes, where: str = "project", most: int | None = None) -> Project:
-    """Reads the project from the bytes of a file. ``where`` is its name in error messages.
+    """Reads a project from the bytes of a file. ``where`` is the name of the file in error messages.
 
     Args:
         most: maximum unpacked size in bytes. None uses the limits of a file.
@@ -128,21 +128,21 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
         problem = "it is cut short or damaged: its archive cannot be unpacked"
-        raise InputError(problem, where=where, mend="Take an earlier copy.") from None
+        raise InputError(problem, where=where, remedy="Take an earlier copy.") from None
     try:
         project, lost = replace_lost_motion(header["project"], arrays)
         if damaged - lost:
             raise InputError("an array in it is damaged", where="project")
         document = unpack(Project, project, arrays, "project")
     except InputError as error:
-        mend = error.mend or "Take an earlier copy."
+        advice = error.remedy or "Take an earlier copy."
         if isinstance(error, UnknownFieldError):
-            mend = _unknown_field_advice(header.get("made_by"))
-        raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
+            advice = _unknown_field_advice(header.get("made_by"))
+        raise InputError(error.what, where=f"{where}, {error.where}", remedy=advice) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
         problem = "it is damaged: its parts do not fit together"
-        raise InputError(problem, where=where, mend="Take an earlier copy.") from None
+        raise InputError(problem, where=where, remedy="Take an earlier copy.") from None
     assert isinstance(document, Project)
     return document
 
@@ -166,19 +166,22 @@ def _zip_entry(name: str) -> zipfile.ZipInfo:
 
 
 def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | None) -> None:
-    """Raises an error, before unpacking, if the declared unpacked size is larger than that of any project."""
+    """Checks the declared unpacked size before unpacking. Raises an error if it is larger than that of any
+    plausible project.
+    """
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
     if total > (_BASE_UNPACKED_BYTES + _MAX_UNPACKED_RATIO * packed if most is None else most):
         problem = f"its {packed} bytes would unpack to {total} bytes, which is too much"
-        raise InputError(problem, where=where, mend="Ask for the project again.")
+        raise InputError(problem, where=where, remedy="Ask for the project again.")
     if any(entry.compress_type not in _READABLE_ZIP_METHODS for entry in entries):
-        raise InputError("its compression method is not supported", where=where, mend="Save it again.")
+        raise InputError("its compression method is not supported", where=where, remedy="Save it again.")
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Returns an entry's bytes, at most one more than its declared size. The archive's own reader has no
-    limit."""
+    """Unpacks an entry, but reads at most one byte more than its declared size, because the zip library
+    itself has no limit.
+    """
     entry = archive.getinfo(name)
     with archive.open(entry) as file:
         return file.read(entry.file_size + 1)
@@ -187,10 +190,10 @@ def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
 def _foreign_file_error(data: bytes, where: str) -> InputError:
     """Returns the error about a file of another kind. The message names the kind."""
     kind, ending = kind_of(data)
-    mend = "Choose a project that was saved by enliven."
+    advice = "Choose a project that was saved by enliven."
     if ending:
-        mend = f"Give it a name ending in {ending} to open it."
-    return InputError(f"it is not an enliven project but {kind}", where=where, mend=mend)
+        advice = f"Give it a name ending in {ending} to open it."
+    return InputError(f"it is not an enliven project but {kind}", where=where, remedy=advice)
 
 
 def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:
@@ -202,10 +205,10 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise _foreign_file_error(data, where)
     version, project = header.get("version"), header.get("project")
-    # This check comes first, because a later version may store everything else in another way.
+    # Check the version first, because a later version may store all other data differently.
     _refuse_later(header, where)
     if not _is_integer(version) or not isinstance(project, dict) or version < 1:
-        raise InputError("its header is damaged", where=where, mend="Take an earlier copy.")
+        raise InputError("its header is damaged", where=where, remedy="Take an earlier copy.")
     for step in range(version, VERSION):
         project = _UPGRADE_BY_VERSION[step](project)
     header["project"] = project
@@ -224,8 +227,9 @@ def _is_integer(version: Any) -> TypeGuard[int]:
 
 
 def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
-    """Returns the arrays by name, and the names of the damaged ones. The content of an array must match its
-    name."""
+    """Reads the arrays. Returns them by name, and the names of damaged arrays. The content of a damaged array
+    does not match the checksum in its name.
+    """
     arrays, damaged = dict[str, AnyArray](), set[str]()
     for entry in archive.namelist():
         if not entry.startswith(_ARRAYS):

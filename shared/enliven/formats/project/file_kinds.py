@@ -1,4 +1,4 @@
-"""Detects the kind of a file from its first bytes, for errors about files with a wrong ending."""
+"""Detects the kind of a file from its first bytes, for error messages about files with a wrong ending."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ _ARCHIVE_KIND_BY_ENTRY = {
     "META-INF/MANIFEST.MF": "a Java program",
     "AndroidManifest.xml": "an Android app",
 }
-"""Entries that show that a ZIP archive is something else."""
+"""Names of entries that identify special kinds of ZIP archives."""
 _SAMPLE_BYTES = 4096
 """Number of bytes that are examined to distinguish text from other data."""
 _MAX_SHOWN_LETTERS = 40
-"""Maximum number of letters of an entry's name in a message."""
+"""Maximum number of characters of an entry's name that a message shows."""
 
 
 def kind_of(data: bytes) -> tuple[str, str]:
@@ -54,8 +54,8 @@ def kind_of(data: bytes) -> tuple[str, str]:
     """
     if not data:
         return "an empty file", ""
-    for at, mark, name, ending in _FILE_KINDS:
-        if data[at : at + len(mark)] == mark:
+    for offset, mark, name, ending in _FILE_KINDS:
+        if data[offset : offset + len(mark)] == mark:
             return name, ending
     if data.startswith(b"PK"):
         return _archive_kind(data), ""
@@ -65,7 +65,7 @@ def kind_of(data: bytes) -> tuple[str, str]:
 
 
 def _archive_kind(data: bytes) -> str:
-    """Returns a description of a ZIP archive by its entries."""
+    """Describes a ZIP archive by its entries."""
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             names = archive.namelist()

@@ -1,5 +1,6 @@
-"""Replaces missing or damaged motion in a project file by the rest pose, if it can be solved again from
-performers."""
+"""Replaces missing or damaged motion in a project file by the rest pose, if the motion can be solved again
+from recorded performers.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ from enliven.formats.project.values import ARRAY, KIND, array_checksum
 
 
 def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
-    """Returns the project object with each lost stream replaced by the mesh at rest, if it can be solved
-    again. The possession of such a part is marked as not solved.
+    """Replaces each lost stream that can be solved again by a stream at rest. The possession of such a part
+    is marked as not solved.
 
     Args:
         arrays: the readable arrays by name. The function adds those of the streams at rest.
@@ -49,13 +50,14 @@ def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any,
 def _replace_lost_stream(
     part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]
 ) -> Any:
-    """Returns a part. If its stream is lost, adds a stream at rest to ``found``, and marks the part as not
-    solved."""
+    """Returns a part. If its stream is lost, adds a stream at rest to ``found``, and marks the returned part
+    as not solved.
+    """
     possession, name = _as_table(_as_table(part).get("possession")), _as_table(part).get("take")
     rest = arrays.get(str(_as_table(possession.get("rest")).get(ARRAY)))
     stream = _as_table(streams.get(str(name)))
-    whole = all(_as_table(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions"))
-    if whole or not isinstance(name, str) or rest is None or rest.ndim != 2 or rest.shape[1:] != (3,):
+    is_complete = all(_as_table(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions"))
+    if is_complete or not isinstance(name, str) or rest is None or rest.ndim != 2 or rest.shape[1:] != (3,):
         return part
     table: dict[str, Any] = {"id": name, "step": stream.get("step", 1.0)}
     at_rest = np.array(rest[None], np.float64)

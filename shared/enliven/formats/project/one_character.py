@@ -1,5 +1,6 @@
-"""Packs one character as the bytes of a project. A client sends them to put the character on an edge's
-stage."""
+"""Packs one character as the bytes of a project. A client sends these bytes to put the character on the stage
+of an edge.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from enliven.meshes import Mesh
 
 
 def character_bytes(project: Project, character: str, textures: int = 0) -> bytes:
-    """Returns the bytes of a project with one character at rest. Equal characters give equal bytes.
+    """Returns the bytes of a project with one character at rest. Equal characters give identical bytes.
 
     A rigged shape has no layers, a possessed mesh has no motion, and a puppet has only the takes of its key
     poses. Coordinates are rounded to float32.
@@ -32,11 +33,13 @@ def texture_bytes(character: RigBase) -> int:
     """Returns the size of a character's textures in bytes: at least 1 if it has materials, 0 if it has
     none."""
     materials = None if character.mesh is None else character.mesh.materials
-    return 0 if materials is None else max(sum(len(each.image) for each in materials.textures), 1)
+    return 0 if materials is None else max(sum(len(texture.image) for texture in materials.textures), 1)
 
 
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
-    """Returns a project with a mesh that can be possessed. It has one node until it is put on a stage."""
+    """Returns a project with a mesh to which performers can attach. The mesh has one node until it is put on
+    a stage.
+    """
     vertices = _rounded_coordinates(mesh.vertices)
     shape_and_stream = graph_shape_at_rest(
         name, vertices.mean(0)[None], np.empty((0, 2), np.int32), replace(mesh, vertices=vertices)

@@ -1,4 +1,4 @@
-"""The upgrade steps. Each step converts a project object to the next version."""
+"""The upgrade steps of project files. Each step converts a project object to the next version."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 from enliven.document import GraphShape, Puppet, RigBase, Shape, unused
 
 _VERSION_1_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphShape, "puppets": Puppet}
-"""The maps of characters in version 1 with the rig of each, in the order in which they were combined."""
+"""The three maps of characters in version 1, and the rig class of each, in the order in which they are
+combined."""
 
 
 def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
@@ -34,5 +35,5 @@ def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
 
 def _layers_of(shape: dict[str, Any]) -> list[str]:
     """Returns the ids of the layers in the spans of a shape, and of its travel layer, each once."""
-    named = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
-    return list(dict.fromkeys([*named, *([shape["travel"]] if shape.get("travel") else [])]))
+    layer_ids = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
+    return list(dict.fromkeys([*layer_ids, *([shape["travel"]] if shape.get("travel") else [])]))

@@ -1,9 +1,9 @@
 """Converts a document to JSON and arrays, and back, by the type hints of its dataclasses.
 
-A dataclass becomes an object of its fields, a mapping an object, and a tuple an array. A NumPy array becomes
-``{"array": <name>}``, and its numbers are stored separately, each array once. Numbers are restored bit for
-bit, because JSON contains the shortest decimal that gives the same float64. A field that is missing in a file
-gets its default, so new fields can be added without a new version. The object of a rig contains its kind.
+A dataclass and a mapping become JSON objects, and a tuple becomes a JSON array. A NumPy array becomes
+``{"array": <name>}``, and its numbers are stored separately, each array once. Numbers are restored exactly,
+because JSON contains the shortest decimal that gives the same float64. A field that is missing in a file gets
+its default, so new fields can be added without a new version. The JSON object of a rig contains its kind.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ KIND = "kind"
 
 
 class UnknownFieldError(InputError):
-    """A field, a value or a kind of character that this version does not know. A later version may know
-    it."""
+    """A field, a value or a kind of character that this version does not know. It may come from a later
+    version.
+    """
 
 
 def pack(value: Any, arrays: dict[str, AnyArray]) -> Any:
@@ -68,8 +69,8 @@ def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) ->
     if origin in (types.UnionType, typing.Union):
         if value is None and type(None) in arguments:
             return None
-        inner = next(argument for argument in arguments if argument is not type(None))
-        return unpack(inner, value, arrays, where)
+        item_hint = next(argument for argument in arguments if argument is not type(None))
+        return unpack(item_hint, value, arrays, where)
     if hint is RigBase:
         return _read_rig(_checked_type(value, dict, where), arrays, where)
     if origin is np.ndarray:
@@ -94,12 +95,12 @@ def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) ->
 
 
 def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    """Returns a character of the kind of rig that the object names."""
+    """Reads a character. The object names its kind of rig."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
         raise UnknownFieldError(f"a character of the kind {kind!r} is unknown", where=where)
-    rest = {name: value for name, value in table.items() if name != KIND}
-    return _read_dataclass(RigBase.kinds[kind], rest, arrays, where)
+    fields = {name: value for name, value in table.items() if name != KIND}
+    return _read_dataclass(RigBase.kinds[kind], fields, arrays, where)
 
 
 def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
@@ -122,10 +123,10 @@ def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, 
     is_variadic = hints[1:] == (Ellipsis,)
     if not is_variadic and len(hints) != len(values):
         raise InputError(f"it has {len(values)} values, expected {len(hints)}", where=where)
-    each = [hints[0]] * len(values) if is_variadic else list(hints)
+    item_hints = [hints[0]] * len(values) if is_variadic else list(hints)
     return tuple(
         unpack(hint, value, arrays, f"{where}[{number}]")
-        for number, (hint, value) in enumerate(zip(each, values, strict=True))
+        for number, (hint, value) in enumerate(zip(item_hints, values, strict=True))
     )
 
 

@@ -1,5 +1,1 @@
-"""Rigs that a file holds: links, trees of bones, and the shapes that they become."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Converts the rig of a file to a shape: finds the links between joints, and builds the tree of bones."""

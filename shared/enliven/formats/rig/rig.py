@@ -25,7 +25,7 @@ class Rig:
 
     Attributes:
         shape: the model at rest. Its skeleton has a bone for each link between joints of the file.
-        clips: its animations, on that skeleton.
+        clips: its animations on this skeleton.
         notes: a sentence for each unusual property of the file.
     """
 
@@ -49,7 +49,7 @@ def scale_to_height(rig: Rig, height: float) -> Rig:
 
 
 def place_on_floor(rig: Rig) -> Rig:
-    """Returns the model with its lowest vertex at y = 0; x and z do not change."""
+    """Moves the model vertically so that its lowest vertex is at y = 0."""
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
     return _scaled_and_moved(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
@@ -75,34 +75,34 @@ def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Cl
 
 
 def weld_shape(shape: Shape) -> Shape:
-    """Returns the shape with vertices merged if they have the same position and skin weights. Cuts and merges
-    need this.
+    """Merges vertices that have the same position and skin weights. Cuts and merges of shapes require this.
 
-    In files with flat shading, faces do not share vertices. A merged vertex keeps the colour of the first
-    one.
+    In files with flat shading, faces do not share vertices. A merged vertex gets the colour of the first of
+    its vertices.
     """
     if shape.mesh is None or shape.skin is None:
         return shape
     mesh, skin = shape.mesh, shape.skin
     keys = np.concatenate([mesh.vertices + 0.0, skin.indices, np.round(skin.weights, 5)], 1)
-    _, kept, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(kept, kind="stable")
+    _, first_vertices, vertex_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first_vertices, kind="stable")
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
-    faces, kept = number[of.ravel()][mesh.faces], kept[order]
+    faces, first_vertices = number[vertex_of.ravel()][mesh.faces], first_vertices[order]
     is_usable = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
-    colours, stiffness = mesh.paint_at(kept)
+    colours, stiffness = mesh.paint_at(first_vertices)
     materials = None if mesh.materials is None else mesh.materials.taken(is_usable)
     faces = faces[is_usable].astype(np.int32)
-    joined = Mesh(mesh.vertices[kept], faces, mesh.name, colours, materials, stiffness)
-    return shape.with_changes(mesh=joined, skin=SkinWeights(skin.indices[kept], skin.weights[kept]))
+    welded_mesh = Mesh(mesh.vertices[first_vertices], faces, mesh.name, colours, materials, stiffness)
+    return shape.with_changes(
+        mesh=welded_mesh, skin=SkinWeights(skin.indices[first_vertices], skin.weights[first_vertices])
+    )
 
 
 def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
-    """Returns the project with the shape added. All bones and the root play a clip of the shape's own
-    skeleton.
+    """Adds a shape to a project. All its bones and its root play a clip of the shape's own skeleton.
 
-    Each bone has a layer of its own, for the chain from its parent joint to its joint. So each bone rotates,
+    Each bone gets a separate layer, for the chain from its parent joint to its joint. So each bone rotates,
     moves and stretches exactly as in the clip.
 
     Raises:
@@ -110,16 +110,16 @@ def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shap
     """
     skeleton = shape.skeleton
     if not np.array_equal(clip.skeleton.parents, skeleton.parents):
-        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", remedy="Retarget it.")
     if clip.id not in project.takes:
         project = project.with_takes(clip)
     layers, spans = list[Layer](), list[tuple[Span, ...]]()
-    taken: dict[str, object] = dict(project.layer_names)
+    used_names: dict[str, object] = dict(project.layer_names)
     for j, name in enumerate(skeleton.names):
         chain = (int(skeleton.parents[j]), j) if j else (0,)
-        layer = Layer(unused(f"{clip.id}: {name}", taken), clip.id, chain, stretch=clip.deforms)
-        taken[layer.id] = layer
+        layer = Layer(unused(f"{clip.id}: {name}", used_names), clip.id, chain, stretch=clip.deforms)
+        used_names[layer.id] = layer
         layers.append(layer)
         spans.append((Span(1.0, (Ref(layer.id, 0.0, 1.0),)),))
-    moved = shape.with_changes(spans=tuple(spans), travel=layers[0].id, layers=tuple(layers))
-    return project.with_characters(moved), moved
+    playing_shape = shape.with_changes(spans=tuple(spans), travel=layers[0].id, layers=tuple(layers))
+    return project.with_characters(playing_shape), playing_shape

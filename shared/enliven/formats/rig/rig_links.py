@@ -19,16 +19,17 @@ from enliven.rotation import rotate, stretch_from_strain
 _MIN_LOOSE_FRACTION = 0.01
 """Minimum distance of a detached joint from its parent, as a fraction of the model's size."""
 _MISFIT_PER_REST_DISTANCE = 0.5
-"""Misfit, in metres, that costs as much as a metre of distance at rest. So a near joint wins over a far one
-that fits equally well."""
+"""Misfit, in metres, that costs as much as a metre of distance at rest. So of two joints that fit equally
+well, the nearer one is chosen."""
 _MIN_MISFIT_RATIO = 3.0
-"""Minimum ratio of the misfit of the parent in the file to that of another joint that replaces it. The file
-is mostly right."""
+"""Minimum ratio between the misfit of the file's parent and that of another joint that replaces it. The
+parents in a file are usually right."""
 _MIN_ROOT_SURFACE_FRACTION = 0.1
-"""Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
+"""Minimum fraction of the surface that the branch of a root must carry. Branches with less surface are loose
+parts, not the body."""
 _COMPARED_FRAMES = 150
-"""Number of frames of all animations together that are compared. It is enough to see a link break, and the
-cost is quadratic in the joints."""
+"""Number of frames, over all animations, that are compared. It is enough to detect broken links. More frames
+would be slow, because the cost is quadratic in the number of joints."""
 
 
 @dataclass
@@ -40,14 +41,14 @@ class LinkBody:
         parent: number of the parent body, or -1.
         rest: (3,) metres, the rest position.
         turns: (F, 4) world rotations relative to rest, for the frames of all animations in sequence.
-        places: (F, 3) metres, the positions in these frames.
-        mass: area of the surface that follows it, in m2. Each vertex counts by its weight.
-        reach: (3,) metres, the far end of those vertices, or None.
-        leaves: name and (3,) metres of each child node that is not a joint.
+        places: (F, 3) positions in these frames, metres.
+        mass: area of the surface that follows the joint, m^2. Each vertex counts by its weight.
+        reach: (3,) the far end of this surface, metres, or None.
+        leaves: name and position (3,), metres, of each child node that is not a joint.
         strains: (F, 6) the Hencky strains relative to rest, applied before the rotations. None if it is never
             stretched.
-        mirrors: (F,) -1 in frames in which it is mirrored relative to rest, else 1. None if it is never
-            mirrored.
+        mirrors: (F,) -1 in frames in which it is mirrored relative to rest, and 1 in all others. None if it
+            is never mirrored.
     """
 
     name: str
@@ -62,8 +63,9 @@ class LinkBody:
     mirrors: Float | None = None
 
     def moved(self, vectors: Float) -> Float:
-        """Returns vectors (3,) or (F, 3) of the rest pose in each frame (F, 3): mirrored and stretched, then
-        rotated."""
+        """Transforms vectors (3,) or (F, 3) of the rest pose to each frame (F, 3): mirrors and stretches,
+        then rotates them.
+        """
         if self.mirrors is not None:
             vectors = self.mirrors[:, None] * vectors
         if self.strains is not None:
@@ -94,61 +96,67 @@ class Links:
 
 
 def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
-    """Returns the tree of the joints. Among all detached parts, the root is the one that gives the smallest
-    misfit.
+    """Finds the tree of the joints. The root is chosen among the tops of all detached parts, so that the
+    total misfit is smallest.
 
-    Joints without vertices, also below them, are removed, and their parents get a leaf at their positions. A
-    root that moves no vertex and has a single child is removed too.
+    Joints that move no vertices, directly or through descendants, are removed, and their parents get a leaf
+    at their positions. A root that moves no vertex and has a single child is removed too.
 
     Args:
-        as_is: True to keep the file's parents, even if their links do not hold.
+        as_is: True to keep the file's parents, even if their links change in the animations.
     """
-    before = [body.parent for body in bodies]
+    file_parents = [body.parent for body in bodies]
     misfits = _rest_misfits(bodies)
-    loose = [
-        p < 0 or (not as_is and misfits[j, p] > _MIN_LOOSE_FRACTION * size) for j, p in enumerate(before)
+    loose_bodies = [
+        p < 0 or (not as_is and misfits[j, p] > _MIN_LOOSE_FRACTION * size)
+        for j, p in enumerate(file_parents)
     ]
-    weight = _subtree_surfaces(bodies, before)
+    weight = _subtree_surfaces(bodies, file_parents)
     total = sum(body.mass for body in bodies)
-    tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _MIN_ROOT_SURFACE_FRACTION * total]
+    tops = [
+        j for j in range(len(bodies)) if loose_bodies[j] and weight[j] > _MIN_ROOT_SURFACE_FRACTION * total
+    ]
     if not tops:
-        # If several sibling joints each move a little, as on a baked surface, take the joint that moves most
-        # of the mesh.
-        tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
+        # If several sibling joints each move only a small part, as on a baked surface, use the joint that
+        # moves most of the mesh.
+        tops = [max((j for j in range(len(bodies)) if loose_bodies[j]), key=lambda j: (weight[j], -j))]
     trees = [
-        _attach_to_root(bodies, before, loose, misfits, top)
+        _attach_to_root(bodies, file_parents, loose_bodies, misfits, top)
         for top in sorted(tops, key=lambda j: (-weight[j], j))
     ]
     links = min(
         trees, key=lambda one: _mean_misfit(bodies, one, misfits) // (0.3 * _MIN_LOOSE_FRACTION * size)
     )
-    moved = [
-        f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
+    moving_bodies = [
+        f"{bodies[j].name} on {bodies[p].name}"
+        for j, p in links.parents.items()
+        if p not in (-1, file_parents[j])
     ]
-    if moved:
-        links.notes.append(f"attached to the joints that they follow: {', '.join(moved)}")
+    if moving_bodies:
+        links.notes.append(f"attached to the joints that they follow: {', '.join(moving_bodies)}")
     for j in set(range(len(bodies))) - set(links.parents):
-        if before[j] in links.parents:
-            bodies[before[j]].leaves.append((bodies[j].name, bodies[j].rest))
+        if file_parents[j] in links.parents:
+            bodies[file_parents[j]].leaves.append((bodies[j].name, bodies[j].rest))
     _drop_controller_roots(bodies, links)
     return links
 
 
 def depth_first_order(parents: dict[int, int]) -> list[int]:
     """Returns the bodies in depth-first order, each after its parent."""
-    below: dict[int, list[int]] = {}
+    children: dict[int, list[int]] = {}
     for j, parent in parents.items():
-        below.setdefault(parent, []).append(j)
-    order, remaining = [], list(reversed(below.get(-1, [])))
+        children.setdefault(parent, []).append(j)
+    order, remaining = [], list(reversed(children.get(-1, [])))
     while remaining:
         order.append(remaining.pop())
-        remaining.extend(reversed(below.get(order[-1], [])))
+        remaining.extend(reversed(children.get(order[-1], [])))
     return order
 
 
 def _rest_misfits(bodies: list[LinkBody]) -> Float:
-    """Returns (J, J) metres, the root mean square deviation of body j from its rest position relative to body
-    p."""
+    """Returns (J, J) the root mean square deviation, metres, of body j from its rest position relative to
+    body p.
+    """
     count, frames = len(bodies), len(bodies[0].places)
     compared = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _COMPARED_FRAMES)).astype(int))
     if frames == 0:
@@ -168,7 +176,7 @@ def _rest_misfits(bodies: list[LinkBody]) -> Float:
 
 
 def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]:
-    """Returns for each body the area of the surface that it and all bodies below it move."""
+    """Returns for each body the area of the surface that the body and its descendants move."""
     weight = [body.mass for body in bodies]
     for j in range(len(bodies) - 1, -1, -1):
         if parents[j] >= 0:
@@ -179,7 +187,7 @@ def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]
 def _attach_to_root(
     bodies: list[LinkBody], before: list[int], loose: list[bool], misfits: Float, root: int
 ) -> Links:
-    """Attaches everything that moves vertices to ``root``, directly or through other bodies."""
+    """Attaches all bodies that move vertices to ``root``, directly or through other bodies."""
     above = _file_ancestors(before, root)
     parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
     tops = [_root_of(parents, j) for j in range(len(bodies))]
@@ -193,9 +201,9 @@ def _attach_to_root(
         remaining.remove(t)
         parents[t] = _new_parent(bodies, t, before[t], inside, misfits)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
-    kept = inside & _carrying_bodies(bodies, parents, inside)
-    merged = tuple(j for j in above if bodies[j].mass > 0)
-    return Links({j: parents[j] for j in sorted(kept | {root})}, merged, [])
+    kept_bodies = inside & _carrying_bodies(bodies, parents, inside)
+    merged_bodies = tuple(j for j in above if bodies[j].mass > 0)
+    return Links({j: parents[j] for j in sorted(kept_bodies | {root})}, merged_bodies, [])
 
 
 def _file_ancestors(before: list[int], j: int) -> list[int]:
@@ -208,20 +216,23 @@ def _file_ancestors(before: list[int], j: int) -> list[int]:
 
 
 def _new_parent(bodies: list[LinkBody], child: int, old_parent: int, inside: set[int], misfits: Float) -> int:
-    """Returns the body to attach a cut branch to: its old parent, unless another is followed far better."""
+    """Returns the body to which a cut branch is attached: its old parent, unless it follows another body much
+    better.
+    """
     costs = {
         c: misfits[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside
     }
-    best = min(costs, key=lambda c: (costs[c], c))
+    best_parent = min(costs, key=lambda c: (costs[c], c))
     return (
         old_parent
-        if old_parent in inside and misfits[child, old_parent] < _MIN_MISFIT_RATIO * misfits[child, best]
-        else best
+        if old_parent in inside
+        and misfits[child, old_parent] < _MIN_MISFIT_RATIO * misfits[child, best_parent]
+        else best_parent
     )
 
 
 def _rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
-    points = [bodies[parent].rest, *(place for _, place in bodies[parent].leaves)]
+    points = [bodies[parent].rest, *(leaf_position for _, leaf_position in bodies[parent].leaves)]
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
 
@@ -250,7 +261,9 @@ def _mean_misfit(bodies: list[LinkBody], links: Links, misfits: Float) -> float:
         if links.parents[j] >= 0:
             deviation[j] += deviation[links.parents[j]]
     deviation.update({j: float(misfits[j, links.root]) for j in links.merged})
-    return sum(bodies[j].mass * far for j, far in deviation.items()) / max(sum(b.mass for b in bodies), 1e-12)
+    return sum(bodies[j].mass * distance for j, distance in deviation.items()) / max(
+        sum(b.mass for b in bodies), 1e-12
+    )
 
 
 def _drop_controller_roots(bodies: list[LinkBody], links: Links) -> None:

@@ -82,10 +82,10 @@ def build_tree(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree
         as_is: True to keep the file's parents, for a file that enliven has written from such a skeleton.
     """
     links = find_links(bodies, size, as_is)
-    places = _bodies_by_position(bodies, links.parents, size)
-    apart = [j for j in links.merged if _moves_from_root(bodies, j, links.root, size)]
-    tree = _build_skeleton(bodies, links.parents, places, size, links.notes, apart)
-    tree.bone.update(dict.fromkeys((j for j in links.merged if j not in apart), 0))
+    joint_bodies = _bodies_by_position(bodies, links.parents, size)
+    separate_bodies = [j for j in links.merged if _moves_from_root(bodies, j, links.root, size)]
+    tree = _build_skeleton(bodies, links.parents, joint_bodies, size, links.notes, separate_bodies)
+    tree.bone.update(dict.fromkeys((j for j in links.merged if j not in separate_bodies), 0))
     return tree
 
 
@@ -96,15 +96,16 @@ def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> 
         return False
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
     distances = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
-    turned = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
+    cosine = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
     return bool(
-        distances > _MAX_MOVING_DISTANCE_FRACTION * size or turned < 1.0 - _MAX_MOVING_DISTANCE_FRACTION**2
+        distances > _MAX_MOVING_DISTANCE_FRACTION * size or cosine < 1.0 - _MAX_MOVING_DISTANCE_FRACTION**2
     )
 
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
-    """Returns for each joint with vertices its name and its largest distance in metres from its place on
-    their bone."""
+    """Returns the name of each joint with vertices, and its maximum distance, metres, from its position on
+    the bone.
+    """
     skeleton, drifts, tracks = tree.skeleton, [], joint_tracks(bodies, tree)
     for number, bone in tree.bone.items():
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
@@ -116,28 +117,31 @@ def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
 
 
 def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
-    """Returns (F, N, 3) metres, the positions of the joints over time. A tip moves rigidly with its bone."""
+    """Returns (F, N, 3) the positions of the joints over time, metres. A tip moves rigidly with its bone."""
     skeleton = tree.skeleton
-    at = np.empty((len(bodies[0].places), len(skeleton), 3))
+    positions = np.empty((len(bodies[0].places), len(skeleton), 3))
     for j, body in enumerate(tree.body):
         if body >= 0:
-            at[:, j] = bodies[body].places
+            positions[:, j] = bodies[body].places
         else:
-            at[:, j] = at[:, skeleton.parents[j]] + bodies[tree.driver[j]].moved(skeleton.vectors[j])
-    return at
+            positions[:, j] = positions[:, skeleton.parents[j]] + bodies[tree.driver[j]].moved(
+                skeleton.vectors[j]
+            )
+    return positions
 
 
 def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float | None, Float | None]:
-    """Returns (F, N, 3) offsets and (F, N, 6) strains of the bones, in a clip's format. Each is None if it is
-    zero or not visible."""
-    skeleton, at = tree.skeleton, joint_tracks(bodies, tree)
-    offsets, strains = np.zeros_like(at), np.zeros((*at.shape[:2], 6))
+    """Returns (F, N, 3) offsets and (F, N, 6) strains of the bones, in the format of a clip. Each is None if
+    it is zero or too small to be visible.
+    """
+    skeleton, positions = tree.skeleton, joint_tracks(bodies, tree)
+    offsets, strains = np.zeros_like(positions), np.zeros((*positions.shape[:2], 6))
     for j in range(len(skeleton)):
         driver = bodies[tree.driver[j]]
         if driver.strains is not None:
             strains[:, j] = driver.strains
         if j and tree.body[j] >= 0:
-            direction = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
+            direction = rotate(conjugate(driver.turns), positions[:, j] - positions[:, skeleton.parents[j]])
             direction = direction if driver.mirrors is None else direction * driver.mirrors[:, None]
             offsets[:, j] = stretched(stretch_from_strain(-strains[:, j]), direction) - skeleton.vectors[j]
     offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _MIN_TRACK_MOTION_FRACTION * size] = 0.0
@@ -147,18 +151,20 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
 def _bodies_by_position(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
     """Returns for each body the first body at the same position that is its parent or sibling, or else
     itself."""
-    first: dict[int, int] = {}
+    first_body: dict[int, int] = {}
     for j in depth_first_order(parents):
         if parents[j] < 0:
-            first[j] = j
+            first_body[j] = j
             continue
-        joint_number = first[parents[j]]
-        beside = [
-            k for k in first if parents[k] >= 0 and first.get(parents[k]) == joint_number and first[k] == k
+        joint_number = first_body[parents[j]]
+        relatives = [
+            k
+            for k in first_body
+            if parents[k] >= 0 and first_body.get(parents[k]) == joint_number and first_body[k] == k
         ]
-        near = [k for k in (joint_number, *beside) if _is_same_place(bodies, j, k, size)]
-        first[j] = near[0] if near else j
-    return first
+        same_place = [k for k in (joint_number, *relatives) if _is_same_place(bodies, j, k, size)]
+        first_body[j] = same_place[0] if same_place else j
+    return first_body
 
 
 def _is_same_place(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
@@ -179,8 +185,7 @@ def _build_skeleton(
 ) -> Tree:
     """Builds the skeleton: one joint for each position, one bone for each link, and the tips.
 
-    ``apart`` contains bodies above the root that move relative to it. Each gets a limb of its own at the
-    root.
+    ``apart`` contains bodies above the root that move relative to it. Each gets a separate limb at the root.
     """
     names: dict[int, str] = {}
     for j, joint_number in first.items():
@@ -190,8 +195,10 @@ def _build_skeleton(
     for j in depth_first_order(parents):
         if first[j] != j:
             continue
-        above = -1 if parents[j] < 0 else number[first[parents[j]]]
-        number[j] = joints.add(names[j], above, bodies[j].rest, parents[j] if above >= 0 else j, j)
+        parent_number = -1 if parents[j] < 0 else number[first[parents[j]]]
+        number[j] = joints.add(
+            names[j], parent_number, bodies[j].rest, parents[j] if parent_number >= 0 else j, j
+        )
     root = next(j for j in parents if parents[j] < 0)
     bone: dict[int, int] = {}
     for j in depth_first_order(parents):
@@ -205,8 +212,8 @@ def _build_skeleton(
             if joints.drivers[k] == j and joints.parents[k] == joint_number
         ]
         if bodies[j].mass > 0 and not out:
-            name, place = _bone_tip(bodies, j, joints, joint_number, size)
-            bone[j] = joints.add(name, joint_number, place, j)
+            name, tip_position = _bone_tip(bodies, j, joints, joint_number, size)
+            bone[j] = joints.add(name, joint_number, tip_position, j)
         elif out:
             straight = joints.straightest(joint_number, out)
             if straight < 0 and bodies[j].mass > 0:
@@ -245,7 +252,7 @@ class _Joints:
         return len(self.names) - 1
 
     def straightest(self, joint_number: int, bones: list[int]) -> int:
-        """Returns the bone that continues straight beyond a joint, among ``bones``, or -1 if none does."""
+        """Returns the bone among ``bones`` that continues straight beyond a joint, or -1 if there is none."""
         if len(bones) == 1:
             return bones[0]
         incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
@@ -261,8 +268,9 @@ class _Joints:
         return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
     def beyond(self, joint_number: int, share: float) -> Float:
-        """Returns (3,) metres, a point beyond a joint, at the fraction ``share`` of the length of the bone to
-        that joint."""
+        """Returns (3,) a point beyond a joint, metres. Its distance is the fraction ``share`` of the length
+        of the bone that ends there.
+        """
         incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
         length = float(np.linalg.norm(incoming))
         return self.rest[joint_number] + (
@@ -294,9 +302,9 @@ def _bone_tip(
 ) -> tuple[str, Float]:
     """Returns the name and position of the tip of a joint without children."""
     body = bodies[j]
-    for name, place in body.leaves:
-        if np.linalg.norm(place - body.rest) > 1e-3 * size:
-            return name, place
+    for name, leaf_position in body.leaves:
+        if np.linalg.norm(leaf_position - body.rest) > 1e-3 * size:
+            return name, leaf_position
     name = f"{body.name} end"
     if body.reach is not None and np.linalg.norm(body.reach - body.rest) > 1e-3 * size:
         return name, body.reach

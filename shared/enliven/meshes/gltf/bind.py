@@ -26,12 +26,13 @@ class Bind:
     """The bind pose.
 
     Args:
-        still: True if no clip moves the surface. Mirrored joints are then mirrored in the bind pose, even if
-            vertices are partly bound to them.
+        still: True if no animation moves the surface. Mirrored joints are then mirrored in the bind pose,
+            even if vertices are only partly bound to them.
 
     Attributes:
-        world: (n, 4, 4) world_from_node of every node, in the bind pose.
-        rest: (n, 4, 4) the same in the file's rest pose. Parts hidden by scale 0 are shown.
+        world: (n, 4, 4) world_from_node of every node in the bind pose.
+        rest: (n, 4, 4) world_from_node of every node in the file's rest pose. A scale of 0, which hides a
+            part, is replaced.
         inverse: for each used skin, the inverse bind matrix of each of its joints.
     """
 
@@ -46,10 +47,10 @@ class Bind:
         used = {part.skin: part.carrier for part in parts if part.skin >= 0}
         for skin in sorted(used, key=lambda s: -len(file.document.skins[s].joints)):
             self.inverse[skin] = self._inverse_of(skin)
-            placed = self._world_from_mesh(skin, used[skin], bound_nodes)
+            world_from_skin = self._world_from_mesh(skin, used[skin], bound_nodes)
             for node, inverse in self.inverse[skin].items():
                 if node not in bound_nodes:
-                    self.world[node] = placed @ np.linalg.inv(inverse)
+                    self.world[node] = world_from_skin @ np.linalg.inv(inverse)
                     bound_nodes.add(node)
         self._move_skinless_nodes(bound_nodes)
         self._rescale_joints(bound_nodes, parts)
@@ -59,16 +60,16 @@ class Bind:
         if part.skin < 0:
             matrix = self.world[part.carrier]
             return np.asarray(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
-        placed = {n: self.world_from_mesh(part, n) for n in np.unique(part.nodes)}
-        out = np.zeros_like(part.vertices)
+        transforms = {n: self.world_from_mesh(part, n) for n in np.unique(part.nodes)}
+        vertices_in_world = np.zeros_like(part.vertices)
         for k in range(4):
-            matrices = np.stack([placed[n] for n in part.nodes[:, k]])
-            moved = np.einsum("vab,vb->va", matrices[:, :3, :3], part.vertices) + matrices[:, :3, 3]
-            out += part.weights[:, k, None] * moved
-        return out
+            matrices = np.stack([transforms[n] for n in part.nodes[:, k]])
+            transformed = np.einsum("vab,vb->va", matrices[:, :3, :3], part.vertices) + matrices[:, :3, 3]
+            vertices_in_world += part.weights[:, k, None] * transformed
+        return vertices_in_world
 
     def world_from_mesh(self, part: GltfPart, node: int) -> Float:
-        """Returns the (4, 4) transform of a vertex that follows one node only."""
+        """Returns the (4, 4) transform world_from_mesh of a vertex that follows only ``node``."""
         return (
             self.world[node]
             if part.skin < 0
@@ -76,7 +77,7 @@ class Bind:
         )
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
-        """Returns the inverse bind matrix of each joint of a skin, the identity if it has none."""
+        """Returns the inverse bind matrix of each joint of a skin; the identity if the file gives none."""
         skin_entry = self._file.document.skins[skin]
         if skin_entry.inverseBindMatrices is None:
             matrices = np.tile(np.eye(4), (len(skin_entry.joints), 1, 1))
@@ -105,21 +106,26 @@ class Bind:
         if self._has_joint_clips and not _is_even(by_joint):
             by_joint = self._uniform_rest(top) @ inverse[top]
         bound = np.stack([np.linalg.inv(m)[:3, 3] for m in inverse.values()])
-        ours = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
-        theirs = bound @ by_node[:3, :3].T + by_node[:3, 3]
-        size = max(float(np.ptp(ours, axis=0).max()), 1e-9)
-        # Rotation and scale must also agree, because otherwise the whole bind pose would differ.
+        rest_positions = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
+        bound_positions = bound @ by_node[:3, :3].T + by_node[:3, 3]
+        size = max(float(np.ptp(rest_positions, axis=0).max()), 1e-9)
+        # Compare rotation and scale too, because a difference in either would change the whole bind pose.
         lever = size * np.abs(np.linalg.solve(by_joint[:3, :3], by_node[:3, :3]) - np.eye(3)).max()
-        near = np.abs(ours - theirs).max() < _MAX_JOINT_DISTANCE * size and lever < _MAX_JOINT_DISTANCE * size
-        return np.asarray(by_node if near else by_joint)
+        is_plausible = (
+            np.abs(rest_positions - bound_positions).max() < _MAX_JOINT_DISTANCE * size
+            and lever < _MAX_JOINT_DISTANCE * size
+        )
+        return np.asarray(by_node if is_plausible else by_joint)
 
     @property
     def _has_joint_clips(self) -> bool:
-        """True if clips move the joints."""
+        """True if animations move the joints."""
         return bool(self._file.document.animations) and not self._still
 
     def _uniform_rest(self, node: int) -> Float:
-        """Returns a node's rest transform (4, 4) with a uniform scale. Clips contain the true scale."""
+        """Returns a node's rest transform (4, 4) with a uniform scale. The animations contain the actual
+        scale.
+        """
         transform: Float = self.rest[node].copy()
         size = np.abs(self._scale[node])
         transform[:3, :3] /= size / np.cbrt(size.prod())
@@ -132,21 +138,21 @@ class Bind:
         return depth
 
     def _move_skinless_nodes(self, known: set[int]) -> None:
-        """Moves nodes that belong to no skin along with the joint above them."""
+        """Moves each node that is not a joint of a skin together with its nearest ancestor joint."""
         for node in self._order:
             parent = self._file.parents[node]
             if node in known or parent not in known:
                 continue
-            # The node is not a joint. A node above a joint has no influence here, and a node below a joint
-            # keeps its place relative to the joint.
+            # The node is not a joint. A node above all joints stays unchanged. A node below a joint keeps its
+            # pose relative to the joint.
             self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
             known.add(node)
 
     def _rescale_joints(self, known: set[int], parts: list[GltfPart]) -> None:
-        """Scales and mirrors joints if their scale in the file differs from that at binding.
+        """Scales and mirrors joints if their scale in the file differs from their scale at binding.
 
-        A scale that is never animated belongs to the rest pose, with the node's whole subtree. The same
-        applies to mirroring, which bones cannot have over time.
+        A scale that is never animated is applied to the node and its whole subtree in the rest pose. The same
+        applies to mirroring, because bones cannot be mirrored during an animation.
         """
         document = self._file.document
         animated = {
@@ -161,8 +167,8 @@ class Bind:
         mirrored = {node: _is_mirrored(self.rest[node]) != _is_mirrored(bound[node]) for node in known}
         moving = set[int]()
         if document.animations and not self._still and _blends_mirrored(parts, mirrored):
-            # A vertex that is only partly bound to a mirrored joint would move wrongly. So the clips mirror
-            # the bones instead.
+            # A vertex that is only partly bound to a mirrored joint would move wrongly. In this case, the
+            # animation clips mirror the bones instead.
             for node in self._order:
                 if node in known and (mirrored[node] or self._file.parents[node] in moving):
                     moving.add(node)
@@ -172,29 +178,32 @@ class Bind:
             if node not in known or parent not in known:
                 continue
             self.world[node] = self.world[parent] @ np.linalg.solve(bound[parent], bound[node])
-            grown = sizes[node] / sizes[parent] * self._uneven_scale(bound, parent, node)
-            if node not in animated | moving and np.abs(grown - 1.0).max() > _MAX_SCALE_ROUNDING:
-                self.world[node][:3, :3] *= grown
+            scale_change = sizes[node] / sizes[parent] * self._uneven_scale(bound, parent, node)
+            if node not in animated | moving and np.abs(scale_change - 1.0).max() > _MAX_SCALE_ROUNDING:
+                self.world[node][:3, :3] *= scale_change
             if mirrored[node] != mirrored[parent]:
                 self.world[node][:3, :3] *= self._mirror_signs(node)
 
     def _uneven_scale(self, bound: Float, parent: int, node: int) -> Float:
-        """Returns the non-uniform part (3,) of a node's scale in the file relative to binding, per axis.
+        """Returns (3,) the non-uniform part, per axis, of a node's scale in the file relative to its scale at
+        binding.
 
-        In a model with animations it is 1, and the clips contain that scale. Otherwise children that rotate
-        would be sheared.
+        For a model with animations, all three are 1, and the clips contain that scale. Otherwise rotating
+        children would be sheared.
         """
         if self._has_joint_clips:
             return np.ones(3)
-        rest, before = (np.linalg.solve(own[parent], own[node]) for own in (self.rest, bound))
-        grown = np.linalg.norm(rest[:3, :3], axis=0) / np.linalg.norm(before[:3, :3], axis=0)
-        grown = grown / np.cbrt(grown.prod())
-        return grown if np.abs(grown - 1.0).max() > _MAX_SCALE_ROUNDING else np.ones(3)
+        rest, at_binding = (
+            np.linalg.solve(matrices[parent], matrices[node]) for matrices in (self.rest, bound)
+        )
+        scale_change = np.linalg.norm(rest[:3, :3], axis=0) / np.linalg.norm(at_binding[:3, :3], axis=0)
+        scale_change = scale_change / np.cbrt(scale_change.prod())
+        return scale_change if np.abs(scale_change - 1.0).max() > _MAX_SCALE_ROUNDING else np.ones(3)
 
     def _mirror_signs(self, node: int) -> Float:
         """Returns (3,) signs: -1 for each axis along which the file mirrors a node.
 
-        If the file does not define the axis, it is the first one.
+        If the axis cannot be determined from the file, it is the first one.
         """
         signs = np.sign(self._scale[node])
         return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
@@ -213,9 +222,9 @@ def _is_even(matrix: Float) -> bool:
 def _blends_mirrored(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
     """Returns True if a vertex follows both a mirrored joint and one that is not mirrored."""
     for part in parts:
-        over = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
-        over[[node for node, flag in mirrored.items() if flag]] = True
-        moved_weight = np.where(over[part.nodes], part.weights, 0.0).sum(1)
+        mirrored_mask = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
+        mirrored_mask[[node for node, flag in mirrored.items() if flag]] = True
+        moved_weight = np.where(mirrored_mask[part.nodes], part.weights, 0.0).sum(1)
         if ((moved_weight > 1e-4) & (moved_weight < 1.0 - 1e-4)).any():
             return True
     return False

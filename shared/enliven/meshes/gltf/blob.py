@@ -11,7 +11,7 @@ import pygltflib
 from enliven.arrays import AnyArray
 
 _ACCESSOR_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
-"""glTF's accessor type for a number of components (glTF 2.0, table 3.6.2.2)."""
+"""Name of glTF's accessor type by its number of components (glTF 2.0, table 3.6.2.2)."""
 _COMPONENT_TYPES: dict[Any, int] = {
     np.dtype(np.uint8): pygltflib.UNSIGNED_BYTE,
     np.dtype(np.uint16): pygltflib.UNSIGNED_SHORT,
@@ -32,10 +32,10 @@ class Blob:
     def add(self, array: AnyArray, target: int | None = None, normalised: bool = False) -> int:
         """Adds an array (N, C) or (N,) and returns its accessor's number.
 
-        Its rows must be multiples of 4 bytes.
+        The size of a row must be a multiple of 4 bytes.
 
         Args:
-            target: the buffer's use on the GPU, for vertices and faces.
+            target: glTF's code for the use of the buffer on the GPU (vertices or indices).
             normalised: True for integers that represent 0..1.
         """
         array = np.ascontiguousarray(array)

@@ -1,4 +1,4 @@
-"""The colour of each vertex of a glTF primitive: product of base colour, texture and vertex colour."""
+"""Vertex colours of a glTF primitive: the product of base colour, texture and vertex colour."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from enliven.meshes.pictures import open_picture
 
 _WHITE = np.ones(3)
 _MAX_PIXELS = 1 << 28
-"""Maximum number of pixels of all textures of a file: four of 8192 x 8192, or 0.8 GB. A file of a few
-kilobytes can declare more."""
+"""Maximum total number of pixels of all textures of a file: four textures of 8192 x 8192, or 0.8 GB. Even a
+file of a few kilobytes can declare more."""
 
 
 class Colours:
-    """The materials of a file. Each image is decoded once.
+    """The vertex colours of a file's primitives. Each texture image is decoded once.
 
     Attributes:
         notes: sentences about textures that could not be read.
@@ -57,7 +57,9 @@ class Colours:
         return srgb_from_linear(linear)
 
     def _texture_colours(self, primitive: Any, texture: Any, count: int) -> Float:
-        """Returns (V, 3) linear colours of the texture at each vertex, repeated beyond its edges."""
+        """Returns (V, 3) linear colours of the texture at each vertex. The texture repeats beyond its
+        edges.
+        """
         accessor = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
         picture = self._texture_image(texture.index)
         if accessor is None or picture is None:

@@ -16,8 +16,8 @@ from enliven.meshes.gltf.extensions import DRACO
 from enliven.meshes.gltf.gltf_json import Entry
 
 MAX_UNPACKED_BYTES = 1 << 29
-"""Maximum bytes of all decompressed buffer views of a file, 0.5 GB. A file of a few kilobytes can declare
-a thousand times as much."""
+"""Maximum total bytes of all decompressed buffer views of a file, 0.5 GB. A compressed file can declare a
+thousand times its own size."""
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 """The kinds of data that meshoptimizer packs (EXT_meshopt_compression)."""
 _FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
@@ -29,7 +29,8 @@ _MAX_ROW_BYTES = 256
 def draco_arrays(
     data: bytes, attributes: dict[str, int], where: str = ""
 ) -> tuple[dict[str, AnyArray], AnyArray]:
-    """Returns the attributes (V, C) of a compressed mesh by name, and the corners of its faces (3 F, 1).
+    """Decodes a mesh compressed by Draco. Returns its attributes (V, C) by name, and the vertex indices of
+    its faces (3 F, 1).
 
     Args:
         data: the content of the extension's buffer view.
@@ -43,14 +44,16 @@ def draco_arrays(
     decoder = _load_decoder("DracoPy", where)
     try:
         mesh = decoder.decode(data)
-        held: dict[int, Any] = {each["unique_id"]: each["data"] for each in mesh.attributes}
+        arrays_by_id: dict[int, Any] = {
+            attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes
+        }
         faces = np.asarray(mesh.faces, np.uint32).reshape(-1, 1)
     except Exception:  # Third-party decoders may raise any exception for damaged data.
         raise InputError(f"its data compressed by {DRACO} is damaged") from None
-    lacking = [name for name, number in attributes.items() if number not in held]
+    lacking = [name for name, number in attributes.items() if number not in arrays_by_id]
     if lacking:
         raise InputError(f"its data compressed by {DRACO} lacks {', '.join(lacking[:5])}")
-    arrays = {name: np.asarray(held[number]) for name, number in attributes.items()}
+    arrays = {name: np.asarray(arrays_by_id[number]) for name, number in attributes.items()}
     return {name: array.reshape(len(array), -1) for name, array in arrays.items()}, faces
 
 
@@ -89,8 +92,8 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
     size = check_meshopt(packed)
     decoder = _load_decoder("meshopt", where)
     try:
-        way = packed.mode, packed.filter or "NONE"
-        decoded = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
+        coding = packed.mode, packed.filter or "NONE"
+        decoded = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *coding)
         unpacked = np.ascontiguousarray(decoded).tobytes()
     except Exception:  # Third-party decoders may raise any exception for damaged data.
         raise InputError("it is damaged") from None
@@ -111,5 +114,5 @@ def _load_decoder(module: str, where: str) -> Any:
         is_missing = isinstance(error, ModuleNotFoundError) and error.name == module
         state = "is not installed" if is_missing else "does not load"
         problem = f"it is compressed, and the library {module} that unpacks it {state}"
-        mend = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
-        raise ResourceError(problem, where=where, mend=mend) from None
+        advice = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
+        raise ResourceError(problem, where=where, remedy=advice) from None

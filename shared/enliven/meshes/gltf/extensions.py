@@ -1,4 +1,4 @@
-"""Support of glTF extensions: which ones are read, which ones are ignored, and which ones are refused.
+"""Support of glTF extensions: defines which extensions are read, ignored or refused.
 
 notes = extension_notes(document)       # raises for an unsupported required extension
 follow_pointers(document)               # converts channels of KHR_animation_pointer to ordinary ones
@@ -21,7 +21,7 @@ INSTANCING = "EXT_mesh_gpu_instancing"
 VISIBILITY = "KHR_node_visibility"
 """Nodes that are hidden with their whole subtree."""
 POINTER = "KHR_animation_pointer"
-"""Channels that animate any value of the file, named by a JSON pointer."""
+"""Channels that animate any value of the file. A JSON pointer names the value."""
 _SUPPORTED_EXTENSIONS = {
     "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -56,7 +56,7 @@ _NODE_POINTER = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
 
 
 def extension_notes(document: Entry) -> list[str]:
-    """Returns a sentence for each ignored extension that matters, without duplicates.
+    """Returns a sentence for each ignored extension that affects the result, without duplicates.
 
     Raises:
         InputError: if the file requires an unsupported extension.
@@ -64,8 +64,8 @@ def extension_notes(document: Entry) -> list[str]:
     required, used = _unique_names(document.extensionsRequired), _unique_names(document.extensionsUsed)
     needed = [name for name in required if name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name)]
     if needed:
-        mend = "Export it without this extension."
-        raise InputError(f"it needs {', '.join(needed)}, which is not supported", mend=mend)
+        advice = "Export it without this extension."
+        raise InputError(f"it needs {', '.join(needed)}, which is not supported", remedy=advice)
     notes = list[str]()
     for name in required:
         if _is_harmless(name):
@@ -82,39 +82,39 @@ def follow_pointers(document: Entry) -> list[str]:
 
     Returns a sentence about channels with other targets, which are left out.
     """
-    left = list[str]()
+    skipped_targets = list[str]()
     for animation in document.animations or []:
-        kept = list[Any]()
+        kept_channels = list[Any]()
         for channel in animation.channels or []:
             target = channel.target
             if target is not None and target.path == "pointer":
                 pointer = getattr(getattr(target.extensions, POINTER, None), "pointer", None)
-                named = _NODE_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
-                if named is None:
+                match = _NODE_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
+                if match is None:
                     _show_node(document, pointer)
-                    left.append(pointer if isinstance(pointer, str) else "nothing")
+                    skipped_targets.append(pointer if isinstance(pointer, str) else "nothing")
                     continue
-                target.node, target.path = int(named[1]), named[2]
-            kept.append(channel)
-        animation.channels = kept
-    if not left:
+                target.node, target.path = int(match[1]), match[2]
+            kept_channels.append(channel)
+        animation.channels = kept_channels
+    if not skipped_targets:
         return []
-    shown = ", ".join(name[:80] for name in list(dict.fromkeys(left))[:5])
+    shown = ", ".join(name[:80] for name in list(dict.fromkeys(skipped_targets))[:5])
     return [f"animations of values other than a node's place, turn and size are left out: {shown}"]
 
 
 def _show_node(document: Entry, pointer: Any) -> None:
-    """Shows a node with animated visibility, since the surface is needed."""
-    named = _VISIBILITY_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
-    if named is not None and int(named[1]) < len(document.nodes):
-        node = document.nodes[int(named[1])]
+    """Makes a node visible if its visibility is animated, because its surface is needed."""
+    match = _VISIBILITY_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
+    if match is not None and int(match[1]) < len(document.nodes):
+        node = document.nodes[int(match[1])]
         visibility = getattr(node.extensions, VISIBILITY, None)
         if isinstance(visibility, Entry):
             vars(visibility)["visible"] = True
 
 
 def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
-    """Returns the nodes that the file hides, with their whole subtrees."""
+    """Returns the hidden nodes of a file, with their whole subtrees."""
     visible = [
         getattr(getattr(node.extensions, VISIBILITY, None), "visible", None) for node in document.nodes
     ]

@@ -37,8 +37,8 @@ class GltfFile:
     """A parsed file with its buffers.
 
     Attributes:
-        path: named in errors.
-        document: its JSON. Missing entries are None.
+        path: the path of the file, which errors mention.
+        document: the JSON of the file. Missing entries are None.
         parents: parent of each node, -1 at a root.
         hidden: the nodes that the file hides.
         notes: a sentence about each ignored extension and animation.
@@ -62,29 +62,30 @@ class GltfFile:
             self.notes += follow_pointers(self.document)
             self.hidden = hidden_nodes(self.document, self.parents)
         except InputError as error:
-            raise self.wrong(error.what, error.mend or _EXPORT_ADVICE) from None
+            raise self.wrong(error.what, error.remedy or _EXPORT_ADVICE) from None
         except DAMAGE as error:
             raise self.damaged(error) from None
 
-    def wrong(self, what: str, mend: str = _EXPORT_ADVICE) -> InputError:
+    def wrong(self, what: str, remedy: str = _EXPORT_ADVICE) -> InputError:
         """Returns an error that names the file."""
-        return InputError(what, where=str(self.path), mend=mend)
+        return InputError(what, where=str(self.path), remedy=remedy)
 
     def damaged(self, error: Exception) -> InputError:
-        """Returns the error for an exception that a damaged file's numbers caused."""
+        """Converts an exception that was caused by a damaged file into an InputError."""
         logging.getLogger(__name__).debug("glTF", exc_info=error)
         return self.wrong(f"it is damaged: {plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
-        """Returns the values of a sampler (K, C), or for a cubic one its values and tangents (3 K, C).
+        """Returns the values of a sampler (K, C). For cubic interpolation, returns values and tangents (3 K,
+        C).
 
         Raises:
-            InputError: if their number or width is wrong, or one is not finite.
+            InputError: if the number or the width of the values is wrong, or a value is not finite.
         """
         values = np.asarray(self.accessor(sampler.output), np.float64)
-        each = 3 if sampler.interpolation == "CUBICSPLINE" else 1
+        values_per_key = 3 if sampler.interpolation == "CUBICSPLINE" else 1
         count = self.document.accessors[sampler.input].count
-        fits = values.shape == (each * count, 4 if path == "rotation" else 3) and count > 0
+        fits = values.shape == (values_per_key * count, 4 if path == "rotation" else 3) and count > 0
         if not fits or not np.isfinite(values).all():
             raise self.wrong(
                 f"an animation of {path} has {len(values)} values for {count} times, or bad ones"
@@ -106,19 +107,21 @@ class GltfFile:
         return keys_by_node
 
     def decompress(self, primitive: Any) -> None:
-        """Decodes the accessors of a primitive if Draco compressed them."""
+        """Decodes the accessors of a primitive that Draco compressed."""
         packed = getattr(primitive.extensions, DRACO, None)
         if packed is None:
             return
-        named = {name: at for name, at in vars(packed.attributes).items() if isinstance(at, int)}
+        accessor_numbers = {name: at for name, at in vars(packed.attributes).items() if isinstance(at, int)}
         try:
-            arrays, faces = draco_arrays(self.data_of_view(packed.bufferView), named, str(self.path))
+            arrays, faces = draco_arrays(
+                self.data_of_view(packed.bufferView), accessor_numbers, str(self.path)
+            )
         except InputError as error:
             raise self.wrong(error.what) from None
-        held = {vars(primitive.attributes)[name]: array for name, array in arrays.items()}
+        arrays_by_accessor = {vars(primitive.attributes)[name]: array for name, array in arrays.items()}
         if primitive.indices is not None:
-            held[primitive.indices] = faces
-        for index, array in held.items():
+            arrays_by_accessor[primitive.indices] = faces
+        for index, array in arrays_by_accessor.items():
             accessor = self.document.accessors[index]
             if array.shape != (accessor.count, _COMPONENT_COUNTS[accessor.type]):
                 raise self.wrong(f"its data compressed by {DRACO} does not fit accessor {index}")
@@ -167,11 +170,13 @@ class GltfFile:
             values = values.copy()
             sparse = accessor.sparse
             number = np.dtype(_COMPONENT_DTYPES[sparse.indices.componentType])
-            at = self._read_strided(
+            sparse_indices = self._read_strided(
                 sparse.indices.bufferView, sparse.indices.byteOffset or 0, number, sparse.count, 1
             )
             start = sparse.values.byteOffset or 0
-            values[at[:, 0]] = self._read_strided(sparse.values.bufferView, start, kind, sparse.count, width)
+            values[sparse_indices[:, 0]] = self._read_strided(
+                sparse.values.bufferView, start, kind, sparse.count, width
+            )
         if accessor.normalized and kind.kind in "iu":
             return np.maximum(values / np.iinfo(kind).max, -1.0)
         return values
@@ -198,7 +203,9 @@ class GltfFile:
         return self._declared_bytes(view_entry)
 
     def _declared_bytes(self, found: Any) -> bytes:
-        """Returns the declared bytes of a buffer view. The entry of a compressed view has the same format."""
+        """Returns the bytes that a buffer view declares. The JSON entry of a compressed view has the same
+        format.
+        """
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
@@ -206,7 +213,9 @@ class GltfFile:
         return data
 
     def _decompress_view(self, view: int, packed: Entry, extension: str) -> bytes:
-        """Returns the bytes of a buffer view that meshoptimizer compressed. Each is decompressed once."""
+        """Returns the bytes of a buffer view that meshoptimizer compressed. Each view is decompressed only
+        once.
+        """
         if view not in self._unpacked:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
@@ -236,7 +245,9 @@ class GltfFile:
 
 
 def compose_matrices(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:
-    """Returns (..., 4, 4) translation after rotation after scale. Rotations (..., 4) are (x, y, z, w)."""
+    """Composes (..., 4, 4) transforms that scale first, then rotate, then translate. Rotations (..., 4) are
+    quaternions (x, y, z, w).
+    """
     x, y, z, w = np.moveaxis(np.asarray(rotation, np.float64), -1, 0)
     matrices = np.zeros((*x.shape, 4, 4))
     matrices[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1)
@@ -249,12 +260,14 @@ def compose_matrices(translation: AnyArray, rotation: AnyArray, scale: AnyArray)
 
 
 def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
-    """Parses the document, the parents of its nodes and the bytes of a GLB. Raises one clear message."""
+    """Parses the file. Returns the document, the parent of each node, and the binary chunk of a GLB. Errors
+    become one clear message.
+    """
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
-        raise InputError("it is not a glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
+        raise InputError("it is not a glTF file", where=str(path), remedy="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
     if not data:
-        raise InputError("the file is empty", where=str(path), mend=_EXPORT_ADVICE)
+        raise InputError("the file is empty", where=str(path), remedy=_EXPORT_ADVICE)
     try:
         parsed = gltf_document(data)
         version = None if parsed[0].asset is None else parsed[0].asset.version
@@ -264,7 +277,7 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         problem = f"it cannot be read as glTF 2: {plain_reason(error)}"
         raise InputError(
-            problem, where=str(path), mend="Check that it is complete and that its ending is right."
+            problem, where=str(path), remedy="Check that it is complete and that its ending is right."
         ) from None
     return parsed
 
@@ -278,13 +291,13 @@ def _check_references(document: Entry) -> None:
     nodes, skins = document.nodes, document.skins
     used = {node.skin for node in nodes}
     for number, node in enumerate(nodes):
-        for kind, named, entries in (("mesh", node.mesh, document.meshes), ("skin", node.skin, skins)):
-            if named is not None and not _is_number(named, len(entries)):
-                raise InputError(f"node {number} has a {kind} {named!s:.20} that does not exist")
+        for kind, index, entries in (("mesh", node.mesh, document.meshes), ("skin", node.skin, skins)):
+            if index is not None and not _is_number(index, len(entries)):
+                raise InputError(f"node {number} has a {kind} {index!s:.20} that does not exist")
     for number, skin in enumerate(skins):
-        away = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
-        if away:
-            raise InputError(f"skin {number} has a joint {away[0]!s:.20}, which is not a node")
+        missing_joints = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
+        if missing_joints:
+            raise InputError(f"skin {number} has a joint {missing_joints[0]!s:.20}, which is not a node")
         if number in used and not skin.joints:
             raise InputError(f"skin {number} has no joints")
     for number, animation in enumerate(document.animations):
@@ -297,5 +310,5 @@ def _check_references(document: Entry) -> None:
 
 
 def _is_number(value: Any, count: int) -> bool:
-    """Returns True if a value is the number of one of ``count`` entries."""
+    """Returns True if a value is a valid index into a list of ``count`` entries."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count

@@ -1,7 +1,7 @@
-"""The JSON of a glTF or GLB file, with limits on all declared amounts.
+"""Reads the JSON of a glTF or GLB file, and limits all amounts that the file declares.
 
 A small file can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes, or
-nodes in an endless chain. So these amounts are counted before anything is read, in linear time.
+nodes in an endless chain. So these amounts are counted in linear time before any data is read.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from enliven.errors import InputError, plain_reason
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
 """File suffixes of glTF. A VRM avatar is a GLB with a map of its human bones."""
 MAX_LISTED_ENTRIES = 1 << 16
-"""Maximum entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms
-each."""
+"""Maximum number of entries in one list of a file (nodes, accessors, meshes, ...). Scenes have thousands, and
+reading an entry takes 0.1 ms."""
 MAX_NODE_DEPTH = 512
 """Maximum depth of the node tree. The deepest known rigs have about 100 levels. The limit bounds the time of
 walks up the tree."""
 MAX_ELEMENTS = 1 << 25
-"""Maximum elements of an accessor, and of all shown vertices and indices: 0.8 GB as float64, 16 times the
-limit of the wire (2 million vertices)."""
+"""Maximum number of elements of an accessor, and of all shown vertices and indices together: 0.8 GB as
+float64. It is 16 times the limit of the network protocol (2 million vertices)."""
 MAX_READ_ELEMENTS = 1 << 27
-"""Maximum elements that samplers and skins read, counted per reference: an hour of 100 joints has 30
-million."""
+"""Maximum number of elements that samplers and skins read. An accessor counts once per reference. An hour of
+animation of 100 joints has 30 million elements."""
 _DOCUMENT_LISTS = (
     "accessors",
     "animations",
@@ -56,10 +56,10 @@ class Entry:
 
 
 def gltf_tree(data: bytes) -> dict[str, Any]:
-    """Returns the JSON object of a glTF or GLB file, with its amounts checked.
+    """Parses the JSON object of a glTF or GLB file, and checks its amounts.
 
     Raises:
-        InputError: if there is none, or it declares more than the reader's limits.
+        InputError: if the file has no valid JSON object, or declares more than the reader's limits.
     """
     try:
         tree = json.loads(_json_text(data))
@@ -77,10 +77,11 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
 
 
 def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
-    """Returns the document of a glTF or GLB file, each node's parent (-1 at a root), and a GLB's bytes.
+    """Parses a glTF or GLB file. Returns the document, each node's parent (-1 at a root), and the binary
+    chunk of a GLB.
 
     Raises:
-        InputError: as :func:`gltf_tree`.
+        InputError: in the same cases as :func:`gltf_tree`.
     """
     tree = gltf_tree(data)
     parents = parents_of([node.get("children") or [] for node in tree.get("nodes") or []])
@@ -106,26 +107,26 @@ def parents_of(children: list[list[int]]) -> list[int]:
                 )
             parents[child] = number
     level = [node for node, parent in enumerate(parents) if parent < 0]
-    reached, depth = len(level), 1
+    visited_count, depth = len(level), 1
     while level:
         if depth > MAX_NODE_DEPTH:
             raise InputError(f"its nodes are nested deeper than {MAX_NODE_DEPTH}")
         level = [child for node in level for child in children[node]]
-        reached, depth = reached + len(level), depth + 1
-    if reached < len(children):
+        visited_count, depth = visited_count + len(level), depth + 1
+    if visited_count < len(children):
         raise InputError("its nodes form a cycle")
     return parents
 
 
 def _error_position(error: Exception) -> str:
-    """Returns where a parser stopped, as a suffix for a message. Empty if it is unknown."""
+    """Returns the position at which a parser stopped, as a suffix for a message. Empty if it is unknown."""
     if isinstance(error, RecursionError):
         return ": it is nested too deep"
     return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
 def _json_text(data: bytes) -> str:
-    """Returns the JSON of a file: all of a glTF, one chunk of a GLB."""
+    """Returns the JSON text of a file: the whole of a glTF file, or the JSON chunk of a GLB."""
     text = data
     if data[:4] == b"glTF":
         chunk = _first_chunk(data, b"JSON")
@@ -136,14 +137,14 @@ def _json_text(data: bytes) -> str:
 
 
 def _first_chunk(data: bytes, wanted: bytes) -> bytes | None:
-    """Returns the first chunk of a kind in a GLB, possibly truncated."""
-    at = _GLB_HEADER.size if data[:4] == b"glTF" else len(data)
-    while at + _CHUNK_HEADER.size <= len(data):
-        length, kind = _CHUNK_HEADER.unpack_from(data, at)
-        at += _CHUNK_HEADER.size
+    """Returns the first chunk of the given kind in a GLB. The chunk may be truncated."""
+    offset = _GLB_HEADER.size if data[:4] == b"glTF" else len(data)
+    while offset + _CHUNK_HEADER.size <= len(data):
+        length, kind = _CHUNK_HEADER.unpack_from(data, offset)
+        offset += _CHUNK_HEADER.size
         if kind == wanted:
-            return data[at : at + length]
-        at += length
+            return data[offset : offset + length]
+        offset += length
     return None
 
 
@@ -169,8 +170,15 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
     for number, mesh in enumerate(tree.get("meshes") or []):
         times = max(shown.get(number, 0), 1)
         for primitive in mesh.get("primitives") or []:
-            named = [primitive.get("indices"), *(primitive.get("attributes") or {}).values()]
-            total += times * max((counts[at] for at in named if _is_valid_index(at, counts)), default=0)
+            accessor_numbers = [primitive.get("indices"), *(primitive.get("attributes") or {}).values()]
+            total += times * max(
+                (
+                    counts[accessor_number]
+                    for accessor_number in accessor_numbers
+                    if _is_valid_index(accessor_number, counts)
+                ),
+                default=0,
+            )
             primitives += times
     if total > MAX_ELEMENTS:
         raise InputError(f"it shows {total} vertices or corners, and no more than {MAX_ELEMENTS} are read")
@@ -180,7 +188,7 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
     """Raises an error if animation samplers and skins read too many elements."""
-    named = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
+    accessor_numbers = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
     for animation in tree.get("animations") or []:
         channels = animation.get("channels") or []
         if len(channels) > MAX_LISTED_ENTRIES:
@@ -188,8 +196,14 @@ def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
                 f"it has {len(channels)} channels, and no more than {MAX_LISTED_ENTRIES} are read"
             )
         samplers = animation.get("samplers") or []
-        named += [sampler.get(end) for sampler in samplers for end in ("input", "output")]
-    total = sum(counts[at] for at in named if _is_valid_index(at, counts))
+        accessor_numbers += [
+            sampler.get(entry_name) for sampler in samplers for entry_name in ("input", "output")
+        ]
+    total = sum(
+        counts[accessor_number]
+        for accessor_number in accessor_numbers
+        if _is_valid_index(accessor_number, counts)
+    )
     if total > MAX_READ_ELEMENTS:
         raise InputError(f"it reads {total} keys, and no more than {MAX_READ_ELEMENTS} are read")
 

@@ -1,4 +1,4 @@
-"""The materials of a glTF file with their textures, stored without decoding."""
+"""Stores the materials of a glTF file with their textures, without decoding them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from enliven.meshes.gltf.gltf_json import Entry
 from enliven.meshes.materials import MeshMaterials, Texture, textures_in
 
 _MAX_IMAGE_BYTES = 1 << 28
-"""Maximum bytes of all encoded images of a file: ten times what detailed characters have. One small buffer
-can be referenced as an image thousands of times."""
+"""Maximum total bytes of all encoded images of a file. Detailed characters have a tenth of it. A limit is
+needed because a file can reference one small buffer as an image thousands of times."""
 _MAX_TEXTURE_SETS = 4
-"""Maximum sets of texture coordinates: one or two are usual."""
+"""Maximum number of sets of texture coordinates. One or two are usual."""
 
 Corners = tuple[Float32, Float32 | None]
-"""(V, S, 2) texture coordinates and (V, 4) linear vertex colours of a primitive, or None for white."""
+"""The vertex attributes of a primitive: (V, S, 2) texture coordinates, and (V, 4) linear vertex colours or
+None for white."""
 
 
 class Materials:
@@ -43,43 +44,47 @@ class Materials:
 
     def number(self, primitive: Any) -> int:
         """Returns the number of a primitive's material, or -1 for none."""
-        at = primitive.material
-        if not isinstance(at, int) or not 0 <= at < len(self._file.document.materials):
+        material_number = primitive.material
+        if not isinstance(material_number, int) or not 0 <= material_number < len(
+            self._file.document.materials
+        ):
             return -1
-        if at not in self._known:
-            self._known[at] = self._store_material(at)
-        return self._known[at]
+        if material_number not in self._known:
+            self._known[material_number] = self._store_material(material_number)
+        return self._known[material_number]
 
     def corners(self, primitive: Any, count: int) -> Corners:
-        """Returns the texture coordinates and colours of a primitive's vertices that its material uses."""
-        attributes, sets, at = primitive.attributes, list[Float32](), self.number(primitive)
-        textured = at >= 0 and bool(textures_in(json.loads(self.definitions[at])))
+        """Returns those texture coordinates and colours of a primitive's vertices that its material uses."""
+        attributes, sets, material_number = primitive.attributes, list[Float32](), self.number(primitive)
+        textured = material_number >= 0 and bool(textures_in(json.loads(self.definitions[material_number])))
         for number in range(_MAX_TEXTURE_SETS if textured else 0):
-            where = getattr(attributes, f"TEXCOORD_{number}", None)
-            if where is None:
+            accessor_number = getattr(attributes, f"TEXCOORD_{number}", None)
+            if accessor_number is None:
                 break
-            sets.append(_read_rows(self._file, where, count, 2))
+            sets.append(_read_rows(self._file, accessor_number, count, 2))
         uvs = np.stack(sets, 1) if sets else np.zeros((count, 0, 2), np.float32)
-        if at < 0 or getattr(attributes, "COLOR_0", None) is None:
+        if material_number < 0 or getattr(attributes, "COLOR_0", None) is None:
             return uvs, None
         return uvs, _read_rows(self._file, attributes.COLOR_0, count, 4)
 
     def joined(self, parts: Sequence[tuple[Int32, int, Corners]]) -> MeshMaterials | None:
-        """Returns the materials of all faces, from (faces (F, 3), material, corners) of each part."""
+        """Joins the materials of all parts. Each part is given as (faces (F, 3), material number,
+        corners).
+        """
         if not self.definitions:
             return None
         sets = max(uvs.shape[1] for _, _, (uvs, _) in parts)
         tinted = any(tint is not None for _, _, (_, tint) in parts)
-        numbers, places, tints = list[Int32](), list[Float32](), list[Float32]()
+        numbers, uv_parts, tints = list[Int32](), list[Float32](), list[Float32]()
         for faces, material, (uvs, tint) in parts:
-            wide = np.zeros((len(uvs), sets, 2), np.float32)
-            wide[:, : uvs.shape[1]] = uvs
+            padded_uvs = np.zeros((len(uvs), sets, 2), np.float32)
+            padded_uvs[:, : uvs.shape[1]] = uvs
             numbers.append(np.full(len(faces), material, np.int32))
-            places.append(wide[faces])
+            uv_parts.append(padded_uvs[faces])
             tints.append((np.ones((len(uvs), 4), np.float32) if tint is None else tint)[faces])
         all_tints = np.concatenate(tints) if tinted else None
         collected = tuple(self.definitions), tuple(self.textures)
-        return MeshMaterials(*collected, np.concatenate(numbers), np.concatenate(places), all_tints)
+        return MeshMaterials(*collected, np.concatenate(numbers), np.concatenate(uv_parts), all_tints)
 
     def _store_material(self, at: int) -> int:
         """Stores a material and its textures. Returns its number, or -1 if it is damaged."""
@@ -97,28 +102,28 @@ class Materials:
         return len(self.definitions) - 1
 
     def _renumbered_json(self, value: Any, in_extensions: bool = False) -> Any:
-        """Returns the JSON of a material with its textures renumbered, without those that were left out.
+        """Returns the JSON of a material with renumbered textures. Textures that were left out are removed.
 
         Args:
             in_extensions: True if the keys of the value are names of extensions.
         """
         if isinstance(value, list):
-            return [self._renumbered_json(inner) for inner in value]
+            return [self._renumbered_json(item) for item in value]
         if not isinstance(value, dict):
             return value
-        kept = dict[str, Any]()
-        for key, inner in value.items():
-            kept[key] = self._renumbered_json(inner, key == "extensions")
-            if key.endswith("Texture") and isinstance(inner, dict):
-                number = self._textures[inner["index"]]
+        renumbered = dict[str, Any]()
+        for key, item in value.items():
+            renumbered[key] = self._renumbered_json(item, key == "extensions")
+            if key.endswith("Texture") and isinstance(item, dict):
+                number = self._textures[item["index"]]
                 if number is None:
-                    del kept[key]
+                    del renumbered[key]
                 else:
-                    kept[key]["index"] = number
+                    renumbered[key]["index"] = number
             # Drop empty objects, but keep an empty extension, because its mere presence has a meaning.
-            elif not in_extensions and _is_empty(kept[key]):
-                del kept[key]
-        return kept
+            elif not in_extensions and _is_empty(renumbered[key]):
+                del renumbered[key]
+        return renumbered
 
     def _store_texture(self, number: int) -> int | None:
         """Stores a texture and returns its number, or None with a note."""
@@ -167,15 +172,15 @@ def _find_entry(entries: list[Any] | None, number: int) -> Any:
 def _plain_json(value: Any) -> Any:
     """Returns a value of the document as plain JSON."""
     if isinstance(value, Entry):
-        return {name: _plain_json(inner) for name, inner in vars(value).items()}
-    return [_plain_json(inner) for inner in value] if isinstance(value, list) else value
+        return {name: _plain_json(item) for name, item in vars(value).items()}
+    return [_plain_json(item) for item in value] if isinstance(value, list) else value
 
 
 def _read_rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:
-    """Returns (count, width) float32 of an accessor. Missing columns are one.
+    """Returns (count, width) float32 values of an accessor. Missing columns are filled with 1.
 
     Raises:
-        InputError: if it has another number of rows.
+        InputError: if the accessor does not have ``count`` rows.
     """
     values: Float = np.nan_to_num(np.asarray(file.accessor(accessor), np.float64))
     if len(values) != count:

@@ -14,27 +14,31 @@ from enliven.meshes.gltf.file import GltfFile, compose_matrices
 from enliven.rotation import unit
 
 _MAX_STEP_S = 1 / 24
-"""Maximum seconds between samples. Over a longer step, interpolation between frames would deviate from the
+"""Maximum seconds between samples. With a longer step, interpolation between samples would deviate from the
 file's motion."""
 _MIN_STEP_S = 1 / 120
 """Minimum seconds between samples. Denser keys have no visible effect and need more memory."""
 _ZERO_SCALE_FRACTION = 1e-5
 """Fraction of a node's largest scale that replaces scale 0: too small to be visible, but invertible."""
 _CURVED_STEP_S = 1 / 120
-"""Maximum seconds between samples of cubic channels, because each curve becomes a line between frames."""
+"""Maximum seconds between samples of cubic channels. Between samples, the curve is replaced by a straight
+line."""
 _MIN_LOG_SCALE_CHANGE = 0.3
-"""Change of the logarithm of a scale between two keys beyond which frames are inserted: a third larger."""
+"""If the logarithm of a scale changes by more than this between two keys (a factor of 1.35), frames are
+inserted."""
 _GROWTH_STEP_S = 1 / 240
-"""Minimum seconds between these inserted frames."""
+"""Minimum seconds between the frames that are inserted where the scale changes quickly."""
 _MAX_INSERTED_FRAMES = 64
 """Maximum number of frames inserted between two keys. In a long interval, the scale changes slowly."""
 JUMP_DURATION_S = 2.5e-4
-"""Seconds before the key of a jump at which the previous value is still held. No display shows the
-transition, and float32 distinguishes the two times for an hour."""
+"""Duration of a jump, seconds. The previous value is held until this time before the key. No display shows
+the transition, and float32 times can represent it for up to an hour."""
 _SAME_TIME_S = 1e-4
-"""Maximum difference between two times that count as equal, in seconds: rounding of float32."""
+"""Maximum difference, in seconds, between two times that count as equal. It allows for the rounding of
+float32."""
 MAX_NODE_SAMPLES = 1 << 23
-"""Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
+"""Maximum product of frames and nodes, summed over all animations of a file. It corresponds to 2 GB of
+matrices, or 46 min of 100 nodes at 30 fps."""
 
 
 @dataclass
@@ -42,7 +46,7 @@ class Locals:
     """The local transform of each node: translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale
     (F, n, 3).
 
-    A node with a matrix instead has it in ``fixed`` (in glTF, such a node is never animated).
+    If a node has a matrix instead, ``fixed`` contains it. In glTF, such a node is never animated.
     """
 
     translation: Float
@@ -52,14 +56,16 @@ class Locals:
 
 
 def rest_locals(file: GltfFile) -> Locals:
-    """Returns the nodes' rest transforms in the file, F = 1. Scales of 0 are replaced by tiny ones."""
+    """Returns the nodes' rest transforms in the file (one frame, F = 1). Scales of 0 are replaced by tiny
+    ones.
+    """
     transforms = _rest_transforms(file)
     _replace_zero_scales(transforms, file.scale_keys)
     return transforms
 
 
 def bind_locals(file: GltfFile, still: bool = False) -> Locals:
-    """Returns the nodes' rest transforms for the bind pose, F = 1.
+    """Returns the nodes' rest transforms for the bind pose (one frame, F = 1).
 
     A node with scale 0 in the file gets the scale of its animations, so that objects that appear during an
     animation have a shape. A node that is mirrored in all animations, but not in the file's rest pose, is
@@ -88,8 +94,10 @@ def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> No
     largest = np.abs(made.scale).max((0, 2))
     for node, clips in sizes.items():
         largest[node] = max(largest[node], *(np.abs(keys).max(initial=0.0) for keys in clips.values()))
-    least = np.where(largest > 0.0, largest, 1.0)[:, None] * _ZERO_SCALE_FRACTION
-    made.scale = np.where(np.abs(made.scale) < least, np.where(made.scale < 0.0, -least, least), made.scale)
+    tiny_scale = np.where(largest > 0.0, largest, 1.0)[:, None] * _ZERO_SCALE_FRACTION
+    made.scale = np.where(
+        np.abs(made.scale) < tiny_scale, np.where(made.scale < 0.0, -tiny_scale, tiny_scale), made.scale
+    )
     for node, matrix in made.fixed.items():
         left, stretch, right = np.linalg.svd(matrix[:3, :3])
         floor = _ZERO_SCALE_FRACTION * (stretch[0] if stretch[0] > 0.0 else 1.0)
@@ -100,24 +108,24 @@ def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> No
 
 def zero_scale_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
-    stated, closed = _rest_transforms(file), set[int]()
+    stated, zero_nodes = _rest_transforms(file), set[int]()
     for node in range(len(file.parents)):
         fixed = stated.fixed.get(node)
         size = stated.scale[0, node] if fixed is None else fixed[:3, :3]
         clips = file.scale_keys.get(node, {})
         if not size.any() and not any(keys.any() for keys in clips.values()):
-            closed.add(node)
-    for node in range(len(file.parents)) if closed else ():
+            zero_nodes.add(node)
+    for node in range(len(file.parents)) if zero_nodes else ():
         ancestor = node
-        while ancestor >= 0 and ancestor not in closed:
+        while ancestor >= 0 and ancestor not in zero_nodes:
             ancestor = file.parents[ancestor]
         if ancestor >= 0:
-            closed.add(node)
-    return closed
+            zero_nodes.add(node)
+    return zero_nodes
 
 
 def _rest_transforms(file: GltfFile) -> Locals:
-    """Returns the nodes' rest transforms in the file, F = 1."""
+    """Returns the nodes' rest transforms in the file (one frame, F = 1)."""
     nodes = file.document.nodes
     count = len(nodes)
     transforms = Locals(np.zeros((1, count, 3)), np.zeros((1, count, 4)), np.ones((1, count, 3)), {})
@@ -140,7 +148,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
 
 
 def world_matrices(file: GltfFile, locals_: Locals) -> Float:
-    """Returns (F, n, 4, 4) world_from_node."""
+    """Returns the (F, n, 4, 4) world transforms world_from_node of all nodes."""
     local = compose_matrices(locals_.translation, locals_.rotation, locals_.scale)
     for number, matrix in locals_.fixed.items():
         local[:, number] = matrix
@@ -151,19 +159,21 @@ def world_matrices(file: GltfFile, locals_: Locals) -> Float:
 
 
 def _compute_world(parents: list[int], world: Float, local: Float, done: set[int], node: int) -> None:
-    """Computes the world matrices of a node, its parents' first (a file may have them in any order)."""
+    """Computes the world matrices of a node, after those of its ancestors (a file may list nodes in any
+    order).
+    """
     waiting = [node]
     while waiting:
-        at = waiting[-1]
-        if at in done:
+        current = waiting[-1]
+        if current in done:
             waiting.pop()
-        elif parents[at] < 0 or parents[at] in done:
-            if parents[at] >= 0:
-                world[:, at] = world[:, parents[at]] @ local[:, at]
-            done.add(at)
+        elif parents[current] < 0 or parents[current] in done:
+            if parents[current] >= 0:
+                world[:, current] = world[:, parents[current]] @ local[:, current]
+            done.add(current)
             waiting.pop()
         else:
-            waiting.append(parents[at])
+            waiting.append(parents[current])
 
 
 def frame_times(file: GltfFile, animation: int) -> Float:
@@ -180,7 +190,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     gaps = [float(np.median(np.diff(k))) for k in keys if len(k) > 1]
     gap = max(min(gaps, default=_MAX_STEP_S), _MIN_STEP_S)
     longest = _CURVED_STEP_S if any(s.interpolation == "CUBICSPLINE" for s in samplers) else _MAX_STEP_S
-    # Divide the gap between two keys into a whole number of frames, so that each key lies on a frame.
+    # Divide the interval between two keys into a whole number of frames, so that each key lies on a frame.
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
     if (steps + 1) * len(file.parents) > MAX_NODE_SAMPLES:
@@ -189,9 +199,10 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 
 def key_times(file: GltfFile, animation: int, even: Float) -> Float:
-    """Returns (K,) the times of keys in seconds that are not among the ``even`` times (F,).
+    """Returns (K,) the times, in seconds, of those keys that are not among the evenly spaced times ``even``
+    (F,).
 
-    A jump of a STEP channel gives two times, just before its key and at it.
+    Each jump of a STEP channel adds two times: just before its key, and at the key.
     """
     candidates, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
     for sampler in _used_samplers(file, animation):
@@ -212,9 +223,10 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
 
 
 def _scale_change_times(file: GltfFile, animation: int) -> list[Float]:
-    """Returns additional times between keys if a node's scale changes much.
+    """Returns additional sample times between keys at which a node's scale changes strongly.
 
-    Between frames a clip interpolates the logarithm of a scale, but the file interpolates the scale itself.
+    They are needed because a clip interpolates the logarithm of a scale between frames, but the file
+    interpolates the scale itself.
     """
     animation_entry = file.document.animations[animation]
     times = list[Float]()
@@ -277,11 +289,12 @@ def _key_times(file: GltfFile, accessor: int) -> Float:
 def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Float) -> Float:
     """Returns the values (F, C) of a channel at ``times`` (F,), as glTF 2.0 appendix C defines them.
 
-    Values are held beyond the ends.
+    Before the first and after the last key, the value stays constant.
 
     Args:
         keys: (K,) seconds.
-        values: (K, C), or (3K, C) of in-tangent, value, out-tangent for CUBICSPLINE.
+        values: (K, C) values at the keys. For CUBICSPLINE (3K, C): in-tangent, value and out-tangent of each
+            key.
     """
     cubic = interpolation == "CUBICSPLINE"
     points = values[1::3] if cubic else values
@@ -297,19 +310,20 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
         curve = _hermite_spline(values, before, span[:, None], fraction[:, None])
         return unit(curve) if path == "rotation" else curve
     if path == "rotation":
-        # slerp works with any order of the components, if both quaternions use the same order.
+        # slerp works with any order of the quaternion components, because both quaternions use the same
+        # order.
         a, b = unit(points[before]), unit(points[before + 1])
         return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), fraction), -1, -1)
     return np.asarray(points[before] + fraction[:, None] * (points[before + 1] - points[before]))
 
 
 def _hermite_spline(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
-    """Returns values (F, C) of the cubic Hermite spline through two keys with their tangents."""
-    p0, out = values[3 * before + 1], span * values[3 * before + 2]
-    p1, into = values[3 * before + 4], span * values[3 * before + 3]
+    """Evaluates (F, C) the cubic Hermite spline between two keys with their tangents."""
+    p0, out_tangent = values[3 * before + 1], span * values[3 * before + 2]
+    p1, in_tangent = values[3 * before + 4], span * values[3 * before + 3]
     return np.asarray(
         (2 * s**3 - 3 * s**2 + 1) * p0
-        + (s**3 - 2 * s**2 + s) * out
+        + (s**3 - 2 * s**2 + s) * out_tangent
         + (3 * s**2 - 2 * s**3) * p1
-        + (s**3 - s**2) * into
+        + (s**3 - s**2) * in_tangent
     )

@@ -26,12 +26,12 @@ _INSTANCE_COLUMNS = {
     "ROTATION": [0.0, 0.0, 0.0, 1.0],
     "SCALE": [1.0, 1.0, 1.0],
 }
-"""The columns of a table of instances, with the default of a missing one."""
+"""The columns of a table of instances, with the default value of a missing column."""
 
 
 @dataclass
 class GltfPart:
-    """One primitive of a mesh with the values of the file.
+    """A primitive of a mesh, with the values of the file.
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
@@ -40,8 +40,8 @@ class GltfPart:
         weights: (V, 4) float64, each row sums to one.
         colours: (V, 3) sRGB, or None if the file has no colour.
         skin: the number of its skin, or -1: it is rigidly attached to the node ``carrier``.
-        carrier: the node that has the mesh.
-        material: its number among the stored materials, or -1.
+        carrier: the node to which the file attaches the mesh.
+        material: the number of its material among the stored materials, or -1.
         corners: texture coordinates and colours of its vertices.
     """
 
@@ -64,14 +64,14 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
     """
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
-    closed, hidden = zero_scale_nodes(file), file.hidden
+    zero_nodes, hidden = zero_scale_nodes(file), file.hidden
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
             continue
-        if number in hidden or (number in closed and node.skin is None):
-            how = "hidden by the file" if number in hidden else "of size 0 at all times"
-            notes.append(f"{file.name(number)!r} is {how} and left out")
+        if number in hidden or (number in zero_nodes and node.skin is None):
+            reason = "hidden by the file" if number in hidden else "of size 0 at all times"
+            notes.append(f"{file.name(number)!r} is {reason} and left out")
             continue
         for primitive in file.document.meshes[node.mesh].primitives:
             mode = _MODE_TRIANGLES if primitive.mode is None else primitive.mode
@@ -86,7 +86,9 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
 
 
 def shown_nodes(file: GltfFile) -> list[int]:
-    """Returns the visible nodes of the scene (of the whole file if it names none), parents first."""
+    """Returns the visible nodes of the default scene, parents first. If the file has no default scene,
+    returns those of the whole file.
+    """
     document = file.document
     if document.scenes:
         number = document.scene or 0
@@ -97,7 +99,9 @@ def shown_nodes(file: GltfFile) -> list[int]:
 
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
-    """Returns the visible nodes of the scene, then the joint trees outside of it, parents first."""
+    """Returns the visible nodes of the scene and then those of joint trees outside of the scene, parents
+    first.
+    """
     shown = shown_nodes(file)
     listed, roots = set(shown), list[int]()
     for skin in dict.fromkeys(part.skin for part in parts if part.skin >= 0):
@@ -144,16 +148,16 @@ def _read_part(
         weights, skin = np.ones((len(vertices), 1)), -1
     else:
         skin = int(node.skin)
-        named = np.array(file.document.skins[skin].joints, np.int64)
-        if len(joints) and joints[weights > 0].max(initial=0) >= len(named):
+        skin_joints = np.array(file.document.skins[skin].joints, np.int64)
+        if len(joints) and joints[weights > 0].max(initial=0) >= len(skin_joints):
             raise file.wrong(
-                f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(named)}"
+                f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(skin_joints)}"
             )
-        joints = named[np.minimum(joints, len(named) - 1)]
-    four, shares = strongest_influences(joints, weights)
+        joints = skin_joints[np.minimum(joints, len(skin_joints) - 1)]
+    four, four_weights = strongest_influences(joints, weights)
     corners = materials.corners(primitive, len(vertices))
-    rest = colours.of(primitive), skin, carrier, materials.number(primitive), corners
-    part = GltfPart(vertices, faces.astype(np.int32), four, shares, *rest)
+    other_values = colours.of(primitive), skin, carrier, materials.number(primitive), corners
+    part = GltfPart(vertices, faces.astype(np.int32), four, four_weights, *other_values)
     table = getattr(getattr(node.extensions, INSTANCING, None), "attributes", None)
     if table is None:
         return part
@@ -161,31 +165,31 @@ def _read_part(
 
 
 def _apply_morphs(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
-    """Returns (V, 3) the vertices with the morph targets that the file applies at rest."""
+    """Applies the morph targets that are active in the rest pose. Returns (V, 3) vertices."""
     weights = node.weights or file.document.meshes[node.mesh].weights or []
     for weight, target in zip(weights, primitive.targets or [], strict=False):
         if weight and target.POSITION is not None:
-            moved = np.asarray(file.accessor(target.POSITION), np.float64)
-            if moved.shape != vertices.shape or not np.isfinite(weight * moved).all():
+            offsets = np.asarray(file.accessor(target.POSITION), np.float64)
+            if offsets.shape != vertices.shape or not np.isfinite(weight * offsets).all():
                 raise file.wrong(f"a morph target of mesh {node.mesh} does not fit it")
-            vertices = vertices + weight * moved
+            vertices = vertices + weight * offsets
     return vertices
 
 
 def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Float:
-    """Returns (K, 4, 4) node_from_mesh of the instances in the table of a node.
+    """Returns the transforms (K, 4, 4) node_from_mesh of the instances in the instancing table of a node.
 
     Raises:
-        InputError: if its columns differ in length or are not finite, or if the instances of ``size``
-            vertices or corners exceed the reader's limits.
+        InputError: if the columns differ in length or are not finite, or if all instances together (``size``
+            vertices or corners each) exceed the reader's limits.
     """
     accessors = file.document.accessors
-    most = max(
+    max_instances = max(
         (accessors[accessor].count for name, accessor in table.items() if name in _INSTANCE_COLUMNS),
         default=1,
     )
-    if most * max(size, 1) > MAX_ELEMENTS:
-        raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
+    if max_instances * max(size, 1) > MAX_ELEMENTS:
+        raise file.wrong(f"it shows {max_instances} instances of {size} vertices, which are too many")
     columns = {
         name: np.asarray(file.accessor(accessor), np.float64)
         for name, accessor in table.items()
@@ -205,12 +209,15 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
 
 
 def instance_part(part: GltfPart, transforms: Float) -> GltfPart:
-    """Returns a part once for each of the transforms (K, 4, 4). Faces of mirrored instances are flipped."""
+    """Returns a part that contains one transformed copy for each of the transforms (K, 4, 4). Faces of
+    mirrored copies are flipped.
+    """
     count, size = len(transforms), len(part.vertices)
-    moved = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
+    transformed = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
     mirrored = np.linalg.det(transforms[:, :3, :3]) < 0
     faces = [
-        (part.faces[:, ::-1] if over else part.faces) + number * size for number, over in enumerate(mirrored)
+        (part.faces[:, ::-1] if is_mirrored else part.faces) + number * size
+        for number, is_mirrored in enumerate(mirrored)
     ]
 
     def again(values: AnyArray) -> AnyArray:
@@ -219,7 +226,7 @@ def instance_part(part: GltfPart, transforms: Float) -> GltfPart:
     uvs, tints = part.corners
     return replace(
         part,
-        vertices=moved.reshape(-1, 3),
+        vertices=transformed.reshape(-1, 3),
         faces=np.concatenate([part.faces[:0], *faces]).astype(np.int32),
         nodes=again(part.nodes),
         weights=again(part.weights),
@@ -229,8 +236,9 @@ def instance_part(part: GltfPart, transforms: Float) -> GltfPart:
 
 
 def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
-    """Returns (V, 4k) joint numbers in the skin, and (V, 4k) weights, combined from JOINTS_0, JOINTS_1,
-    ..."""
+    """Combines the attributes JOINTS_0, JOINTS_1, ... and their weights. Returns (V, 4k) joint numbers in the
+    skin, and (V, 4k) weights.
+    """
     joints, weights = [], []
     for k in range(8):
         joint_accessor, weight_accessor = (
@@ -257,21 +265,23 @@ def strongest_influences(joints: Int, weights: Float) -> tuple[Int, Float]:
     joints, weights = joints.copy(), weights.copy()
     for b in range(1, width):
         for a in range(b):
-            same = joints[:, a] == joints[:, b]
-            weights[same, a] += weights[same, b]
-            weights[same, b] = 0.0
+            is_repeated = joints[:, a] == joints[:, b]
+            weights[is_repeated, a] += weights[is_repeated, b]
+            weights[is_repeated, b] = 0.0
     order = np.argsort(-weights, 1, kind="stable")[:, :4]
-    four, shares = np.take_along_axis(joints, order, 1), np.take_along_axis(weights, order, 1)
+    four, strongest_weights = np.take_along_axis(joints, order, 1), np.take_along_axis(weights, order, 1)
     if width < 4:
         four = np.concatenate([four, np.repeat(four[:, :1], 4 - width, 1)], 1)
-        shares = np.concatenate([shares, np.zeros((count, 4 - width))], 1)
-    total = shares.sum(1, keepdims=True)
-    shares = np.where(total > 0, shares / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
-    return np.where(shares > 0, four, four[:, :1]), shares
+        strongest_weights = np.concatenate([strongest_weights, np.zeros((count, 4 - width))], 1)
+    total = strongest_weights.sum(1, keepdims=True)
+    strongest_weights = np.where(
+        total > 0, strongest_weights / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]]
+    )
+    return np.where(strongest_weights > 0, four, four[:, :1]), strongest_weights
 
 
 def _list_triangles(order: Int, mode: int) -> Int:
-    """Returns (F, 3) triangles of a list, a strip or a fan (glTF 2.0, section 3.7.2.1)."""
+    """Converts a triangle list, strip or fan to (F, 3) triangles (glTF 2.0, section 3.7.2.1)."""
     if mode == _MODE_TRIANGLES:
         return order[: len(order) // 3 * 3].reshape(-1, 3)
     if len(order) < 3:

@@ -1,5 +1,4 @@
-"""A glTF document with meshes under construction: nodes, triangles, colours and materials, without
-animation."""
+"""Builds a glTF document with meshes: nodes, triangles, colours and materials, without animation."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ class MeshScene:
 
     Attributes:
         document: the current glTF document.
-        blob: its binary chunk.
+        blob: the binary chunk of the document.
     """
 
     def __init__(self, name: str) -> None:
@@ -57,7 +56,7 @@ class MeshScene:
         """Adds the triangles of a mesh with normals, colours and materials.
 
         Yields:
-            A primitive for each material, and (N,) the mesh vertex of each of its vertices.
+            For each material: its primitive, and (N,) the mesh vertex of each of the primitive's vertices.
         """
         blob, array = self.blob, pygltflib.ARRAY_BUFFER
         normals = unit_normals(mesh.vertex_normals())
@@ -93,7 +92,9 @@ def mesh_glb(mesh: Mesh) -> bytes:
 
 
 def unit_normals(normals: Float) -> Float32:
-    """Normalises normals. A vertex without faces of any area gets a unit normal, too."""
+    """Scales normals to unit length. A vertex with only zero-area faces gets +Y."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
-    single = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
-    return np.asarray(single / np.linalg.norm(single.astype(np.float64), axis=1, keepdims=True), np.float32)
+    unit_length = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
+    return np.asarray(
+        unit_length / np.linalg.norm(unit_length.astype(np.float64), axis=1, keepdims=True), np.float32
+    )

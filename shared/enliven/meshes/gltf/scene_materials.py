@@ -1,4 +1,4 @@
-"""Materials and textures in a glTF document under construction, and splitting of meshes by material."""
+"""Adds materials and textures to a glTF document under construction, and splits meshes by material."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DEFAULT_ROUGHNESS = 0.9
 
 
 class SceneMaterials:
-    """The materials of all meshes of a scene. Equal ones are stored once."""
+    """The materials of all meshes of a scene. Equal materials are stored once."""
 
     def __init__(self, blob: Blob) -> None:
         self._blob = blob
@@ -31,8 +31,8 @@ class SceneMaterials:
 
     def add_plain(self, name: str) -> int:
         """Adds a plain white material, which shows a mesh's colours. Returns its number."""
-        rough = {"metallicFactor": 0.0, "roughnessFactor": _DEFAULT_ROUGHNESS}
-        definition = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
+        shading = {"metallicFactor": 0.0, "roughnessFactor": _DEFAULT_ROUGHNESS}
+        definition = json.dumps({"name": name, "pbrMetallicRoughness": shading, "doubleSided": True})
         return self._material_number(definition)
 
     def add_all(self, materials: MeshMaterials) -> list[int]:
@@ -58,11 +58,11 @@ class SceneMaterials:
         used = {name for material in self._materials for name in extensions_in(material)}
         document.extensionsUsed = sorted({*document.extensionsUsed, *used})
 
-    def _material_number(self, told: str) -> int:
-        if told not in self._known:
-            self._known[told] = len(self._materials)
-            self._materials.append(json.loads(told))
-        return self._known[told]
+    def _material_number(self, definition: str) -> int:
+        if definition not in self._known:
+            self._known[definition] = len(self._materials)
+            self._materials.append(json.loads(definition))
+        return self._known[definition]
 
     def _image_number(self, data: AnyArray, kind: str) -> int:
         key = data.tobytes()
@@ -75,11 +75,11 @@ class SceneMaterials:
 def extensions_in(value: Any) -> set[str]:
     """Returns the names of all extensions that a JSON value uses."""
     names = set[str]()
-    for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-        if key == "extensions" and isinstance(inner, dict):
-            names |= set(inner)
-        if isinstance(inner, (dict, list)):
-            names |= extensions_in(inner)
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+        if key == "extensions" and isinstance(item, dict):
+            names |= set(item)
+        if isinstance(item, (dict, list)):
+            names |= extensions_in(item)
     return names
 
 
@@ -90,7 +90,7 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
 
     Yields:
         The material's number (-1 for none); (N,) the mesh vertex of each vertex of the part; (K, 3) faces;
-        texture coordinates and colours of the part's vertices, by the format's names.
+        and a dictionary of the vertices' texture coordinates and colours by glTF's attribute names.
     """
     materials = mesh.materials
     if materials is None:
@@ -106,11 +106,16 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
         )
         if number < 0:
             uvs, tints = uvs[:, :0], np.ones_like(tints)
-        alike = uvs.shape[1] == 0 and bool((tints == tints[0]).all())
+        is_uniform = uvs.shape[1] == 0 and bool((tints == tints[0]).all())
         rows = mesh.faces[mine].ravel().astype(np.float64)
-        rows = rows if alike else np.concatenate([rows[:, None], uvs, tints], 1)
-        _, first, of = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-        corners = {f"TEXCOORD_{k}": uvs[first, 2 * k : 2 * k + 2] for k in range(uvs.shape[1] // 2)}
+        rows = rows if is_uniform else np.concatenate([rows[:, None], uvs, tints], 1)
+        _, first_corners, vertex_of_corner = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        corners = {f"TEXCOORD_{k}": uvs[first_corners, 2 * k : 2 * k + 2] for k in range(uvs.shape[1] // 2)}
         if (tints != 1.0).any():
-            corners["COLOR_0"] = tints[first]
-        yield int(number), mesh.faces[mine].ravel()[first].astype(np.int64), of.reshape(-1, 3), corners
+            corners["COLOR_0"] = tints[first_corners]
+        yield (
+            int(number),
+            mesh.faces[mine].ravel()[first_corners].astype(np.int64),
+            vertex_of_corner.reshape(-1, 3),
+            corners,
+        )

@@ -1,4 +1,4 @@
-"""Reads the surface of a glTF file in its bind pose, which all readers of glTF files start from."""
+"""Reads the surface of a glTF file in its bind pose. All readers of glTF files use this module."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from enliven.meshes.gltf.parts import GltfPart, read_parts
 from enliven.meshes.mesh import Mesh
 
 _WHITE_SRGB = np.array([255, 255, 255], np.uint8)
-"""sRGB of parts without a colour, if other parts have colours: glTF's default material is white."""
+"""sRGB colour of parts without a colour, used if other parts have colours. glTF's default material is
+white."""
 
 
 @dataclass
@@ -26,7 +27,7 @@ class GltfSurface:
 
     Attributes:
         file: the parsed file.
-        parts: its primitives, as in the file.
+        parts: the primitives of the file, with unchanged values.
         bind: the bind pose of its nodes.
         rest: the vertices (V, 3) of each part in the bind pose, metres.
         mesh: all parts in one mesh, with colours and materials.
@@ -41,12 +42,14 @@ class GltfSurface:
     notes: list[str]
 
 
-@np.errstate(all="ignore")  # Numbers of a damaged file may overflow before they are checked.
+@np.errstate(
+    all="ignore"
+)  # Ignore overflow warnings: numbers of a damaged file may overflow before they are checked.
 def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> GltfSurface:
     """Reads the surface of a glTF, GLB or VRM file.
 
     Args:
-        name: name of the mesh. If empty, the file's name is used.
+        name: name of the mesh. If it is empty, the file's name is used.
         still: True if the surface will not be animated. Mirrored joints are then mirrored in the surface
             itself, and not only by the clips.
 
@@ -57,8 +60,8 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
     try:
         parts, materials = read_parts(file, notes)
         if not parts:
-            left = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
-            raise file.wrong(f"its scene has no triangle{left[:400]}")
+            notes_text = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
+            raise file.wrong(f"its scene has no triangle{notes_text[:400]}")
         bind = Bind(file, parts, still)
         rest = [bind.vertices(part) for part in parts]
         mesh = _join_parts(name or file.path.stem, parts, rest, bind, materials)
@@ -73,26 +76,34 @@ def _join_parts(
     name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials
 ) -> Mesh:
     """Joins all parts into one mesh. Faces of mirrored parts are flipped."""
-    first = np.cumsum([0, *(len(v) for v in rest)])
+    vertex_starts = np.cumsum([0, *(len(v) for v in rest)])
     faces = [_outward_faces(part, bind) for part in parts]
-    shown = [(own, part.material, part.corners) for own, part in zip(faces, parts, strict=True)]
-    whole = np.concatenate([own + start for own, start in zip(faces, first[:-1], strict=True)])
+    shown = [(part_faces, part.material, part.corners) for part_faces, part in zip(faces, parts, strict=True)]
+    all_faces = np.concatenate(
+        [part_faces + start for part_faces, start in zip(faces, vertex_starts[:-1], strict=True)]
+    )
     vertices = np.concatenate(rest)
-    return Mesh(vertices, whole.astype(np.int32), name, _joined_colours(parts), materials.joined(shown))
+    return Mesh(vertices, all_faces.astype(np.int32), name, _joined_colours(parts), materials.joined(shown))
 
 
 def _outward_faces(part: GltfPart, bind: Bind) -> Int32:
     """Returns (F, 3) the faces of a part, flipped if most of their corners are mirrored."""
-    own = np.unique(part.nodes[:, 0])
-    mirrored = {int(n): bool(np.linalg.det(bind.world_from_mesh(part, int(n))[:3, :3]) < 0) for n in own}
+    used_nodes = np.unique(part.nodes[:, 0])
+    mirrored = {
+        int(n): bool(np.linalg.det(bind.world_from_mesh(part, int(n))[:3, :3]) < 0) for n in used_nodes
+    }
     if not any(mirrored.values()):
         return part.faces
-    over = np.array([mirrored[int(n)] for n in own])[np.searchsorted(own, part.nodes[:, 0])]
-    return np.where(over[part.faces].sum(1)[:, None] > 1, part.faces[:, ::-1], part.faces)
+    is_mirrored = np.array([mirrored[int(n)] for n in used_nodes])[
+        np.searchsorted(used_nodes, part.nodes[:, 0])
+    ]
+    return np.where(is_mirrored[part.faces].sum(1)[:, None] > 1, part.faces[:, ::-1], part.faces)
 
 
 def _joined_colours(parts: list[GltfPart]) -> UInt8 | None:
-    """Returns (V, 3) sRGB of all parts, white for a part without colour. None if no part has any."""
+    """Returns (V, 3) sRGB colours of all parts, white for a part without colours. None if no part has
+    colours.
+    """
     if all(part.colours is None for part in parts):
         return None
     return np.concatenate(

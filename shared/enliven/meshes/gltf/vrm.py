@@ -8,7 +8,8 @@ from enliven.meshes.gltf.gltf_json import Entry
 
 
 def read_human_bones(document: Entry) -> dict[int, str]:
-    """Returns the VRM name of each node in the map, such as "leftUpperArm". Empty without a map.
+    """Returns the VRM name (such as "leftUpperArm") of each node in the humanoid map. Empty if there is no
+    map.
 
     Damaged entries are left out, because a model without its map is still usable.
     """

@@ -1,4 +1,4 @@
-"""Edits of whole characters, each written once for all rigs: copy, move, scale, mirror, cut and merge.
+"""Edits of whole characters, written once for all rigs: copy, move, scale, mirror, cut and merge.
 
 Differences between rigs are methods of the rig, in the rig's own package. The table of rigs is in
 :mod:`enliven.modeling.edits.rigs`.

@@ -1,4 +1,4 @@
-"""Edits of one character: Project -> Project, each written once for all rigs.
+"""Edits of one character, as functions from a project to a new project. Each is written once for all rigs.
 
     project, copied = copy_character(project, "chair", offset=(1, 0, 0), delay=0.5)
     project = mirror_character(project, copied, (1, 0, 0))
@@ -19,13 +19,13 @@ from enliven.arrays import AnyArray
 from enliven.document import LayerBase, Project, RigBase, same, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import handle_number, rig_of
-from enliven.modeling.mesh import CutSurface
+from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.rig import check_names
-from enliven.modeling.rigged import Axes
+from enliven.modeling.rigged.axes import Axes
 from enliven.rotation import IDENTITY
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""The zero vector in metres: the default of offsets and positions."""
+"""The zero vector in metres: the default for offsets and positions."""
 
 
 def copy_character(
@@ -39,7 +39,7 @@ def copy_character(
 
     Args:
         offset: (3,) metres from the character to its copy.
-        delay: seconds by which the copy's motion is delayed.
+        delay: seconds, the delay of the copy's motion.
     """
     return paste_character(project, project, character_id, offset=offset, delay=delay)
 
@@ -54,7 +54,7 @@ def paste_character(
 ) -> tuple[Project, str]:
     """Copies a character from another project with its motion, and returns the project and the copy's id.
 
-    Takes and streams that the project already contains, bit for bit, are reused; others are copied.
+    Takes and streams that the project already contains, bit for bit, are reused. Others are copied.
 
     Raises:
         InputError: if the character does not exist, or the offset or delay is not a number.
@@ -63,7 +63,7 @@ def paste_character(
     shift = np.asarray(offset, np.float64)
     if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
         problem = f"a copy cannot be {offset} m away and {delay} s late"
-        raise InputError(problem, where=character.where, mend="Give three metres and seconds.")
+        raise InputError(problem, where=character.where, remedy="Give three metres and seconds.")
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
     copy = rig_of(copy).moved(copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3))
@@ -71,7 +71,7 @@ def paste_character(
 
 
 def delete_character(project: Project, character_id: str) -> Project:
-    """Deletes a character. The takes that it played stay.
+    """Deletes a character. The takes that it played remain in the project.
 
     Raises:
         InputError: if the character does not exist.
@@ -89,16 +89,16 @@ def rename_character(project: Project, character_id: str, wanted: str) -> Projec
     if wanted == character_id:
         return project
     if not wanted or wanted in project.characters:
-        problem = f"{wanted!r} is there already" if wanted else "it needs a name"
-        raise InputError(problem, where=character.where, mend="Choose another name.")
-    named = {
+        problem = f"the name {wanted!r} is taken" if wanted else "it needs a name"
+        raise InputError(problem, where=character.where, remedy="Choose another name.")
+    renamed = {
         (wanted if key == character_id else key): (
             other.with_changes(id=wanted) if other is character else other
         )
         for key, other in project.characters.items()
     }
     handling = {(wanted if key == character_id else key): value for key, value in project.handling.items()}
-    return replace(project, characters=named, handling=handling)
+    return replace(project, characters=renamed, handling=handling)
 
 
 def move_character(
@@ -119,14 +119,14 @@ def move_character(
         InputError: if the character does not exist, or a number is not finite.
     """
     character = project.character(character_id)
-    way, centre = np.asarray(offset, np.float64), np.asarray(about, np.float64)
+    shift, centre = np.asarray(offset, np.float64), np.asarray(about, np.float64)
     turn = np.asarray(turn, np.float64)
-    good = way.shape == centre.shape == (3,) and turn.shape == (4,)
-    if not (good and np.isfinite([*way, *centre]).all() and abs(np.linalg.norm(turn) - 1.0) < 1e-6):
+    is_valid = shift.shape == centre.shape == (3,) and turn.shape == (4,)
+    if not (is_valid and np.isfinite([*shift, *centre]).all() and abs(np.linalg.norm(turn) - 1.0) < 1e-6):
         raise InputError(
-            f"it cannot be moved by {offset}, {turn}", where=character.where, mend="Give numbers."
+            f"it cannot be moved by {offset}, {turn}", where=character.where, remedy="Give finite numbers."
         )
-    return project.with_characters(rig_of(character).moved(character, way, turn, centre))
+    return project.with_characters(rig_of(character).moved(character, shift, turn, centre))
 
 
 def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
@@ -147,13 +147,13 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     """
     character = project.character(character_id)
     if not (np.isfinite(factor) and factor > 0.0):
-        mend = "Give a number above 0; mirror_character turns it over."
-        raise InputError(f"it cannot be {factor} times as large", where=character.where, mend=mend)
+        remedy = "Give a number above 0, or use mirror_character."
+        raise InputError(f"it cannot be {factor} times as large", where=character.where, remedy=remedy)
     return project.with_characters(rig_of(character).scaled(character, float(factor)))
 
 
 def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
-    """Mirrors a character, at every time, across a plane through its centre with normal ``normal`` (3,).
+    """Mirrors a character, at every time, in the plane through its centre with the normal ``normal`` (3,).
 
     To keep the original, copy the character first.
 
@@ -175,8 +175,9 @@ def shift_character(project: Project, character_id: str, delay: float) -> Projec
 
 
 def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
-    """Changes attributes of a character's layers, such as offset, speed, loop or muted. All of these layers
-    must have the attribute.
+    """Changes attributes of a character's layers, such as offset, speed, loop or muted.
+
+    All layers in ``numbers`` must have these attributes.
 
     Raises:
         InputError: if the character or layer does not exist, or it cannot be played with these values.
@@ -184,15 +185,16 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     character, wanted = project.character(character_id), set(numbers)
     _check_layers(character, wanted)
     layers = (
-        _changed_layer(layer, changes) if k in wanted else layer for k, layer in enumerate(character.playing)
+        _changed_layer(layer, changes) if number in wanted else layer
+        for number, layer in enumerate(character.playing)
     )
-    changed = character.with_playing(*layers)
-    rig_of(changed).check_layers(project, changed, wanted)
-    return project.with_characters(changed)
+    changed_layers = character.with_playing(*layers)
+    rig_of(changed_layers).check_layers(project, changed_layers, wanted)
+    return project.with_characters(changed_layers)
 
 
 def remove_layer(project: Project, character_id: str, number: int) -> Project:
-    """Removes a layer of a character; the take stays.
+    """Removes a layer of a character. Its take remains in the project.
 
     Raises:
         InputError: if the character or layer does not exist, or the character would have no motion without
@@ -210,21 +212,21 @@ def drag_handle(
     place: AnyArray | Sequence[float],
     time: float,
 ) -> Project:
-    """Poses a character by hand: moves one of its handles to ``place`` (3,) metres at a time.
+    """Poses a character by hand: moves one of its handles to ``place`` (3,) metres in the world, at a time.
 
     Args:
-        handle: a joint or a control point, by number or name.
+        handle: a joint or a control point, given by number or name.
 
     Raises:
         InputError: if the character or handle does not exist, the place is not finite, or the character's
             motion cannot be posed by hand.
     """
-    character, wanted = project.character(character_id), np.asarray(place, np.float64)
-    if wanted.shape != (3,) or not np.isfinite(wanted).all():
+    character, target = project.character(character_id), np.asarray(place, np.float64)
+    if target.shape != (3,) or not np.isfinite(target).all():
         raise InputError(
-            f"{place} is not a point", where=character.where, mend="Give three numbers in metres."
+            f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
         )
-    return rig_of(character).dragged(project, character, handle_number(character, handle), wanted, time)
+    return rig_of(character).dragged(project, character, handle_number(character, handle), target, time)
 
 
 def cut_character(
@@ -235,10 +237,11 @@ def cut_character(
     Args:
         stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
         time: seconds of the project's time.
-        notes: receives sentences about how the mesh was closed, and what was approximated.
+        notes: a list that receives sentences about the closing of the mesh and about approximations.
 
     Returns:
-        The project and the ids: the first part keeps ``character_id``, the others get new ones.
+        The project, and the ids of the parts: the first part keeps ``character_id``, and the others get new
+            ids.
 
     Raises:
         InputError: if the character does not exist, or the stroke cuts nothing off.
@@ -250,18 +253,18 @@ def cut_character(
 def _with_takes_of(
     project: Project, source: Project, character: RigBase
 ) -> tuple[Project, dict[tuple[str, str], str]]:
-    """Adds the takes that a character plays in another project.
+    """Adds the takes that a character plays in another project (``source``).
 
     Returns:
-        The project, and the id of each take in it, by the name of its collection and its old id.
+        The project, and the new id of each take, by the name of its collection and its old id.
     """
     ids: dict[tuple[str, str], str] = {}
     for collection, names in character.needed().items():
         for name in sorted(names):
-            stored, take = getattr(project, collection), getattr(source, collection)[name]
-            if name not in stored or not same(stored[name], take):
-                take = replace(take, id=unused(name, stored))
-                project = replace(project, **{collection: {**stored, take.id: take}})
+            new_takes, take = getattr(project, collection), getattr(source, collection)[name]
+            if name not in new_takes or not same(new_takes[name], take):
+                take = replace(take, id=unused(name, new_takes))
+                project = replace(project, **{collection: {**new_takes, take.id: take}})
             ids[collection, name] = take.id
     return project, ids
 
@@ -272,7 +275,7 @@ def _check_layers(character: RigBase, numbers: set[int]) -> None:
     missing = numbers - set(range(count))
     if missing:
         problem = f"layer {min(missing)} does not exist"
-        raise InputError(problem, where=character.where, mend=f"It has {count}.")
+        raise InputError(problem, where=character.where, remedy=f"Number of layers: {count}.")
 
 
 def _changed_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:

@@ -1,7 +1,7 @@
 """Edits of the clips of a lane, for the layers of all rigs.
 
     split_clip(project, "squid", [0], time)                   # the motion stays the same
-    trim_clip(project, "squid", [0], 1, begin=2.0)            # the rest plays as before
+    trim_clip(project, "squid", [0], 1, begin=2.0)            # the remaining part plays as before
     slip_clip(project, "squid", [0], 1, 0.5)                  # another part of the take, at the same time
     blend_clips(project, "squid", [0], 0, 0.4)                # cross-fades a clip into the next
 
@@ -20,7 +20,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
 _MIN_CLIP_S = 1e-3
-"""Minimum duration of a clip in seconds. A shorter one shows no frame of its take."""
+"""Minimum duration of a clip in seconds. A shorter clip would show no frame of its take."""
 _MIN_CLIP_SPEED = 0.02
 """Minimum playback speed of a clip, relative to the recording: one fiftieth."""
 _MAX_CLIP_SPEED = 50.0
@@ -49,22 +49,22 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     project_time, time = time, _layer_numbered(project.character(character_id), numbers[0]).even(time)
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
-        inside = [
+        clips_there = [
             k for k, clip in enumerate(clips) if clip.begin + _MIN_CLIP_S < time < clip.end - _MIN_CLIP_S
         ]
-        if not inside:
-            problem, mend = (
+        if not clips_there:
+            problem, remedy = (
                 f"no clip is there at {project_time:.2f} s",
                 "Put the playhead over a clip, away from its ends.",
             )
-            raise InputError(problem, where=f"character {character_id!r}", mend=mend)
-        number = inside[-1]
+            raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)
+        number = clips_there[-1]
         clip = clips[number]
         if number and time < clips[number - 1].end:
             raise InputError(
-                "two clips are blended there",
+                "two clips are blended at that time",
                 where=f"character {character_id!r}",
-                mend="Split outside of the blend.",
+                remedy="Split outside of the blend.",
             )
         parts = (replace(clip, end=time), replace(clip, begin=time, first=clip.second(time)))
         return (*clips[:number], *parts, *clips[number + 1 :])
@@ -81,7 +81,7 @@ def trim_clip(
     begin: float | None = None,
     end: float | None = None,
 ) -> Project:
-    """Changes the start or end time of a clip. The rest of it plays as before.
+    """Changes the start or end time of a clip. The remaining part of it plays as before.
 
     The clip cannot extend beyond its take's first or last frame.
     """
@@ -90,14 +90,19 @@ def trim_clip(
     length = project.length_of(layer)
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
-    def change(one: Segment) -> Segment:
-        ends = sorted((one.begin - one.first / one.speed, one.begin + (length - one.first) / one.speed))
-        # A clip cannot be extended beyond its take. If it already extends beyond, it keeps that length and
-        # holds the first or last frame.
-        low, high = min(ends[0], one.begin), max(ends[1], one.end)
-        start = one.begin if begin is None else min(max(begin, low), one.end - _MIN_CLIP_S)
-        stop = one.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
-        return replace(one, begin=start, end=stop, first=one.second(start))
+    def change(segment: Segment) -> Segment:
+        ends = sorted(
+            (
+                segment.begin - segment.first / segment.speed,
+                segment.begin + (length - segment.first) / segment.speed,
+            )
+        )
+        # A clip cannot be extended beyond its take. If it already extends beyond its take, it may keep that
+        # length and holds the first or last frame.
+        low, high = min(ends[0], segment.begin), max(ends[1], segment.end)
+        start = segment.begin if begin is None else min(max(begin, low), segment.end - _MIN_CLIP_S)
+        stop = segment.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
+        return replace(segment, begin=start, end=stop, first=segment.second(start))
 
     return _with_changed_clip(project, character_id, numbers, clip, change)
 
@@ -118,14 +123,14 @@ def move_clip(
     """Delays a clip by ``delay`` seconds. Where it overlaps another clip, the two are blended.
 
     Raises:
-        InputError: if it would lie inside another clip, or three clips would overlap.
+        InputError: if the clip would be inside another clip, or three clips would overlap.
     """
     numbers = tuple(numbers)
     layer = _layer_numbered(project.character(character_id), numbers[0])
 
-    def change(one: Segment) -> Segment:
-        late = layer.even(layer.uneven(one.begin) + delay) - one.begin
-        return replace(one, begin=one.begin + late, end=one.end + late)
+    def change(segment: Segment) -> Segment:
+        start_delay = layer.even(layer.uneven(segment.begin) + delay) - segment.begin
+        return replace(segment, begin=segment.begin + start_delay, end=segment.end + start_delay)
 
     return _with_changed_clip(project, character_id, numbers, clip, change)
 
@@ -144,21 +149,21 @@ def stretch_clip(
     layer = _layer_numbered(project.character(character_id), numbers[0])
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
-    def change(one: Segment) -> Segment:
-        start, stop = one.begin if begin is None else begin, one.end if end is None else end
-        lasts = one.end - one.begin
+    def change(segment: Segment) -> Segment:
+        start, stop = segment.begin if begin is None else begin, segment.end if end is None else end
+        lasts = segment.end - segment.begin
         factor = lasts / max(stop - start, 1e-9)
-        speed = min(max(abs(one.speed) * factor, _MIN_CLIP_SPEED), _MAX_CLIP_SPEED)
-        lasts *= abs(one.speed) / speed
-        # Keep the end that is not being dragged in place.
+        speed = min(max(abs(segment.speed) * factor, _MIN_CLIP_SPEED), _MAX_CLIP_SPEED)
+        lasts *= abs(segment.speed) / speed
+        # The end that is not dragged stays in place.
         start, stop = (stop - lasts, stop) if end is None else (start, start + lasts)
-        return Segment(start, stop, one.first, speed if one.speed > 0.0 else -speed)
+        return Segment(start, stop, segment.first, speed if segment.speed > 0.0 else -speed)
 
     return _with_changed_clip(project, character_id, numbers, clip, change)
 
 
 def reverse_clip(project: Project, character_id: str, numbers: Iterable[int], clip: int) -> Project:
-    """Reverses a clip in place."""
+    """Reverses a clip, which keeps its start and end time."""
     return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.last, speed=-one.speed)
     )
@@ -168,7 +173,7 @@ def remove_clip(project: Project, character_id: str, numbers: Iterable[int], cli
     """Removes a clip from a lane.
 
     Raises:
-        InputError: if it is the only clip of the lane, or does not exist.
+        InputError: if the clip is the only clip of the lane, or does not exist.
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
@@ -187,14 +192,16 @@ def blend_clips(
     their overlap.
 
     Raises:
-        InputError: for the last clip, or if the next clip does not begin where it ends.
+        InputError: if it is the last clip, or if the next clip does not begin at its end.
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _check_clip(clips, clip, character_id)
         if clip + 1 >= len(clips) or clips[clip + 1].begin > clips[clip].end + _MIN_CLIP_S:
-            mend = "Move the next clip up to it first."
-            raise InputError("no clip follows it there", where=f"character {character_id!r}", mend=mend)
+            remedy = "Move the next clip to its end first."
+            raise InputError(
+                "no clip begins at the end of this clip", where=f"character {character_id!r}", remedy=remedy
+            )
         before, after = clips[clip], clips[clip + 1]
         middle = (before.end + after.begin) / 2.0
         half = min(
@@ -214,13 +221,13 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     """Toggles whether layers play the mirror image of their take (left and right swapped).
 
     Raises:
-        InputError: for a possessed mesh, since its recording describes its own nodes.
+        InputError: if the character is a possessed mesh, because its recording describes its own nodes.
     """
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _layer_numbered(character, numbers[0])
     if layer.source != "takes":
         problem = "a recorded deformation fits only its own mesh"
-        raise InputError(problem, where=character.where, mend="Mirror the whole character.")
+        raise InputError(problem, where=character.where, remedy="Mirror the whole character.")
     return change_layers(project, character_id, numbers, mirrored=not layer.mirrored)  # type: ignore[attr-defined]
 
 
@@ -231,7 +238,7 @@ def _with_changed_clip(
     clip: int,
     change: Callable[[Segment], Segment],
 ) -> Project:
-    """Changes one clip. The others stay."""
+    """Changes one clip of some layers. The other clips stay unchanged."""
 
     def lane(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _check_clip(clips, clip, character_id)
@@ -255,13 +262,13 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
 def _layer_numbered(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
-        mend = f"It has {len(playing)}."
-        raise InputError(f"layer {number} does not exist", where=character.where, mend=mend)
+        remedy = f"Number of layers: {len(playing)}."
+        raise InputError(f"layer {number} does not exist", where=character.where, remedy=remedy)
     return playing[number]
 
 
 def _check_clip(clips: Sequence[Segment], clip: int, character_id: str) -> None:
     """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
-        problem, mend = f"clip {clip} does not exist", f"That lane has {len(clips)}."
-        raise InputError(problem, where=f"character {character_id!r}", mend=mend)
+        problem, remedy = f"clip {clip} does not exist", f"Number of clips in the lane: {len(clips)}."
+        raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)

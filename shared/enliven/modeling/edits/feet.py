@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from enliven.document import GraphShape, Layer, Project, Puppet, RigBase
 from enliven.errors import InputError
-from enliven.mapping import pin_all_feet
+from enliven.mapping.automatic_mapping import pin_all_feet
 from enliven.modeling.edits.characters import change_layers
 from enliven.modeling.edits.graph_feet import graph_foot_lock_mode, stand
 
@@ -38,8 +38,10 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
     if isinstance(character, GraphShape):
         return stand(project, character_id, numbers, feet)
     if isinstance(character, Puppet):
-        mend = "Drag where contact becomes flight, in the row on the floor, or mark points as feet."
-        raise InputError("a puppet stands by its contacts", where=character.where, mend=mend)
+        remedy = "Change its contacts in the floor row of the timeline, or mark control points as feet."
+        raise InputError(
+            "the feet of a puppet are locked by its own contacts", where=character.where, remedy=remedy
+        )
     return _with_foot_locks(project, character_id, numbers, feet)
 
 
@@ -51,6 +53,6 @@ def _with_foot_locks(project: Project, shape_id: str, numbers: Iterable[int], fe
         return project
     project = pin_all_feet(project, shape)
     if not project.shape(shape_id).pins:
-        mend = "Choose the node of an ankle and pin it first (P)."
-        raise InputError("no leg that could stand was found", where=shape.where, mend=mend)
+        remedy = "Choose the node of an ankle, and pin it first (P)."
+        raise InputError("no leg with a foot on the floor was found", where=shape.where, remedy=remedy)
     return project

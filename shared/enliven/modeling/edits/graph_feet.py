@@ -1,13 +1,13 @@
-"""Foot lock for a possessed mesh: a layer on top of its motion holds the feet in place.
+"""Foot lock for a possessed mesh: a layer on top of its motion keeps the feet in place.
 
     project = stand(project, "chair", [0], "always")       # for part 0, in its current motion
     graph_foot_lock_mode(shape, 0) -> "always"
 
-The feet are the lowest parts of the mesh at rest, or those that an artist named. Contacts are detected once,
-from the feet's paths, as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot j's
-displacement that node n follows (:func:`~enliven.modeling.possessed.find_followers`). The corrections c solve
-S c = d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its
-required correction d_i, and the mesh bends above it.
+The feet are the lowest parts of the mesh at rest, or parts that an artist named. Contacts are detected once,
+from the paths of the feet, as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the fraction of
+foot j's displacement that node n follows (:func:`~enliven.modeling.possessed.following.find_followers`). The
+corrections c solve S c = d, where S_ij is the mean of s^j over foot i, weighted by its skin weights. So each
+foot moves exactly by its required correction d_i, and the mesh bends above it.
 """
 
 from __future__ import annotations
@@ -34,22 +34,24 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.modeling.edits.root_layers import root_motion
-from enliven.modeling.mesh import blend_vertices
-from enliven.modeling.possessed import find_followers, graph_pose
-from enliven.motion.contact import find_analysis_window, find_contacts, hold
+from enliven.modeling.mesh.meshes import blend_vertices
+from enliven.modeling.possessed.following import find_followers
+from enliven.modeling.possessed.pose import graph_pose
+from enliven.motion.contact.contacts import find_contacts, hold
+from enliven.motion.contact.foot_lock import find_analysis_window
 from enliven.rotation import conjugate, rotate
 
 _SOLE_HEIGHT_FRACTION = 0.04
-"""Maximum height of a foot's vertices above the lowest vertex, as a fraction of the mesh's height: a hoof or
-a sole."""
+"""Maximum height of a foot's vertices above the lowest vertex, as a fraction of the mesh's height. This is
+the height of a hoof or a sole."""
 _MIN_FOOT_DISTANCE_FRACTION = 0.06
 """Minimum distance of two feet, as a fraction of the mesh's size. Nearer vertices belong to one foot."""
 _LIMB_LENGTH_FRACTION = 0.5
-"""Assumed limb length as a fraction of the mesh's height: the legs of a chair or a person."""
+"""Assumed length of a limb as a fraction of the mesh's height, as for the legs of a chair or a person."""
 _MAX_VERTICES_PER_FOOT = 48
-"""Maximum number of sampled vertices per foot. All of them move nearly as one."""
+"""Maximum number of sampled vertices per foot. A few are enough, because a foot moves nearly rigidly."""
 _MAX_FEET = 12
-"""Maximum number of feet, the largest first: enough for an insect, with some to spare."""
+"""Maximum number of feet. The largest are used. Twelve are more than an insect has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +59,8 @@ class StandingFoot:
     """A part of a mesh that stands on the floor.
 
     Attributes:
-        vertices: (K,) vertices of the mesh.
-        node: the nearest node of the graph.
+        vertices: (K,) the mesh's vertices that belong to the foot.
+        node: the nearest node of the deformation graph.
     """
 
     vertices: Int
@@ -76,17 +78,20 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     """Sets the foot lock mode of a possessed mesh, in its current motion.
 
     Args:
-        numbers: numbers of its layers. The mode applies to the feet of the parts that these layers move.
+        numbers: numbers of the mesh's layers. The mode applies to the feet of the parts that these layers
+            move.
         feet: "auto" locks feet while they are low and slow, and "always" locks feet while they are low. Both
             keep feet above the floor. "ground" only lifts feet that are below the floor, and "never" leaves
             feet as performed.
 
     Raises:
-        InputError: if the mesh or mode does not exist, or it has no feet there.
+        InputError: if the mesh or mode does not exist, or if these parts have no feet.
     """
     shape = project.graph(shape_id)
     if feet not in FEET:
-        raise InputError(f"feet cannot stand {feet!r}", where=shape.where, mend=f"Known: {', '.join(FEET)}.")
+        raise InputError(
+            f"{feet!r} is not a foot lock mode", where=shape.where, remedy=f"Known: {', '.join(FEET)}."
+        )
     nodes = _nodes_of(shape, numbers)
     old = [top_layer for top_layer in shape.over if top_layer.feet and np.isin(top_layer.own, nodes).any()]
     bare = shape.with_changes(
@@ -96,8 +101,8 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
         return project.with_characters(bare)
     standing_feet = feet_of(bare, nodes)
     if not standing_feet:
-        mend = "Choose the lane of a part that stands on the floor, or name its ends (E)."
-        raise InputError("no foot was found there", where=shape.where, mend=mend)
+        remedy = "Choose the lane of a part that stands on the floor, or name its ends (E)."
+        raise InputError("no foot was found in these parts", where=shape.where, remedy=remedy)
     project = project.with_characters(bare)
     name = (
         old[0].take
@@ -110,7 +115,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
 
 
 def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
-    """Finds the feet that some nodes of a possessed mesh carry, the largest first."""
+    """Returns the feet that some nodes of a possessed mesh move, the largest first."""
     vertices = np.asarray(shape.mesh.vertices)
     size, tall = float(np.ptp(vertices, axis=0).max()), float(np.ptp(vertices[:, 1]))
     carried = np.isin(shape.skin.indices[np.arange(len(vertices)), shape.skin.weights.argmax(1)], nodes)
@@ -133,7 +138,8 @@ def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
 
 
 def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
-    """Groups the numbers of points (K, 3). Points of different groups are farther apart than ``apart``."""
+    """Groups the numbers of points (K, 3). Points of different groups are farther apart than ``apart``
+    metres."""
     if not len(places):
         return []
     pairs = scipy.spatial.cKDTree(places).query_pairs(apart, output_type="ndarray")
@@ -167,7 +173,7 @@ def _playing_layer_count(project: Project, take: str) -> int:
 def _foot_lock_layer(
     project: Project, shape: GraphShape, feet: Sequence[StandingFoot], way: str, name: str
 ) -> tuple[PoseStream, GraphLayer]:
-    """Returns the layer that locks the feet in a shape's current motion, and its stream."""
+    """Returns the stream and the layer that lock the feet in a shape's current motion."""
     window = find_analysis_window([*shape.parts, *shape.over], project.streams)
     count = max(round((window.end - window.start) / KEY_STEP), 1) + 1
     step = (window.end - window.start) / (count - 1) or KEY_STEP
@@ -179,7 +185,8 @@ def _foot_lock_layer(
         for number, foot in enumerate(feet):
             points = root(_foot_surface(shape, foot, linear, positions))
             places[number, frame], soles[number, frame] = points.mean(0), points[:, 1].min()
-        # Compute the map from a displacement in the world to the displacement of the node at rest.
+        # Compute the map from a displacement in the world to the corresponding displacement of the node at
+        # rest.
         back.append((np.linalg.inv(linear), conjugate(root.turn)))
     lacking = np.stack(
         [_foot_corrections(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)]
@@ -223,7 +230,8 @@ def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: floa
 
 
 def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
-    """Returns the nodes that follow any foot, and (N, J) the share by which every node follows each foot."""
+    """Returns the nodes that follow any foot, and (N, J) the fraction of each foot's motion that each node
+    follows."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
         own, follow = find_followers(shape, foot.node)
@@ -232,6 +240,6 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
 
 
 def _mean_displacement(shape: GraphShape, foot: StandingFoot, shares: Float) -> float:
-    """Returns the mean displacement of a foot's vertices if each node moves by its share (N,)."""
+    """Returns the mean displacement of a foot's vertices if each node moves by its fraction (N,)."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
     return float((np.asarray(weights, np.float64) * shares[indices]).sum(1).mean())

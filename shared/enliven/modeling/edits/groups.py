@@ -1,6 +1,6 @@
 """Edits of several characters as a group: move, rotate, scale, mirror and copy.
 
-For a single character, they have the same effect as the edits in :mod:`enliven.modeling.edits.characters`.
+For a single character, these edits have the same effect as those in :mod:`enliven.modeling.edits.characters`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from enliven.rotation import IDENTITY
 
 
 def group_centre(project: Project, names: Sequence[str]) -> Float:
-    """Returns (3,) metres: the mean of the centres of some characters."""
+    """Returns (3,) metres, the mean of the centres of some characters."""
     return np.asarray(np.mean([_character_centre(project, name) for name in names], axis=0))
 
 
@@ -42,12 +42,12 @@ def move_characters(
 
 
 def turn_characters(project: Project, names: Sequence[str], turn: AnyArray) -> Project:
-    """Rotates characters by ``turn`` (4,) about their middle."""
+    """Rotates characters by ``turn`` (4,) about the centre of the group."""
     return move_characters(project, names, np.zeros(3), turn, group_centre(project, names))
 
 
 def scale_characters(project: Project, names: Sequence[str], factor: float) -> Project:
-    """Scales characters by ``factor``. Several are scaled about the floor below their middle."""
+    """Scales characters by ``factor``. A group is scaled about the point on the floor below its centre."""
     floor = group_centre(project, names) * [1.0, 0.0, 1.0]
     for name in names:
         centre = _character_centre(project, name)
@@ -58,11 +58,11 @@ def scale_characters(project: Project, names: Sequence[str], factor: float) -> P
 
 
 def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) -> Project:
-    """Mirrors characters across a plane through their middle with a unit normal (3,)."""
-    middle, way = group_centre(project, names), np.asarray(normal, np.float64)
+    """Mirrors characters in the plane through the centre of the group with a unit normal (3,)."""
+    middle, distance = group_centre(project, names), np.asarray(normal, np.float64)
     for name in names:
-        offset = 2.0 * way * (way @ (middle - _character_centre(project, name)))
-        project = move_character(mirror_character(project, name, way), name, offset)
+        offset = 2.0 * distance * (distance @ (middle - _character_centre(project, name)))
+        project = move_character(mirror_character(project, name, distance), name, offset)
     return project
 
 

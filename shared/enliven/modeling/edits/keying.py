@@ -1,4 +1,4 @@
-"""Keyframes set by dragging: a joint, a node or a whole character is dragged at a time, which adds a key.
+"""Keyframes by dragging: dragging a joint, a node or a whole character at a time adds a key at that time.
 
 project = key_handle(project, "squid", "hand", place, 1.5)            # the hand's bone points at `place`
 project = key_handle(project, "chair", 17, place, 0.8)                # node 17 moves to `place`
@@ -17,9 +17,10 @@ from enliven.errors import InputError
 from enliven.modeling.edits.keys import key_at, key_layer, set_key
 from enliven.modeling.edits.root_layers import about as motion_about
 from enliven.modeling.edits.root_layers import root_motion, root_values
-from enliven.modeling.possessed import within_layer
-from enliven.modeling.rigged import Axes, bone_number
-from enliven.motion.layers import pose_of
+from enliven.modeling.possessed.pose import within_layer
+from enliven.modeling.rigged.axes import Axes
+from enliven.modeling.rigged.bones import bone_number
+from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import (
     IDENTITY,
     conjugate,
@@ -31,32 +32,33 @@ from enliven.rotation import (
 )
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""The zero vector in metres: the default of offsets and positions."""
+"""The zero vector in metres: the default for offsets and positions."""
 
 
 def key_handle(
     project: Project, character_id: str, handle: int | str, place: AnyArray, time: float
 ) -> Project:
-    """Sets a key that brings a handle or a node to ``place`` (3,), metres in the world, at a time.
+    """Sets a key that moves a handle or a node to ``place`` (3,) metres in the world, at a time.
 
-    The bone of a joint points there. A node of a possessed mesh moves there, and the mesh bends around it.
+    For a joint, its bone is rotated to point at ``place``. A node of a possessed mesh moves there, and the
+    mesh bends.
 
     Raises:
-        InputError: for the root, which no bone carries, for a place that is not finite, or for a rig with
-            handles that take no keys.
+        InputError: for the root, since no bone ends there, for a position that is not finite, or for a rig
+            with handles that cannot have keys.
     """
-    character, wanted = project.character(character_id), np.asarray(place, np.float64)
-    if wanted.shape != (3,) or not np.isfinite(wanted).all():
+    character, target = project.character(character_id), np.asarray(place, np.float64)
+    if target.shape != (3,) or not np.isfinite(target).all():
         raise InputError(
-            f"{place} is not a point", where=character.where, mend="Give three numbers in metres."
+            f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
         )
-    wanted = root_motion(project, character, time).inverse(wanted[None])[0]
+    target = root_motion(project, character, time).inverse(target[None])[0]
     if isinstance(character, Shape):
-        return _key_joint(project, character, bone_number(character, handle), wanted, time)
+        return _key_joint(project, character, bone_number(character, handle), target, time)
     if isinstance(character, GraphShape) and not isinstance(handle, str):
-        return _key_node(project, character, handle, wanted, time)
-    mend = "Move or turn the whole. A puppet is posed by its key poses."
-    raise InputError("its handles take no keys", where=character.where, mend=mend)
+        return _key_node(project, character, handle, target, time)
+    remedy = "Move or rotate the whole character. A puppet is posed by its key poses."
+    raise InputError("its handles cannot have keys", where=character.where, remedy=remedy)
 
 
 def key_characters(
@@ -76,13 +78,15 @@ def key_characters(
         InputError: if the character does not exist, its keys do not play at that time, or a number is not
             finite.
     """
-    way, centre, turned = (np.asarray(values, np.float64) for values in (offset, about, turn))
-    shapes = (way.shape, centre.shape, turned.shape) == ((3,), (3,), (4,))
-    if not (shapes and np.isfinite([*way, *centre, *turned]).all()):
-        raise InputError(f"it cannot be moved by {offset}, {turn}", where="keys", mend="Give numbers.")
-    more = motion_about(normalized(turned), way, centre)
+    shift, centre, key_rotation = (np.asarray(values, np.float64) for values in (offset, about, turn))
+    shapes = (shift.shape, centre.shape, key_rotation.shape) == ((3,), (3,), (4,))
+    if not (shapes and np.isfinite([*shift, *centre, *key_rotation]).all()):
+        raise InputError(
+            f"it cannot be moved by {offset}, {turn}", where="keys", remedy="Give finite numbers."
+        )
+    new_key = motion_about(normalized(key_rotation), shift, centre)
     for name in names:
-        moved = more.after(root_motion(project, project.character(name), time))
+        moved = new_key.after(root_motion(project, project.character(name), time))
         if key_layer(project, name, None) is None:
             project = set_key(project, name, None, time)
         character, number = project.character(name), key_layer(project, name, None)
@@ -97,11 +101,13 @@ def key_characters(
 
 
 def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float) -> Project:
-    """Sets a key that points the bone of a joint at a position. The position is given without the effect of
-    the root layers."""
+    """Sets a key that points the bone of a joint at a position.
+
+    The position ``place`` (3,) is in metres, without the effect of the root layers.
+    """
     if j == 0:
-        mend = "Drag another joint, or move the whole."
-        raise InputError("the root is moved, not turned", where=shape.where, mend=mend)
+        remedy = "Drag another joint, or move the whole character."
+        raise InputError("the root of a skeleton can only be moved", where=shape.where, remedy=remedy)
     seen_at = pose_of(project, shape.id, time)
     turns, joints = seen_at.turns, seen_at.joints
     start = joints[int(shape.skeleton.parents[j])]
@@ -109,8 +115,8 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
         return project
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
-    # The pose is D = P K, with the key K and the rotations P before it. A rotation w in the world gives w D =
-    # P K', so K' = K D^-1 w D.
+    # The pose is D = P K, with the key K and the rotations P before it. After a rotation w in the world, the
+    # pose is w D = P K', so K' = K D^-1 w D.
     key_rotation = multiply(multiply(conjugate(turns[j]), turn), turns[j])
     key_degrees, axes = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)
@@ -118,15 +124,17 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
         axes = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
     added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), key_rotation)
     # The reflection is its own inverse, so L^-1 = S basis^-1.
-    mine = multiply(multiply(conjugate(axes.turn), added), axes.turn)
-    mine = Axes(IDENTITY, axes.mirrored).rotations(mine)
-    degrees = _nearest_degrees(to_rotation_vector(normalized(mine)), key_degrees)
+    own_rotation = multiply(multiply(conjugate(axes.turn), added), axes.turn)
+    own_rotation = Axes(IDENTITY, axes.mirrored).rotations(own_rotation)
+    degrees = _nearest_degrees(to_rotation_vector(normalized(own_rotation)), key_degrees)
     return set_key(project, shape.id, j, time, degrees.tolist())
 
 
 def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time: float) -> Project:
-    """Sets a key that moves a node of a possessed mesh to a position. The position is given without the
-    effect of the root layers."""
+    """Sets a key that moves a node of a possessed mesh to a position.
+
+    The position ``place`` (3,) is in metres, without the effect of the root layers.
+    """
     if key_layer(project, shape.id, node) is None:
         project = set_key(project, shape.id, node, time)
     number = key_layer(project, shape.id, node)
@@ -136,22 +144,22 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
     assert isinstance(layer, GraphLayer)
     linear, node_place, weight = within_layer(project, shape, number - len(shape.parts), node, time)
     if weight <= 0.0:
-        mend = "Unmute it, or give it weight, or go to a time at which it plays."
-        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
-    more = np.linalg.solve(linear, place - node_place) / (weight * layer.size)
+        remedy = "Unmute the layer, give it weight, or go to a time at which it plays."
+        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", remedy=remedy)
+    new_key = np.linalg.solve(linear, place - node_place) / (weight * layer.size)
     back, flip = Axes(conjugate(layer.axes), False), Axes(IDENTITY, layer.mirrored)
     key_metres = np.array(key_at(project, shape.id, node, time).metres)
     return set_key(
-        project, shape.id, node, time, metres=(key_metres + flip.vectors(back.vectors(more))).tolist()
+        project, shape.id, node, time, metres=(key_metres + flip.vectors(back.vectors(new_key))).tolist()
     )
 
 
-def _nearest_degrees(radians: Float, known: Float) -> Float:
-    """Returns (3,) degrees of a rotation vector (3,) in radians, with the number of full turns nearest to
-    ``known``."""
+def _nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
+    """Returns a rotation vector (3,) in radians as (3,) degrees. Of all numbers of full turns, the one
+    nearest to ``previous_degrees`` (3,) is chosen."""
     vector = np.degrees(radians)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-9:
         return vector
-    rounds = [vector * (1.0 + k * 360.0 / angle) for k in (-2, -1, 0, 1, 2)]
-    return min(rounds, key=lambda one: float(np.linalg.norm(one - known)))
+    full_turns = [vector * (1.0 + k * 360.0 / angle) for k in (-2, -1, 0, 1, 2)]
+    return min(full_turns, key=lambda one: float(np.linalg.norm(one - previous_degrees)))

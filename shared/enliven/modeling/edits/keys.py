@@ -4,10 +4,10 @@
     project = set_key(project, "chair", 17, 0.8, metres=(0.0, 0.2, 0.0))  # a node: the mesh bends around it
     project = set_key(project, "bean", None, 2.0, metres=(1.0, 0.0, 0.0)) # the whole character
 
-The keys of a bone, node or character form a take of their own, which an ordinary layer plays. So they can be
-muted, weighted, shifted, stretched, copied, cut and exported like other layers. The rotation and displacement
-of a key are added to the motion of the bone or node, in its own axes. A key of a whole character acts in
-world axes, about the character's position when the first key was set.
+The keys of a bone, a node or a whole character form a separate take, which an ordinary layer plays. So they
+can be muted, weighted, shifted, stretched, copied, cut and exported like other layers. The rotation and
+displacement of a key are added to the motion of the bone or node, in its own axes. A key of a whole character
+acts in world axes, about the character's position when its first key was set.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from enliven.document import (
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import remove_layer
 from enliven.modeling.edits.rigs import rig_of
-from enliven.modeling.rigged import bone_number
+from enliven.modeling.rigged.bones import bone_number
 
 Handle = int | str | None
 """The target of keys: a bone by number or name, a node by number, or None for the whole character."""
@@ -50,8 +50,10 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
     if handle is not None:
         return rig_of(character).key_layer(project, character, _handle_number(character, handle))
     first = len(character.playing) - len(character.root_layers)
-    keyed = (k for k, layer in enumerate(character.root_layers) if project.takes[layer.take].keys)
-    return next((first + k for k in keyed), None)
+    key_layers = (
+        number for number, layer in enumerate(character.root_layers) if project.takes[layer.take].keys
+    )
+    return next((first + number for number in key_layers), None)
 
 
 def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[float, MotionKey], ...]:
@@ -92,10 +94,10 @@ def set_key(
 
     Args:
         degrees, metres: rotation and displacement; None keeps the interpolated values.
-        ease: interpolation to the next key; None keeps the one of a replaced key, else "smooth".
+        ease: interpolation to the next key. None keeps that of a replaced key; for a new key it is "smooth".
 
     Raises:
-        InputError: if the handle does not exist, it takes no keys, or the numbers do not form a key.
+        InputError: if the handle does not exist or cannot have keys, or if the numbers do not form a key.
     """
     character, number = project.character(character_id), key_layer(project, character_id, handle)
     new_key = _changed_key(key_at(project, character_id, handle, time), degrees, metres)
@@ -107,10 +109,12 @@ def set_key(
             return rig_of(character).with_key_layer(project, character, at, new_key)
         return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
-    second = _second_in_keys(project, layer, time)
+    key_seconds = _second_in_keys(project, layer, time)
     keys = _keyed_take(project, layer).keys
-    same_frame = [key for key in keys if _frame_at(key.second) == _frame_at(second)]
-    new_key = replace(new_key, second=second, ease=ease or (same_frame[0].ease if same_frame else "smooth"))
+    same_frame = [key for key in keys if _frame_at(key.second) == _frame_at(key_seconds)]
+    new_key = replace(
+        new_key, second=key_seconds, ease=ease or (same_frame[0].ease if same_frame else "smooth")
+    )
     return _with_keys(
         project, character_id, number, (*(key for key in keys if key not in same_frame), new_key)
     )
@@ -128,15 +132,15 @@ def move_key(
     """Moves a key of a handle to another time, or changes its degrees or metres. None leaves them unchanged.
 
     Raises:
-        InputError: if the key does not exist, or another is on that frame.
+        InputError: if the key does not exist, or another key is on the same frame.
     """
-    number, old_key = _find_key(project, character_id, handle, key)
+    layer_number, old_key = _find_key(project, character_id, handle, key)
     character = project.character(character_id)
-    layer = character.playing[number]
-    moved = replace(_changed_key(old_key, degrees, metres), second=_second_in_keys(project, layer, time))
-    _refuse_displacement(character, handle, moved)
-    others = [other for other in _keyed_take(project, layer).keys if other is not old_key]
-    return _with_keys(project, character_id, number, (*others, moved))
+    layer = character.playing[layer_number]
+    moved_key = replace(_changed_key(old_key, degrees, metres), second=_second_in_keys(project, layer, time))
+    _refuse_displacement(character, handle, moved_key)
+    other_keys = [other for other in _keyed_take(project, layer).keys if other is not old_key]
+    return _with_keys(project, character_id, layer_number, (*other_keys, moved_key))
 
 
 def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease: str) -> Project:
@@ -147,12 +151,12 @@ def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease
     """
     number, old_key = _find_key(project, character_id, handle, key)
     keys = _keyed_take(project, project.character(character_id).playing[number]).keys
-    changed = [replace(other, ease=ease) if other is old_key else other for other in keys]
-    return _with_keys(project, character_id, number, changed)
+    changed_key = [replace(other, ease=ease) if other is old_key else other for other in keys]
+    return _with_keys(project, character_id, number, changed_key)
 
 
 def remove_key(project: Project, character_id: str, handle: Handle, key: int) -> Project:
-    """Removes a key of a handle. Removing the last one also removes its layer and its take.
+    """Removes a key of a handle. Removing the last key also removes its layer and its take.
 
     Raises:
         InputError: if the key does not exist.
@@ -171,31 +175,33 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
 
 def _changed_key(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
     """Returns the key with the given values replaced."""
-    turned: Any = key.degrees if degrees is None else tuple(degrees)
-    moved: Any = key.metres if metres is None else tuple(metres)
-    return replace(key, degrees=turned, metres=moved)
+    new_degrees: Any = key.degrees if degrees is None else tuple(degrees)
+    new_metres: Any = key.metres if metres is None else tuple(metres)
+    return replace(key, degrees=new_degrees, metres=new_metres)
 
 
 def _refuse_displacement(character: RigBase, handle: Handle, key: MotionKey) -> None:
-    """Raises an error if a bone's key has a displacement, since a bone is fixed to its parent."""
-    if isinstance(character, Shape) and handle is not None and any(key.metres):
-        mend = "Give degrees, or move the whole."
-        raise InputError("a bone is turned, not moved", where=character.where, mend=mend)
+    """Raises an error if a bone's key has a displacement, because a bone is fixed to its parent."""
+    if character.jointed and handle is not None and any(key.metres):
+        remedy = "Give degrees, or move the whole character."
+        raise InputError("a bone can only be rotated", where=character.where, remedy=remedy)
 
 
 def _handle_number(character: RigBase, handle: int | str) -> int:
     """Returns the number of a bone or node.
 
     Raises:
-        InputError: if there is none, or the rig's handles take no keys.
+        InputError: if the handle does not exist, or if the rig's handles cannot have keys.
     """
     if isinstance(character, Shape):
         return bone_number(character, handle)
     if isinstance(handle, str) or not 0 <= handle < character.keyable:
         count = character.keyable
-        mend = f"It has {count}." if count else "Choose the whole character: keys turn and move it."
+        remedy = (
+            f"Number of nodes: {count}." if count else "Choose the whole character: keys rotate and move it."
+        )
         raise InputError(
-            f"node {handle!r} does not exist, or cannot have keys", where=character.where, mend=mend
+            f"node {handle!r} does not exist, or cannot have keys", where=character.where, remedy=remedy
         )
     return handle
 
@@ -216,42 +222,42 @@ def _find_key(project: Project, character_id: str, handle: Handle, key: int) -> 
     layer = None if number is None else project.character(character_id).playing[number]
     keys = () if layer is None else _keyed_take(project, layer).keys
     if number is None or not 0 <= key < len(keys):
-        mend = f"It has {len(keys)}."
-        thing = f"{character_id!r}" if handle is None else f"{handle!r} of {character_id!r}"
-        raise InputError(f"key {key} does not exist", where=thing, mend=mend)
+        remedy = f"Number of keys: {len(keys)}."
+        location = f"{character_id!r}" if handle is None else f"{handle!r} of {character_id!r}"
+        raise InputError(f"key {key} does not exist", where=location, remedy=remedy)
     return number, keys[key]
 
 
 def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
-    """Returns the time within a layer's keys at a time of the project, also after their end.
+    """Converts a time of the project to the time within a layer's keys, also after the end of the keys.
 
     Raises:
-        InputError: for a time before they begin.
+        InputError: if the time is before the start of the keys.
     """
     if layer.segments or layer.loop or layer.speed < 0.0:
         return layer.played(time, project.length_of(layer))[0]
     second = (layer.even(time) - layer.offset) * layer.speed
     if _frame_at(second) < 0:
-        problem = f"the clip of its keys begins at {layer.offset:.2f} s"
-        raise InputError(problem, where=f"layer {layer.take!r}", mend="Move that clip earlier first.")
+        problem = f"the clip with its keys begins at {layer.offset:.2f} s"
+        raise InputError(problem, where=f"layer {layer.take!r}", remedy="Move that clip earlier first.")
     return max(second, 0.0)
 
 
 def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Project:
-    """Adds the first key of a whole character. It acts about the character's modeled centre."""
+    """Adds the first key of a whole character. The key acts about the centre of the character at rest."""
     clip = keyed_clip(unused(f"{character.id} keys", project.takes), "root", [key])
     layer = RootLayer(clip.id, np.array(rig_of(character).centre(character)))
-    changed = character.with_changes(root_layers=(*character.root_layers, layer))
-    return project.with_takes(clip).with_characters(changed)
+    new_character = character.with_changes(root_layers=(*character.root_layers, layer))
+    return project.with_takes(clip).with_characters(new_character)
 
 
 def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[MotionKey]) -> Project:
-    """Replaces the keys of a layer. Other layers that play the same keys keep theirs."""
+    """Replaces the keys of a layer. Other layers that play the same keys keep the old keys."""
     character = project.character(character_id)
     layer, old = character.playing[number], _keyed_take(project, character.playing[number])
-    users = [user for each in project.characters.values() for user in each.playing]
-    played = sum((user.source, user.take) == (layer.source, layer.take) for user in users)
-    name = old.id if played < 2 else unused(old.id, getattr(project, layer.source))
+    users = [user_layer for each in project.characters.values() for user_layer in each.playing]
+    old_take = sum((user_layer.source, user_layer.take) == (layer.source, layer.take) for user_layer in users)
+    name = old.id if old_take < 2 else unused(old.id, getattr(project, layer.source))
     if isinstance(old, PoseStream):
         assert isinstance(layer, GraphLayer)
         project = project.with_streams(keyed_stream(name, layer.rest, old.follow, keys))

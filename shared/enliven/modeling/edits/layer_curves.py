@@ -1,10 +1,10 @@
-"""Edits of the weight and speed curves of layers, for all rigs: keyframes of numbers.
+"""Edits of the weight and speed curves of layers, for all rigs. The curves consist of keys (time, value).
 
     project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # weight 0 at 1 s of the project
-    project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half speed from there on
+    project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half speed from 2 s on
 
-A curve with one key is constant. Keys lie on the project's time and move with the start of their lane. Keys
-that would stop or reverse time are refused.
+A curve with one key is constant. Times of keys are times of the project. Keys move with the start of their
+lane. Keys that would stop or reverse time are refused.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
 Number = Literal["weights", "speeds"]
-"""The attribute of a layer that the keys control: its weights or its speeds."""
+"""The attribute of a layer that the keys control: its weight or its speed."""
 _SAME_KEY_S = 1.0 / 60.0
-"""Maximum distance in seconds at which a key replaces another: about half a frame of film."""
+"""A new key replaces an existing key within this time in seconds, about half a frame of film."""
 
 
 def layer_keys(project: Project, character_id: str, layer: int, number: Number) -> tuple[CurveKey, ...]:
@@ -31,8 +31,8 @@ def layer_keys(project: Project, character_id: str, layer: int, number: Number) 
     """
     character = project.character(character_id)
     if not 0 <= layer < len(character.playing):
-        mend = f"It has {len(character.playing)}."
-        raise InputError(f"layer {layer} does not exist", where=character.where, mend=mend)
+        remedy = f"Number of layers: {len(character.playing)}."
+        raise InputError(f"layer {layer} does not exist", where=character.where, remedy=remedy)
     keys: tuple[CurveKey, ...] = getattr(character.playing[layer], number)
     return keys
 
@@ -49,7 +49,7 @@ def set_layer_key(
     """Sets a key of one attribute of layers at a time. It replaces a key at that time.
 
     Args:
-        layers: numbers of the layers. All of them get the keys of the first.
+        layers: numbers of the layers. All of them get the keys of the first layer.
         time: seconds of the project.
         value: a weight from 0 to 1, or a speed factor.
 
@@ -76,23 +76,23 @@ def move_layer_key(
     """Moves a key of one attribute of layers to another time, or changes its value or interpolation.
 
     Raises:
-        InputError: if the key does not exist, another is there, or the value cannot be played.
+        InputError: if the key does not exist, another key has that time, or the value cannot be played.
     """
     numbers = tuple(layers)
     old_key, keys = _find_key(project, character_id, numbers[0], number, key)
     offset = project.character(character_id).playing[numbers[0]].offset
-    moved = CurveKey(
+    moved_key = CurveKey(
         old_key.second if time is None else time - offset,
         old_key.value if value is None else value,
         old_key.ease if ease is None else ease,
     )
-    return _with_keys(project, character_id, numbers, number, [*keys[:key], moved, *keys[key + 1 :]])
+    return _with_keys(project, character_id, numbers, number, [*keys[:key], moved_key, *keys[key + 1 :]])
 
 
 def remove_layer_key(
     project: Project, character_id: str, layers: Iterable[int], number: Number, key: int
 ) -> Project:
-    """Removes a key of one attribute of layers. Without any key the attribute has its default value.
+    """Removes a key of one attribute of layers. If no key is left, the attribute has its default value.
 
     Raises:
         InputError: if the key does not exist.
@@ -107,9 +107,9 @@ def _find_key(
 ) -> tuple[CurveKey, tuple[CurveKey, ...]]:
     keys = layer_keys(project, character_id, layer, number)
     if not 0 <= key < len(keys):
-        mend = f"It has {len(keys)}."
+        remedy = f"Number of keys: {len(keys)}."
         raise InputError(
-            f"key {key} of its {number} does not exist", where=f"character {character_id!r}", mend=mend
+            f"key {key} of its {number} does not exist", where=f"character {character_id!r}", remedy=remedy
         )
     return keys[key], keys
 
@@ -117,12 +117,12 @@ def _find_key(
 def _with_keys(
     project: Project, character_id: str, layers: tuple[int, ...], number: Number, keys: list[CurveKey]
 ) -> Project:
-    """Gives layers these keys, with times relative to the first layer's lane."""
+    """Sets the keys of layers, with times relative to the start of the first layer's lane."""
     playing = project.character(character_id).playing
-    ordered = sorted(keys, key=lambda key: key.second)
+    sorted_keys = sorted(keys, key=lambda key: key.second)
     for layer in layers:
-        late = playing[layers[0]].offset - playing[layer].offset
-        relative_keys = tuple(replace(key, second=key.second + late) for key in ordered)
+        delay = playing[layers[0]].offset - playing[layer].offset
+        relative_keys = tuple(replace(key, second=key.second + delay) for key in sorted_keys)
         changes: dict[str, Any] = {number: relative_keys}
         project = change_layers(project, character_id, [layer], **changes)
     return project

@@ -1,4 +1,4 @@
-"""Edits of the markers of a project: named moments."""
+"""Edits of the markers of a project. A marker is a named time."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from enliven.errors import InputError
 
 
 def add_marker(project: Project, seconds: float, name: str = "marker") -> tuple[Project, str]:
-    """Adds a marker, and returns its name: ``name``, with a number appended if that is taken."""
+    """Adds a marker, and returns the project and the marker's name. If the name is taken, a number is
+    appended."""
     marker = Marker(unused(name, project.markers), float(seconds))
     return replace(project, markers={**project.markers, marker.id: marker}), marker.id
 
 
 def move_marker(project: Project, name: str, seconds: float) -> Project:
     """Moves a marker to another time, not before 0."""
-    moved = replace(_find_marker(project, name), seconds=max(float(seconds), 0.0))
-    return replace(project, markers={**project.markers, name: moved})
+    marker_key = replace(_find_marker(project, name), seconds=max(float(seconds), 0.0))
+    return replace(project, markers={**project.markers, name: marker_key})
 
 
 def rename_marker(project: Project, name: str, wanted: str) -> Project:
@@ -28,10 +29,10 @@ def rename_marker(project: Project, name: str, wanted: str) -> Project:
     """
     marker = _find_marker(project, name)
     if wanted != name and wanted in project.markers:
-        mend = "Choose another name."
-        raise InputError(f"{wanted!r} is there already", where=f"marker {name!r}", mend=mend)
-    named = {(wanted if key == name else key): other for key, other in project.markers.items()}
-    return replace(project, markers={**named, wanted: replace(marker, id=wanted)})
+        remedy = "Choose another name."
+        raise InputError(f"the name {wanted!r} is taken", where=f"marker {name!r}", remedy=remedy)
+    renamed = {(wanted if key == name else key): other for key, other in project.markers.items()}
+    return replace(project, markers={**renamed, wanted: replace(marker, id=wanted)})
 
 
 def remove_marker(project: Project, name: str) -> Project:
@@ -47,6 +48,6 @@ def remove_marker(project: Project, name: str) -> Project:
 def _find_marker(project: Project, name: str) -> Marker:
     if name not in project.markers:
         names = ", ".join(project.markers)
-        mend = f"Known: {names}." if names else "Add one first."
-        raise InputError(f"the marker {name!r} does not exist", where="project", mend=mend)
+        remedy = f"Known: {names}." if names else "Add a marker first."
+        raise InputError(f"the marker {name!r} does not exist", where="project", remedy=remedy)
     return project.markers[name]

@@ -1,4 +1,4 @@
-"""Merges two characters at a moment, with the same kind of rig or with different ones."""
+"""Merges two characters at a time. They may have the same kind of rig or different kinds."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
 from enliven.modeling.edits.root_motion_rig import remove_root_layers, restore_root_layers
-from enliven.modeling.mesh import SeamSettings
+from enliven.modeling.mesh.seam import SeamSettings
 from enliven.modeling.rig import Merge
 
 _DEFAULT_SEAM = SeamSettings()
 _LOOPED_RECORDING_S = 20.0
-"""Recorded time after a merge, in seconds, if loops have different lengths or do not end where they start."""
+"""Seconds that are recorded after a merge if loops have different lengths or do not end at their start."""
 _SAME_POINT_M = 1e-6
-"""Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
+"""Maximum distance in metres between the start and end of a closed loop, to allow for rounding."""
 
 
 def merge_characters(
@@ -35,15 +35,15 @@ def merge_characters(
 ) -> Project:
     """Merges two characters in their poses at ``time``: attaches the graft to the host.
 
-    At ``time`` both stay where they are, and both keep moving; the graft follows the host. Keys that move the
-    whole host now move both, and keys of the whole graft are dropped.
+    At ``time`` both keep their positions. Afterwards both keep moving, and the graft follows the host. Keys
+    that move the whole host then move both, and keys of the whole graft are removed.
 
-    Two characters with the same kind of rig keep it. Two different rigs result in a deformation graph, in
-    which each side is a part with its own time. A deformation graph stays unchanged. The bones of a skeleton
-    become nodes, exact at 60 frames per second and at ``time``. A puppet is baked, and ``notes`` receives the
-    error. Baked parts lose their joints and key poses (undo restores them). The baked motion ends when each
-    take was played once. A loop repeats for ever if its end matches its start, and otherwise plays for 20
-    seconds.
+    Two characters with the same kind of rig keep this kind. Two different kinds of rigs become one
+    deformation graph, in which each side is a part with its own time. A deformation graph is not changed. The
+    bones of a skeleton become nodes, which is exact at 60 frames per second and at ``time``. A puppet is
+    baked, and ``notes`` receives the error. Baked parts lose their joints and key poses (undo restores them).
+    The baked motion ends when each take was played once. A loop repeats for ever if its end matches its
+    start, and otherwise plays for 20 seconds.
 
     Args:
         node, at, loose, seam, notes: as in :class:`enliven.modeling.rig.Merge`.
@@ -54,13 +54,13 @@ def merge_characters(
     """
     host, graft = project.character(host_id), project.character(graft_id)
     if host_id == graft_id:
-        mend = "Copy it first."
-        raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
+        remedy = "Copy it first, and merge it with the copy."
+        raise InputError("a character cannot be merged with itself", where=host.where, remedy=remedy)
     messages, kind = [] if notes is None else notes, host.kind
     for character in (host, graft):
         project = remove_root_layers(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
-        messages.append(f"The motion of {graft.where} as a whole was removed: it rides on {host.where}.")
+        messages.append(f"The motion of {graft.where} as a whole was removed: it now rides on {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
@@ -72,7 +72,8 @@ def merge_characters(
 
 
 def bake_to_graph(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
-    """Bakes a character's motion to a deformation graph. A graph stays unchanged."""
+    """Bakes a character's motion to a deformation graph. A character that is a graph already is not
+    changed."""
     character = project.character(character_id)
     if character.kind == GraphShape.kind:
         return project
@@ -81,24 +82,30 @@ def bake_to_graph(project: Project, character_id: str, time: float, notes: list[
     graph, stream, note = rig_of(character).as_graph(project, character, times, stream_id)
     if looped:
         graph = graph.with_playing(*(replace(part, loop=True) for part in graph.parts))
-    notes.append(f"{character.where} was recorded from {times[0]:.2f} s to {times[-1]:.2f} s{note}.")
+    notes.append(f"{character.where} was baked from {times[0]:.2f} s to {times[-1]:.2f} s{note}.")
     return project.with_streams(stream).with_characters(graph)
 
 
 def _frame_times(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
-    """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``, and True for a
-    loop."""
+    """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``, and True if
+    the motion is a loop."""
     rig = rig_of(character)
-    heard = [layer for layer in character.playing if not layer.muted]
-    rounds = [layer.lasting(project.length_of(layer)) for layer in heard if layer.loop]
-    even = not any(layer.weights or layer.speeds for layer in heard)
-    if even and rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
+    audible_layers = [layer for layer in character.playing if not layer.muted]
+    loop_lengths = [layer.lasting(project.length_of(layer)) for layer in audible_layers if layer.loop]
+    step_times = not any(layer.weights or layer.speeds for layer in audible_layers)
+    if (
+        step_times
+        and loop_lengths
+        and len(loop_lengths) == len(audible_layers)
+        and np.ptp(loop_lengths) < 1e-9
+        and loop_lengths[0] > 0.0
+    ):
         player = rig.player(project, character)
-        first, last = (player(at).pose.positions for at in (time, time + rounds[0]))
+        first, last = (player(at).pose.positions for at in (time, time + loop_lengths[0]))
         if np.abs(first - last).max() < _SAME_POINT_M:
-            count = max(round(rounds[0] * rig.frames), 2)
-            return np.asarray(time + rounds[0] / count * np.arange(count + 1, dtype=np.float64)), True
-    start = min([time, *(layer.offset for layer in heard)])
-    end = max([time, project.end_of(character), *([time + _LOOPED_RECORDING_S] if rounds else [])])
+            count = max(round(loop_lengths[0] * rig.frames), 2)
+            return np.asarray(time + loop_lengths[0] / count * np.arange(count + 1, dtype=np.float64)), True
+    start = min([time, *(layer.offset for layer in audible_layers)])
+    end = max([time, project.end_of(character), *([time + _LOOPED_RECORDING_S] if loop_lengths else [])])
     before, after = np.ceil((time - start) * rig.frames), max(np.ceil((end - time) * rig.frames), 1.0)
     return np.asarray(time + np.arange(-before, after + 1.0) / rig.frames), False

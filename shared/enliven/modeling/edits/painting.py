@@ -11,11 +11,11 @@ import scipy
 from enliven.arrays import Float, Float32
 from enliven.document import Plane, Project
 from enliven.errors import InputError
-from enliven.examples import reflect_points
+from enliven.examples.symmetric import reflect_points
 from enliven.meshes import Mesh
 
 Brush = Literal["stiffer", "softer", "erase"]
-"""Effect of a stroke on the covered vertices: stiffer, softer, or "erase", which resets the stiffness to
+"""Effect of a stroke on the vertices under it: stiffer, softer, or "erase", which resets the stiffness to
 1."""
 MAX_DOUBLINGS = 4.0
 """Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
@@ -23,7 +23,7 @@ rigid."""
 _DOUBLINGS_PER_STROKE = 2.0
 """Number of doublings or halvings per stroke along its middle. Two strokes reach the limit."""
 _MIN_DOUBLINGS = 1e-3
-"""Vertices with fewer doublings than this count as unpainted."""
+"""Vertices with fewer doublings or halvings than this count as unpainted."""
 
 
 def brush_stiffness(
@@ -37,25 +37,25 @@ def brush_stiffness(
     Args:
         stroke: (P, 3) metres, points at rest that the brush passed.
         radius: metres.
-        mirror: a plane across which the stroke is mirrored; None paints one side.
+        mirror: the plane in which the stroke is mirrored, or None to paint one side only.
     """
     doublings = np.zeros(len(mesh.vertices))
     if mesh.stiffness is not None:
         doublings = np.log2(mesh.stiffness, dtype=np.float64)
     if mirror is not None:
-        other = reflect_points(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
-        stroke = np.concatenate([stroke, other])
+        mirrored_stroke = reflect_points(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
+        stroke = np.concatenate([stroke, mirrored_stroke])
     near = 1.0 - np.minimum(scipy.spatial.cKDTree(stroke).query(mesh.vertices)[0] / radius, 1.0)
-    covered = near * near * (3.0 - 2.0 * near)
+    strength = near * near * (3.0 - 2.0 * near)
     if brush == "erase":
-        after = doublings * (1.0 - covered)
+        after = doublings * (1.0 - strength)
     else:
         after = (
-            doublings + (_DOUBLINGS_PER_STROKE if brush == "stiffer" else -_DOUBLINGS_PER_STROKE) * covered
+            doublings + (_DOUBLINGS_PER_STROKE if brush == "stiffer" else -_DOUBLINGS_PER_STROKE) * strength
         )
     after = np.clip(after, -MAX_DOUBLINGS, MAX_DOUBLINGS)
     after[np.abs(after) < _MIN_DOUBLINGS] = 0.0
-    painted = np.where(covered > 0, np.exp2(after), 1.0 if mesh.stiffness is None else mesh.stiffness)
+    painted = np.where(strength > 0, np.exp2(after), 1.0 if mesh.stiffness is None else mesh.stiffness)
     return painted.astype(np.float32) if (painted != 1.0).any() else None
 
 
@@ -89,7 +89,7 @@ def unpaint_character(project: Project, character_id: str) -> Project:
 def _mesh_of(project: Project, character_id: str) -> Mesh:
     character = project.character(character_id)
     if character.mesh is None:
-        raise InputError("it has no surface to paint on", where=character.where, mend="Give it a mesh.")
+        raise InputError("it has no surface to paint on", where=character.where, remedy="Give it a mesh.")
     return character.mesh
 
 

@@ -1,4 +1,4 @@
-"""Transfers a performance to another character: the performers possess that character's mesh."""
+"""Transfers a recorded performance to another character: the performers possess that character's mesh."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dataclasses import asdict, fields, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Puppet, RigBase, TimeMap, unused
+from enliven.document import GraphLayer, GraphPart, GraphShape, Project, RigBase, TimeMap, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import move_character, scale_character
 from enliven.modeling.edits.rigs import foot_of, vertices_of
-from enliven.modeling.possessed import possess_another
+from enliven.modeling.possessed.another_mesh import possess_another
 from enliven.possession import apply_vertex_motion, settings_from_possession
 
 _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
@@ -21,8 +21,8 @@ _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
 
 
 def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
-    """Returns the first part of a shape that performers moved. Without one, returns the first layer on top
-    that was performed."""
+    """Returns the first part of a shape that performers moved, or else the first layer on top that was
+    performed."""
     return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
 
 
@@ -38,34 +38,35 @@ def transfer_performance(
 ) -> tuple[Project, str]:
     """Transfers the motion of performers from one mesh to another. Returns the project and the new mesh's id.
 
-    The performers possess the mesh in its pose at ``time``, temporarily scaled to their size. Afterwards it
-    has its own size again, and its motion starts at its old position. A mesh without motion, bones and key
-    poses is replaced by the performed character. Any other character is copied and stays unchanged.
+    The performers possess the mesh in its pose at ``time``, temporarily scaled to their size. Afterwards the
+    mesh has its own size again, and its motion starts at its old position. A mesh without motion, bones and
+    key poses is replaced by the performed character. Any other character is copied, and the original stays
+    unchanged.
 
     Args:
-        time: seconds.
+        time: time of the project in seconds.
         nodes: number of nodes of the deformation graph.
-        progress: is called with the completed fraction, from 0 to 1.
-        notes: receives a sentence about each attachment that the mesh refused.
+        progress: a function that is called with the completed fraction, from 0 to 1.
+        notes: a list that receives a sentence about each attachment that failed.
 
     Raises:
-        InputError: if the first is not a mesh that performers moved. Also if the second has no surface or is
-            the first, or if the performers cannot attach to any part of it.
+        InputError: if the source is not a mesh that performers moved. Also if the target has no surface or is
+            the source, or if the performers cannot attach to any part of it.
     """
     shape, target = project.graph(source_id), project.character(target_id)
     layer = performance_in(shape)
     if layer is None or layer.possession is None:
-        raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
+        raise InputError("performers moved no part of it", where=shape.where, remedy="Possess it first.")
     if target is shape:
-        mend = "Choose another character, or possess it again."
-        raise InputError("it is already performed this way", where=shape.where, mend=mend)
+        remedy = "Choose another character, or record a new performance with it."
+        raise InputError("the source and the target are the same character", where=shape.where, remedy=remedy)
     if target.mesh is None or not len(target.mesh.faces):
-        raise InputError("it has no surface", where=target.where, mend="Choose one with a mesh.")
+        raise InputError("it has no surface", where=target.where, remedy="Choose one with a mesh.")
     posed = vertices_of(project, target_id, time)
     mesh = replace(target.mesh, vertices=posed, name=target_id)
     take = project.bodies[layer.possession.take]
     # The original mesh may have been placed at a fixed position in the room. The new mesh is elsewhere, so it
-    # is placed where the performer meets it.
+    # is placed at the performer's position.
     settings = replace(settings_from_possession(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
     ends, joints = _known_ends(target, posed)
@@ -81,21 +82,21 @@ def transfer_performance(
         notes=notes,
     )
     new_project = _scale_and_place(new_project, name, posed)
-    new = new_project.graph(name)
+    new_shape = new_project.graph(name)
     when = {
         attribute.name: getattr(layer, attribute.name)
         for attribute in fields(TimeMap)
         if attribute.name not in _RECORDING_ATTRIBUTES
     }
-    new = new.with_changes(parts=(replace(new.parts[0], **when),))
+    new_shape = new_shape.with_changes(parts=(replace(new_shape.parts[0], **when),))
     if _is_plain(project, target):
-        return new_project.without(name).with_characters(new.with_changes(id=target_id)), target_id
+        return new_project.without(name).with_characters(new_shape.with_changes(id=target_id)), target_id
     called = unused(f"{target_id} performed", project.characters)
-    return new_project.without(name).with_characters(new.with_changes(id=called)), called
+    return new_project.without(name).with_characters(new_shape.with_changes(id=called)), called
 
 
 def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
-    """Returns the known ends and joints of a mesh, in its pose."""
+    """Returns the named ends and joints of a mesh in its pose, or None where it has none."""
     if not isinstance(target, GraphShape):
         return None, None
     rest = target.mesh.vertices
@@ -110,8 +111,10 @@ def _scale_and_place(project: Project, name: str, posed: Float) -> Project:
     """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
     shape = project.graph(name)
     first = project.streams[shape.parts[0].take].linear[0]
-    grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _vertical_extent(shape.mesh.vertices)
-    project = scale_character(project, name, _vertical_extent(posed) / grown)
+    scaled_project = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _vertical_extent(
+        shape.mesh.vertices
+    )
+    project = scale_character(project, name, _vertical_extent(posed) / scaled_project)
     return move_character(project, name, foot_of(posed) - foot_of(vertices_of(project, name, 0.0)))
 
 
@@ -121,6 +124,5 @@ def _vertical_extent(vertices: Float) -> float:
 
 
 def _is_plain(project: Project, character: RigBase) -> bool:
-    """Returns True if a character is a mesh without motion: as opened, sketched or scanned."""
-    plain = isinstance(character, GraphShape) or (isinstance(character, Puppet) and len(character.poses) < 2)
-    return plain and not any(project.length_of(layer) > 0.0 for layer in character.playing)
+    """Returns True if a character is a mesh without motion, such as a file or a scan that was just opened."""
+    return character.possessable and not any(project.length_of(layer) > 0.0 for layer in character.playing)

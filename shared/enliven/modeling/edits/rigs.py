@@ -1,4 +1,4 @@
-"""The table of rigs, and the state of a character with any rig at a moment."""
+"""The table of rigs, and the pose of a character with any rig at a time."""
 
 from __future__ import annotations
 
@@ -8,66 +8,71 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Pose, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
 from enliven.modeling.edits.root_motion_rig import RootMotionRig, remove_root_layers
-from enliven.modeling.possessed import GraphRig
-from enliven.modeling.puppet import PuppetRig
+from enliven.modeling.possessed.rig import GraphRig
+from enliven.modeling.puppet.rig import PuppetRig
 from enliven.modeling.rig import RigEdits
-from enliven.modeling.rigged import ShapeRig
+from enliven.modeling.rigged.rig import ShapeRig
 
 RIGS: dict[str, RigEdits] = {
     Shape.kind: ShapeRig(),
     GraphShape.kind: GraphRig(),
     Puppet.kind: PuppetRig(),
 }
-"""The edits of every kind of rig. Register further kinds here."""
+"""The edits of every kind of rig, by the name of the kind. Register further kinds here."""
 
 
 def rig_of(character: RigBase) -> RigEdits:
-    """Returns the edits for a character's rig. If the character has root layers, the edits are wrapped to
-    apply them."""
+    """Returns the edits for a character's rig.
+
+    If the character has root layers, the edits are wrapped to apply them.
+    """
     rig_edits = RIGS[character.kind]
     return RootMotionRig(rig_edits) if character.root_layers else rig_edits
 
 
 def bake_root_layers(project: Project, character: RigBase, time: float) -> RigBase:
-    """Returns the character without root layers, moved to where they put it at a time of the project."""
-    standing = project.with_characters(character)
-    return remove_root_layers(RIGS[character.kind], standing, character.id, time).character(character.id)
+    """Returns the character without root layers, moved to its position with them at a time of the project."""
+    baked = project.with_characters(character)
+    return remove_root_layers(RIGS[character.kind], baked, character.id, time).character(character.id)
 
 
 def handle_number(character: RigBase, handle: int | str) -> int:
     """Returns the number of a handle given by number or name.
 
     Raises:
-        InputError: if there is none; the message lists the existing handles.
+        InputError: if the handle does not exist. The message lists the existing handles.
     """
     names = character.handles
     number = names.index(handle) if handle in names else handle
     if isinstance(number, str) or not 0 <= number < len(names):
         known_handles = ", ".join(names) or "none"
         raise InputError(
-            f"the handle {handle!r} does not exist", where=character.where, mend=f"Known: {known_handles}."
+            f"the handle {handle!r} does not exist", where=character.where, remedy=f"Known: {known_handles}."
         )
     return number
 
 
 def vertices_of(project: Project, character_id: str, time: float) -> Float:
-    """Returns (V, 3) metres: the vertices of a character at a time of the project.
+    """Returns (V, 3) metres, the vertices of a character at a time of the project.
 
     Raises:
-        InputError: if the character does not exist, or it lacks data that it needs to move.
+        InputError: if the character does not exist, or lacks data that it needs to move.
     """
     character = project.character(character_id)
     return rig_of(character).seen(project, character, time)
 
 
 def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
-    """Returns the transforms of a character for the network and the viewer. See :func:`vertices_of` for
-    errors."""
+    """Returns the transforms of a character for the network and the viewer.
+
+    The errors are those of :func:`vertices_of`.
+    """
     character = project.character(character_id)
     return rig_of(character).player(project, character)(time).pose
 
 
 def foot_of(vertices: Float) -> Float:
-    """Returns (3,) metres: the centre of the bounding box of vertices (V, 3), at the height of the lowest."""
+    """Returns (3,) metres, the centre of the bounding box of vertices (V, 3) at the height of the lowest
+    vertex."""
     low, high = vertices.min(0), vertices.max(0)
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Clip, Project, RigBase, RootLayer
 from enliven.errors import InputError
-from enliven.modeling.rigged import Axes
+from enliven.modeling.rigged.axes import Axes
 from enliven.rotation import (
     IDENTITY,
     conjugate,
@@ -24,13 +24,13 @@ from enliven.rotation import (
 )
 
 _MIN_LAYER_WEIGHT = 1e-3
-"""Minimum weight of a layer that can be posed by hand. Below it, keys would need values a thousand times
-larger."""
+"""Minimum weight of a layer that can be posed by hand. With less weight, keys would need values a thousand
+times larger."""
 
 
 class RigidMotion(NamedTuple):
-    """A rigid motion x -> turn x + move at one or several moments: rotation (..., 4) and displacement (...,
-    3) in metres."""
+    """A rigid motion x -> turn x + move at one or several times: rotation (..., 4) and displacement (..., 3)
+    in metres."""
 
     turn: Float
     move: Float
@@ -41,7 +41,7 @@ class RigidMotion(NamedTuple):
         return rotate(self.turn[..., None, :], points) + self.move[..., None, :]
 
     def after(self, first: RigidMotion) -> RigidMotion:
-        """Returns the composition of this motion after ``first``."""
+        """Returns the composition of two motions: first ``first``, then this motion."""
         return RigidMotion(
             normalized(multiply(self.turn, first.turn)), rotate(self.turn, first.move) + self.move
         )
@@ -63,13 +63,13 @@ def about(turn: Float, offset: Float, centre: Float) -> RigidMotion:
 
 
 def root_motion(project: Project, character: RigBase, time: float) -> RigidMotion:
-    """Returns the combined motion of a character's root layers at a time of the project.
+    """Returns the combined motion of all root layers of a character at a time of the project.
 
     Raises:
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=character.where, mend="Give seconds.")
+        raise InputError(f"the time is {time}", where=character.where, remedy="Give seconds.")
     motion = IDENTITY_MOTION
     for layer in character.root_layers:
         motion = _layer_motion(project, layer, time)[0].after(motion)
@@ -78,15 +78,17 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
 
 def root_motions(project: Project, character: RigBase, times: AnyArray | Sequence[float]) -> RigidMotion:
     """Returns the combined motion of the root layers at times (T,): rotations (T, 4) and moves (T, 3)."""
-    each = [root_motion(project, character, float(time)) for time in times]
-    return RigidMotion(np.array([motion.turn for motion in each]), np.array([motion.move for motion in each]))
+    seconds = [root_motion(project, character, float(time)) for time in times]
+    return RigidMotion(
+        np.array([motion.turn for motion in seconds]), np.array([motion.move for motion in seconds])
+    )
 
 
 def root_values(
     project: Project, character: RigBase, number: int, motion: RigidMotion, time: float
 ) -> tuple[Float, Float]:
-    """Computes the values of one root layer's clip for which all root layers together produce a motion at a
-    time.
+    """Computes the values of one root layer's clip at a time, for a required motion of all root layers
+    together.
 
     Args:
         number: index of the layer among the root layers.
@@ -105,8 +107,8 @@ def root_values(
     layer = character.root_layers[number]
     weight = _layer_motion(project, layer, time)[1]
     if weight < _MIN_LAYER_WEIGHT:
-        mend = "Unmute it, or give it weight, or go to a time at which it plays."
-        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
+        remedy = "Unmute the layer, give it weight, or go to a time at which it plays."
+        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", remedy=remedy)
     layer_motion = outer.inverse.after(motion).after(inner.inverse)
     moved = layer_motion.move - layer.about + rotate(layer_motion.turn, layer.about)
     back, flip = Axes(conjugate(layer.basis), False), Axes(IDENTITY, layer.mirrored)
@@ -131,7 +133,8 @@ def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[Rigi
 
 
 def _recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
-    """Returns the rotation (4,) and position (3,) of a clip's root at a second of the clip."""
+    """Returns the rotation (4,) and position (3,) in metres of a clip's root at a time of the clip in
+    seconds."""
     last = len(clip.turns) - 1
     frame = min(second / clip.step, float(last))
     before = min(int(frame), max(last - 1, 0))
@@ -140,7 +143,7 @@ def _recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
 
 
 def _interpolate_root(
-    one: tuple[Float, Float], other: tuple[Float, Float], share: float
+    start: tuple[Float, Float], end: tuple[Float, Float], fraction: float
 ) -> tuple[Float, Float]:
-    turn = slerp(one[0], other[0], np.asarray(share))
-    return turn, one[1] + share * (other[1] - one[1])
+    turn = slerp(start[0], end[0], np.asarray(fraction))
+    return turn, start[1] + fraction * (end[1] - start[1])

@@ -1,7 +1,7 @@
 """Root layers for every rig: they rotate and move the result of the rig as a whole.
 
-Rigs do not know about root layers. This wrapper applies them on top, once for all rigs. Cuts and merges work
-on a character with its root layers baked into its placement at that time.
+The rigs themselves do not know about root layers. This wrapper applies them on top, once for all rigs. Cuts
+and merges process a character with root layers that were baked into its placement at that time.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Character, GraphShape, MotionKey, PoseStream, Project
 from enliven.modeling.edits.root_layers import RigidMotion, root_motion, root_motions
-from enliven.modeling.mesh import CutSurface
-from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
-from enliven.modeling.rigged import Axes
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.rig import CharacterState, HandleMotion, Merge, Player, RigEdits
+from enliven.modeling.rigged.axes import Axes
 from enliven.rotation import multiply, normalized, rotate, to_matrix
 
 
 class RootMotionRig(RigEdits):
-    """The edits of a rig, for characters with root layers.
+    """A wrapper around the edits of a rig, for characters with root layers.
 
     Args:
-        own: the edits of the rig itself.
+        own: the edits of the wrapped rig.
     """
 
     def __init__(self, own: RigEdits) -> None:
         self.own, self.frames = own, own.frames
 
     def centre(self, character: Any) -> Float:
-        """Returns the centre without root layers."""
+        """Returns the centre (3,) of the character, in metres, without root layers."""
         return self.own.centre(character)
 
     def rest(self, character: Any) -> Float:
@@ -48,7 +48,7 @@ class RootMotionRig(RigEdits):
         return root_motion(project, character, time)(self.own.seen(project, character, time))
 
     def player(self, project: Project, character: Any) -> Player:
-        """Returns a function that gives poses and handles, moved by the root layers."""
+        """Returns a function that returns poses and handles, moved by the root layers."""
         rig_player = self.own.player(project, character)
 
         def at(time: float) -> CharacterState:
@@ -59,17 +59,23 @@ class RootMotionRig(RigEdits):
 
         return at
 
+    def handle_motion(
+        self, character: Any, player: Player, handle: int | None, layer: int | None
+    ) -> HandleMotion | None:
+        """Returns the motion of a handle under the given player."""
+        return self.own.handle_motion(character, player, handle, layer)
+
     def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
-        """Returns a function that gives the surface, moved by the root layers."""
+        """Returns a function that returns the surface, moved by the root layers."""
         rig_surface = self.own.surface(project, character)
         return lambda time: root_motion(project, character, time)(rig_surface(time))
 
     def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
-        """Returns the sentences of the rig itself. Root layers do not change them."""
+        """Returns the wrapped rig's sentences about missing data. Root layers do not change them."""
         return self.own.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
-        """Checks the layers that belong to the rig."""
+        """Raises an error if the wrapped rig refuses its layers among ``numbers``."""
         count = len(character.playing) - len(character.root_layers)
         self.own.check_layers(project, character, {number for number in numbers if number < count})
 
@@ -79,15 +85,15 @@ class RootMotionRig(RigEdits):
         return self.own.dragged(project, character, handle, back(place[None])[0], time)
 
     def key_layer(self, project: Project, character: Any, handle: int) -> int | None:
-        """Returns the rig's own layer number. Root layers come after all others."""
+        """Returns the layer number of the wrapped rig. Root layers are numbered after all other layers."""
         return self.own.key_layer(project, character, handle)
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
-        """Adds the layer to the rig. Root layers stay."""
+        """Adds the layer to the wrapped rig. The root layers stay unchanged."""
         return self.own.with_key_layer(project, character, handle, key)
 
     def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
-        """Moves the character, and with it the centre and the axes of each root layer."""
+        """Moves the character, together with the centre and the axes of each root layer."""
         moved = self.own.moved(character, offset, turn, about)
         layers = tuple(
             replace(
@@ -131,7 +137,7 @@ class RootMotionRig(RigEdits):
     def cut(
         self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
-        """Cuts the character in its pose at ``time``. The root layers keep moving all parts."""
+        """Cuts the character in its pose at ``time``. Its root layers then move all parts."""
         character = project.character(name)
         project, parts = self.own.cut(
             remove_root_layers(self.own, project, name, time), name, stroke, time, notes=notes
@@ -141,12 +147,12 @@ class RootMotionRig(RigEdits):
         return project, parts
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """Merges without root layers. Both characters had theirs baked before."""
+        """Merges two characters. Their root layers were baked before."""
         return self.own.merged(project, merge)
 
 
 def remove_root_layers(own: RigEdits, project: Project, name: str, time: float) -> Project:
-    """Removes a character's root layers, and moves the character to its position at a time."""
+    """Removes a character's root layers, and moves the character to its position with them at a time."""
     character = project.character(name)
     if not character.root_layers:
         return project
@@ -156,7 +162,8 @@ def remove_root_layers(own: RigEdits, project: Project, name: str, time: float) 
 
 
 def restore_root_layers(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
-    """Restores the root layers of ``before`` that ``remove_root_layers`` removed, and reverts its move."""
+    """Restores the root layers of ``before`` that :func:`remove_root_layers` removed, and reverts its
+    move."""
     character = project.character(name)
     if not before.root_layers:
         return project

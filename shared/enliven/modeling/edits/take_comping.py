@@ -1,12 +1,12 @@
-"""Alternative takes (take comping): repeated performances are kept, and one of them plays.
+"""Alternative takes (take comping): several performances of the same part are kept, and one of them plays.
 
     alternative_takes(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
-    choose_take(project, "take 1", "take 1")       # the first plays again, on every character
+    choose_take(project, "take 1", "take 1")       # the first plays again, for every character
     drop_take(project, "take 1", "take 2")         # removes its layers and its takes
 
-Each layer stores the recording it came from, and the group of alternatives that this recording belongs to.
-Both survive cuts, merges and copies. Each edit maps a project to a project. An invalid edit raises InputError
-and changes nothing.
+Each layer stores the name of its recording, and the name of the group of alternatives that contains this
+recording. Cuts, merges and copies keep both. Each edit maps a project to a project. An invalid edit raises
+InputError and changes nothing.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ from enliven.errors import InputError
 
 def alternative_takes(project: Project, alternatives: str) -> dict[str, bool]:
     """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
-    plays: dict[str, bool] = {}
+    is_playing: dict[str, bool] = {}
     for character in project.characters.values():
         for layer in character.playing:
             if alternatives and layer.alternatives == alternatives:
-                plays[layer.recorded] = plays.get(layer.recorded, False) or not layer.muted
-    return plays
+                is_playing[layer.recorded] = is_playing.get(layer.recorded, False) or not layer.muted
+    return is_playing
 
 
 def alternatives_of(project: Project, recorded: str) -> str:
-    """Returns the name of the group of alternatives of a recording. It is empty if no layer of the recording
-    is left."""
+    """Returns the name of the group of alternatives that contains a recording, or "" if no layer of the
+    recording is left."""
     layers = (layer for character in project.characters.values() for layer in character.playing)
     return next((layer.alternatives for layer in layers if recorded and layer.recorded == recorded), "")
 
 
 def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
-    """Selects the alternative that plays, on every character. An empty name mutes all of them.
+    """Selects the alternative that plays, for every character. An empty name mutes all alternatives.
 
     Raises:
         InputError: if the recording is not in the group.
     """
     takes = alternative_takes(project, alternatives)
     if recorded and recorded not in takes:
-        mend = f"Known: {', '.join(takes) or 'none'}."
+        remedy = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
-            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
+            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", remedy=remedy
         )
 
     def heard(layer: LayerBase) -> LayerBase:
@@ -63,10 +63,10 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
 
 
 def group_as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
-    """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
+    """Adds the layers with new takes (which ``before`` does not contain) to a group of alternatives."""
 
     def labelled(layer: LayerBase) -> LayerBase:
-        takes, earlier_takes = (getattr(each, layer.source) for each in (project, before))
+        takes, earlier_takes = (getattr(take, layer.source) for take in (project, before))
         if takes[layer.take] is earlier_takes.get(layer.take):
             return layer
         changes: dict[str, Any] = {"recorded": recorded, "alternatives": alternatives}
@@ -85,18 +85,18 @@ def group_as_take(before: Project, project: Project, recorded: str, alternatives
 def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     """Removes one of several alternatives: its layers, and takes that are no longer played.
 
-    The first recording of a possessed mesh drives its nodes. If it is removed, the nodes keep the pose of its
-    first frame. If the removed alternative was playing, the previous one plays next, or else the following
-    one.
+    The first recording of a possessed mesh moves its nodes. If it is removed, the nodes keep the pose of its
+    first frame. If the removed alternative was playing, the previous alternative plays next, or the following
+    one if there is no previous one.
 
     Raises:
         InputError: if the recording is not in the group.
     """
     takes = alternative_takes(project, alternatives)
     if recorded not in takes:
-        mend = f"Known: {', '.join(takes) or 'none'}."
+        remedy = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
-            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
+            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", remedy=remedy
         )
     before = project
     for character in list(project.characters.values()):
@@ -105,13 +105,13 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     names = list(takes)
     remaining = [name for name in names if name != recorded]
     if takes[recorded] and remaining:
-        place = names.index(recorded)
-        project = choose_take(project, alternatives, remaining[max(place - 1, 0)])
+        position = names.index(recorded)
+        project = choose_take(project, alternatives, remaining[max(position - 1, 0)])
     return _without_unneeded_takes(before, project)
 
 
 def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
-    """Keeps only one of the alternatives.
+    """Keeps one of the alternatives, and removes the others.
 
     Raises:
         InputError: if the recording is not in the group.
@@ -134,9 +134,9 @@ def _without_recording(project: Project, character: RigBase, alternatives: str, 
         if not _plays_recording(layer, alternatives, recorded):
             continue
         if isinstance(layer, GraphPart):
-            still, stream = _held_first_frame(project, layer)
+            held_part, stream = _held_first_frame(project, layer)
             character = character.with_playing(
-                *character.playing[:number], still, *character.playing[number + 1 :]
+                *character.playing[:number], held_part, *character.playing[number + 1 :]
             )
             project = project.with_streams(stream)
         else:
@@ -145,24 +145,24 @@ def _without_recording(project: Project, character: RigBase, alternatives: str, 
 
 
 def _held_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
-    """Returns a part that holds the first frame of its stream, and a stream of that frame."""
+    """Returns a part that keeps the pose of its stream's first frame, and a stream with only that frame."""
     stream = project.streams[part.take]
     name = unused(f"{part.take} still", project.streams)
     first = PoseStream(name, stream.linear[:1], stream.positions[:1], stream.step)
-    how = {"muted": False, "possession": None, "recorded": "", "alternatives": "", "segments": ()}
-    return replace(part.timeless(), take=name, **how), first  # type: ignore[arg-type]
+    changes = {"muted": False, "possession": None, "recorded": "", "alternatives": "", "segments": ()}
+    return replace(part.timeless(), take=name, **changes), first  # type: ignore[arg-type]
 
 
 def _without_unneeded_takes(before: Project, project: Project) -> Project:
-    """Removes takes that a character of ``before`` needed and that no character needs now."""
+    """Removes takes that a character of ``before`` needed, and that no character of ``project`` needs."""
 
-    def needed(one: Project, kind: str) -> set[str]:
-        return set().union(*(character.needed()[kind] for character in one.characters.values()))
+    def needed(a_project: Project, kind: str) -> set[str]:
+        return set().union(*(character.needed()[kind] for character in a_project.characters.values()))
 
     changes: dict[str, Any] = {}
     for kind in ("takes", "streams", "bodies"):
         unneeded = needed(before, kind) - needed(project, kind)
-        stored = getattr(project, kind)
-        if unneeded & set(stored):
-            changes[kind] = {name: take for name, take in stored.items() if name not in unneeded}
+        takes = getattr(project, kind)
+        if unneeded & set(takes):
+            changes[kind] = {name: take for name, take in takes.items() if name not in unneeded}
     return replace(project, **changes) if changes else project

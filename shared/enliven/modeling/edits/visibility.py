@@ -18,7 +18,7 @@ def handle_characters(
     size: float | None = None,
     exaggeration: float | None = None,
 ) -> Project:
-    """Hides, shows, locks or unlocks characters. None leaves a value unchanged.
+    """Hides, shows, locks, unlocks or scales characters. None leaves a value unchanged.
 
     Args:
         size: scale of the characters on a stage, relative to their own size.
@@ -45,25 +45,26 @@ def refuse_locked(before: Project, after: Project) -> None:
     """Raises an error if an edit changed a locked character. An edit that also unlocks it is allowed.
 
     Raises:
-        InputError: names the locked character and how to unlock it.
+        InputError: if an edit changed a locked character. The message names the character and how to unlock
+            it.
     """
     for name, handling in before.handling.items():
-        freed = name in after.characters and not after.handling.get(name, FREE).locked
-        if handling.locked and not freed and after.characters.get(name) is not before.characters[name]:
-            mend = "Open its lock in the list of shapes first."
-            raise InputError("it is locked", where=before.characters[name].where, mend=mend)
+        is_unlocked = name in after.characters and not after.handling.get(name, FREE).locked
+        if handling.locked and not is_unlocked and after.characters.get(name) is not before.characters[name]:
+            remedy = "Unlock it in the list of shapes first."
+            raise InputError("it is locked", where=before.characters[name].where, remedy=remedy)
 
 
 def order_characters(project: Project, name: str, place: int) -> Project:
-    """Moves a character to another position in the order; 0 is the first.
+    """Moves a character to another position in the order of the project. Position 0 is the first.
 
     Raises:
         InputError: if the character does not exist.
     """
-    moved = project.character(name)
-    rest = [character for character in project.characters.values() if character is not moved]
-    place = min(max(place, 0), len(rest))
-    ordered = [*rest[:place], moved, *rest[place:]]
+    moved_character = project.character(name)
+    others = [character for character in project.characters.values() if character is not moved_character]
+    place = min(max(place, 0), len(others))
+    ordered = [*others[:place], moved_character, *others[place:]]
     return replace(project, characters={character.id: character for character in ordered})
 
 
@@ -76,17 +77,17 @@ def rename_take(project: Project, name: str, wanted: str) -> Project:
     take = project.takes.get(name)
     if take is None or not wanted or (wanted != name and wanted in project.takes):
         problem = f"the take {name!r} does not exist" if take is None else "its new name is empty or in use"
-        raise InputError(problem, where=f"take {name!r}", mend="Choose another name.")
+        raise InputError(problem, where=f"take {name!r}", remedy="Choose another name.")
     takes = {
-        (wanted if k == name else k): (replace(take, id=wanted) if k == name else t)
-        for k, t in project.takes.items()
+        (wanted if number == name else number): (replace(take, id=wanted) if number == name else old_take)
+        for number, old_take in project.takes.items()
     }
     users = {
         key: character.with_takes_named(
             {
-                (collection, k): (wanted if (collection, k) == ("takes", name) else k)
+                (collection, number): (wanted if (collection, number) == ("takes", name) else number)
                 for collection, ids in character.needed().items()
-                for k in ids
+                for number in ids
             }
         )
         for key, character in project.characters.items()
@@ -104,6 +105,6 @@ def delete_take(project: Project, name: str) -> Project:
     users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
     if name not in project.takes or users:
         problem = f"{users[0]} plays it" if users else "it is not there"
-        mend = "Remove its clips from the timeline first." if users else ""
-        raise InputError(problem, where=f"take {name!r}", mend=mend)
+        remedy = "Remove its clips from the timeline first." if users else ""
+        raise InputError(problem, where=f"take {name!r}", remedy=remedy)
     return replace(project, takes={k: take for k, take in project.takes.items() if k != name})

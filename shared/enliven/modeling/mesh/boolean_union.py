@@ -1,5 +1,5 @@
-"""The boolean union of two meshes. Kept vertices stay bit-exact. New ones are traced to both meshes and
-skinned."""
+"""The boolean union of two meshes. Kept vertices stay bit-exact. New vertices are traced to both meshes and
+get interpolated skin weights."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Union:
     """The result of the union of two meshes.
 
     Attributes:
-        mesh: both surfaces.
+        mesh: the united surface.
         skin: the combined skin weights.
         first: (V,) the number of each vertex in the first mesh, or -1.
         second: (V,) the number of each vertex in the second mesh, or -1.
         seam: (V,) True for vertices at which the two meshes meet: new vertices, and old vertices of both
             meshes.
-        fused: true if the result is one surface, and not two shells in one mesh.
-        notes: what was repaired, or why the meshes were not fused.
-        failed: true if manifold3d could not compute the union: one mesh is not a solid, or the library
+        fused: True if the result is one surface, False if it is two shells in one mesh.
+        notes: sentences about repairs, or about the reason why the meshes were not fused.
+        failed: True if manifold3d could not compute the union: one mesh is not a solid, or the library
             reported an error.
     """
 
@@ -53,7 +53,7 @@ class Union:
 
 @dataclass
 class MeshPair:
-    """Both meshes with their skins."""
+    """The two meshes of a union, with their skin weights."""
 
     meshes: tuple[Mesh, Mesh]
     skins: tuple[SkinWeights, SkinWeights]
@@ -65,20 +65,22 @@ class MeshPair:
         vertices = np.concatenate([first.vertices, second.vertices])
         paint = np.concatenate([mesh.paint for mesh in self.meshes])
         colours, stiffness = split_paint(paint, *self.meshes)
-        mine = np.concatenate([np.arange(len(first.vertices)), np.full(len(second.vertices), -1)])
-        theirs = np.concatenate([np.full(len(first.vertices), -1), np.arange(len(second.vertices))])
+        first_faces = np.concatenate([np.arange(len(first.vertices)), np.full(len(second.vertices), -1)])
+        second_faces = np.concatenate([np.full(len(first.vertices), -1), np.arange(len(second.vertices))])
         materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
         mesh = Mesh(vertices, faces, first.name, colours, materials, stiffness)
         none = np.zeros(len(vertices), bool)
-        return Union(mesh, skins.concatenate_skins(self.skins), mine, theirs, none, False, (note,), failed)
+        return Union(
+            mesh, skins.concatenate_skins(self.skins), first_faces, second_faces, none, False, (note,), failed
+        )
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
         """Builds the union from manifold3d's result. Kept vertices and faces stay in order and bit-exact."""
         sides = [Side(made, solid) for solid in solids]
         if any(len(side.triangles) == 0 for side in sides):
-            return self.side_by_side("one lies inside of the other: joined as separate shells")
+            return self.side_by_side("one mesh lies inside the other: joined as separate shells")
         if not any(side.lost or side.new for side in sides):
-            return self.side_by_side("they do not meet: joined as separate shells")
+            return self.side_by_side("the meshes do not touch: joined as separate shells")
         return UnionBuilder(self, sides, made).union(notes)
 
 
@@ -136,7 +138,8 @@ class UnionBuilder:
             used[side.used] = True
         new = np.flatnonzero(used & (number < 0))
         number[new] = ends[1] + np.arange(len(new))
-        # Collect the faces: first the uncut faces of both meshes, then the split ones, then the leaves.
+        # Collect the faces: first the uncut faces of both meshes, then the split faces, then the leaves (open
+        # sheets).
         faces = np.concatenate(
             [*(self._kept_faces(side, number) for side in self.sides)]
             + [number[side.triangles[~side.whole]] for side in self.sides]
@@ -171,8 +174,10 @@ class UnionBuilder:
         return _weld_vertices(whole) if self.share else whole
 
     def _face_materials(self, corners: Float) -> MeshMaterials | None:
-        """Returns the materials of the faces with corners (F, 3, 3): first those of kept faces, then of split
-        ones."""
+        """Returns the material of each face of the union, with corners (F, 3, 3).
+
+        Faces that were kept whole come first, then the pieces of faces that were split.
+        """
         if all(mesh.materials is None for mesh in self.meshes):
             return None
         groups = list[tuple[MeshMaterials | None, int]]()
@@ -199,8 +204,9 @@ class UnionBuilder:
         return np.asarray(at[side.solid.mesh.faces[order]])
 
     def _kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
-        """Returns the skin of the kept vertices. Vertices that close a hole interpolate the skin of its
-        border."""
+        """Returns the skin of the kept vertices. Vertices that close a hole get the interpolated skin of its
+        border.
+        """
         mesh, skin = self.meshes[k], self.pair.skins[k]
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
@@ -212,8 +218,8 @@ class UnionBuilder:
         return skins.concatenate_skins([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
 
     def _interpolate_new(self, new: Int) -> tuple[Float, Float]:
-        """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each
-        lies in."""
+        """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the old face of
+        each."""
         bones = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         weights, paint = np.zeros((len(new), bones)), np.zeros((len(new), 4))
         row = np.full(len(self.places), -1, np.int64)
@@ -235,7 +241,7 @@ class UnionBuilder:
     def _average_seam_skin(
         self, mesh: Mesh, skin: SkinWeights, old: tuple[Int, Int], ends: Int, notes: tuple[str, ...]
     ) -> Union:
-        """Averages the skin over all seam vertices at the same position."""
+        """Averages the skin weights over all seam vertices at the same position."""
         count = len(mesh.vertices)
         first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
         seam = np.zeros(count, bool)
@@ -258,36 +264,36 @@ class UnionBuilder:
 
 
 def _weld_vertices(union: Union) -> Union:
-    """Merges vertices at the same position. If a vertex of the first mesh is among them, it is kept."""
+    """Merges vertices at the same position. A vertex of the first mesh is kept in preference to others."""
     mesh = union.mesh
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     faces = first[mesh.faces]
     is_proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     is_proper[is_proper] = ~_is_membrane(faces[is_proper])
-    used, numbers = np.unique(faces[is_proper], return_inverse=True)
+    is_used, new_numbers = np.unique(faces[is_proper], return_inverse=True)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
-    colours, stiffness = mesh.paint_at(used)
+    colours, stiffness = mesh.paint_at(is_used)
     materials = None if mesh.materials is None else mesh.materials.taken(is_proper)
-    faces = numbers.reshape(-1, 3).astype(np.int32)
+    faces = new_numbers.reshape(-1, 3).astype(np.int32)
     return replace(
         union,
-        mesh=Mesh(mesh.vertices[used], faces, mesh.name, colours, materials, stiffness),
-        skin=skins.select_vertices(union.skin, used),
-        first=union.first[used],
-        second=second[used],
-        seam=union.seam[used],
+        mesh=Mesh(mesh.vertices[is_used], faces, mesh.name, colours, materials, stiffness),
+        skin=skins.select_vertices(union.skin, is_used),
+        first=union.first[is_used],
+        second=second[is_used],
+        seam=union.seam[is_used],
     )
 
 
 def _is_membrane(faces: Int) -> Bool:
-    """Returns (F,) True for pairs of faces that lie back to back. They are left over if two caps touch."""
+    """Returns (F,) True for pairs of faces that lie back to back. They remain if two caps touch."""
     if len(faces) == 0:
         return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)
     turned = np.take_along_axis(faces, (lowest[:, None] + np.arange(3)) % 3, 1)
-    ahead = turned[:, 1] < turned[:, 2]
+    rotated = turned[:, 1] < turned[:, 2]
     _, same, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     same = same.reshape(-1)
-    both = (count == 2) & (np.bincount(same, ahead, len(count)) == 1)
-    return np.asarray(both[same])
+    is_pair = (count == 2) & (np.bincount(same, rotated, len(count)) == 1)
+    return np.asarray(is_pair[same])

@@ -1,4 +1,4 @@
-"""Caps: triangulations that close the loops of a cut. Their inner points interpolate the values of the
+"""Caps: triangulations that close the loops of a cut. Their inner points get interpolated values of the
 rim."""
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int
+from enliven.meshes.planar import refine_triangulation, triangulate_loops
 from enliven.modeling.mesh.cut_loops import signed_area
-from enliven.modeling.mesh.planar import refine_triangulation, triangulate_loops
 from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU
 
 _EDGE_GROWTH = 1.25
-"""Factor by which edges get longer with every ring towards the middle of a cap."""
+"""Ratio of the edge lengths of successive rings towards the middle of a cap."""
 
 
 class HarmonicInterpolation:
-    """Harmonic interpolation from the first ``fixed`` points of a triangulation to the others.
+    """Harmonic interpolation from the first ``fixed`` points of a triangulation to its other points.
 
-    With cotangent weights it is exact for linear functions. Delaunay triangles make the weights positive, so
-    that results stay within the range of the given values. The matrix is factored once, for any number of
-    values.
+    With cotangent weights, the interpolation is exact for linear functions. Delaunay triangles make the
+    weights positive, so the results stay within the range of the given values. The matrix is factorized once,
+    for any number of values.
     """
 
     def __init__(self, points: Float, triangles: Int, fixed: int) -> None:
@@ -43,11 +43,12 @@ class HarmonicInterpolation:
 
 @dataclass(frozen=True)
 class Cap:
-    """A filling between loops.
+    """A triangulation of the area between loops.
 
     Attributes:
-        rim: (R,) the caller's numbers of the rim's points.
-        faces: (T, 3) indices into the R points of the rim and then the I inner points. The border runs in the
+        rim: (R,) the numbers of the rim's points, as given by the caller.
+        faces: (T, 3) indices into the R points of the rim and the I inner points after them. The border has
+        the
             direction of the loops.
         inside: interpolates values at the inner points (I, K) from values on the rim (R, K).
     """
@@ -58,11 +59,11 @@ class Cap:
 
 
 def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
-    """Fills the area between loops with evenly sized triangles.
+    """Returns a cap that fills the area between loops with triangles of similar size.
 
     Args:
         loops: the points of each loop, in order.
-        places: (N, 2) coordinates of the points in the surface.
+        places: (N, 2) coordinates of the points in the plane of the cap.
         fine: True to add inner points.
     """
     mirrored = sum(signed_area(places[loop]) for loop in loops) < 0
@@ -79,10 +80,10 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
 
 
 def _target_edge_lengths(points: Float, loops: list[Int]) -> Float:
-    """Returns (R,) target edge lengths at the rim's points.
+    """Returns (R,) the target edge lengths of triangles at the rim's points.
 
-    A rim has two points for each mesh edge that it crosses, so the target is about twice the length of its
-    own edges.
+    A rim has two points for each mesh edge that it crosses, so the target is about twice the length of the
+    rim's own edges.
     """
     sizes = np.empty(len(points))
     for loop in loops:
@@ -103,8 +104,9 @@ def flatten_loop(points: Float) -> Float:
 
 
 def _cotangent_weights(points: Float, triangles: Int) -> csr_matrix:
-    """Returns the cotangent weights between points, (P, P), with negative ones clamped to a small positive
-    value."""
+    """Returns (P, P) the cotangent weights between points. Negative weights are raised to a small positive
+    value.
+    """
     count = len(points)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     rows, columns, values = [], [], []

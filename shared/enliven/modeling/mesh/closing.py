@@ -1,10 +1,10 @@
-"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, and removes open
-sheets (leaves).
+"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, and removes
+leaves (open sheets).
 
-Two faces are connected across an edge if they alone share it with opposite directions. If more than two faces
-share an edge (an edge of two touching boxes), pairs with the thinnest wedge of solid between them are
-connected. Remaining holes are capped if little is missing. Other open parts are leaves (open sheets such as
-cloth or a feather), which do not enclose a volume.
+Two faces are connected across an edge if only these two share it, with opposite directions. If more than two
+faces share an edge (such as the edge of two touching boxes), they are connected in pairs: first the two faces
+with the thinnest wedge of solid between them. The remaining holes are capped if little area is missing. Other
+open parts are leaves (open sheets such as cloth or a feather), which do not enclose a volume.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from enliven.meshes import Mesh, face_areas
 from enliven.modeling.mesh.caps import cap_of, flatten_loop
 
 _MAX_CAP_FRACTION = 0.25
-"""Maximum area of the caps, as a fraction of the surface area, for a mesh or connected part to be closed. A
-part with larger holes is a leaf."""
+"""Maximum area of the caps of a mesh or connected part, as a fraction of its surface area. A part with larger
+holes is a leaf."""
 
 Interpolation = Callable[[Float], Float]
-"""A function that interpolates (I, K) values at new points from (R, K) values at the points from which they
-were made."""
+"""A function that interpolates (I, K) values at new points, given (R, K) values at the points that they
+depend on."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,14 @@ class ClosedSurface:
     """An oriented 2-manifold without border.
 
     Attributes:
-        vertices: (V', 3) metres: the given vertices, then those that were added to close the surface.
-        faces: (F', 3): the given faces without leaves, with their corners at the same positions, then the
-            caps.
+        vertices: (V', 3) metres, the given vertices, then the vertices that were added to close the surface.
+        faces: (F', 3) the given faces without leaves, then the caps. The corners of given faces keep their
+            positions.
         label: (V',) the manifold vertex that each vertex belongs to. Vertices with equal labels are the same
             point.
-        made: for the new vertices, in their order: the vertices they are made from, and the interpolation.
+        made: for the new vertices, in their order: the vertices that they depend on, and the interpolation.
         caps: number of holes that were capped.
-        leaf: (F,) true for given faces that belong to leaves.
+        leaf: (F,) True for given faces that belong to leaves.
     """
 
     vertices: Float
@@ -60,13 +60,13 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
         mesh: any triangles with three different corners, without duplicates.
         of: (V,) the welded vertex of each vertex.
     """
-    welded = of[mesh.faces]
-    mates = _opposite_half_edges(welded, mesh)
+    welded_faces = of[mesh.faces]
+    mates = _opposite_half_edges(welded_faces, mesh)
     corner = _corner_fans(mates).reshape(-1, 3)
-    work, leaf = _Work(mesh, corner), np.zeros(len(welded), bool)
+    work, leaf = _Work(mesh, corner), np.zeros(len(welded_faces), bool)
     loops = _border_loops(mates, corner)
     if loops:
-        part = connected_components(_face_adjacency(mates // 3, len(welded)), directed=False)[1]
+        part = connected_components(_face_adjacency(mates // 3, len(welded_faces)), directed=False)[1]
         caps = [work.cap(loop) for loop in loops]
         area = np.bincount(part, face_areas(mesh.vertices, mesh.faces))
         loop_parts = part[[loop[0] // 3 for loop in loops]]
@@ -81,8 +81,8 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
 
 
 def _face_adjacency(mates: Int, count: int) -> coo_matrix:
-    """Returns (F, F) the adjacency matrix of the faces. ``mates`` (3F,) are face numbers, or below 0 for
-    none."""
+    """Returns (F, F) the adjacency matrix of the faces. ``mates`` (3F,) contains for each half-edge the face
+    on the other side, or a number below 0 for none."""
     joined = np.flatnonzero(mates >= 0)
     return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
 
@@ -108,7 +108,7 @@ def _opposite_half_edges(faces: Int, mesh: Mesh) -> Int:
 
 
 def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
-    """Connects the faces around one non-manifold edge in pairs, the thinnest wedge of solid first."""
+    """Connects the faces around one non-manifold edge in pairs, starting with the thinnest wedge of solid."""
     corners = mesh.vertices[mesh.faces[halves // 3]]
     rows, k = np.arange(len(halves)), halves % 3
     forward = starts[halves] == starts[halves[0]]
@@ -126,7 +126,8 @@ def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
 
 
 def _corner_fans(mates: Int) -> Int:
-    """Returns (3F,) for each corner of a face the number of the fan of connected faces that contains it."""
+    """Returns (3F,) the fan of connected faces around a vertex that contains each corner of a face, as a
+    number."""
     joined = np.flatnonzero(mates >= 0)
     other = mates[joined]
     after = other - other % 3 + (other + 1) % 3
@@ -154,14 +155,14 @@ def _border_loops(mates: Int, corner: Int) -> list[Int]:
 
 
 class _Rim(NamedTuple):
-    """A border and the cap that would close it.
+    """A border of a surface, and the cap that would close it.
 
     Attributes:
         around: (R,) the vertices of the rim.
         faces: (T, 3) indices into the rim and then the I inner points.
         points: (I, 3) metres, the inner points.
-        how: interpolates values at the inner points from values on the rim.
-        area: square metres of the cap.
+        how: function that interpolates values at the inner points from values on the rim.
+        area: area of the cap in square metres.
     """
 
     around: Int
@@ -198,8 +199,8 @@ class _Work:
         order, faces = rim[cap.rim], cap.faces
         how: Interpolation = cap.inside
         if len(faces) != len(rim) - 2 + 2 * cap.inside.count:
-            # A border that is a straight line or crosses itself cannot be triangulated, so close it with a
-            # fan around its mean.
+            # A border that is a straight line, or that crosses itself, cannot be triangulated. So close it
+            # with a fan of triangles around its mean.
             turn = np.arange(len(rim))
             order, how = rim, _mean_row
             faces = np.stack([turn, np.roll(turn, -1), np.full(len(rim), len(rim))], 1)

@@ -1,4 +1,4 @@
-"""Removes slivers along a seam, so that it can be smoothed: contracts short edges and flips others."""
+"""Removes slivers along a seam, so that it can be smoothed: contracts short edges, and flips others."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ _MIN_EDGE_RATIO = 0.5
 """Minimum length of the seam's edges, as a fraction of the median edge length nearby. Shorter edges are
 contracted."""
 _KEPT_VERTEX_FACTOR = 0.5
-"""Factor on the limit above for an edge with one vertex that must stay: the seam is pulled onto that
-vertex."""
+"""Factor on this limit for an edge with one vertex that must stay in place, because the seam is pulled to
+that vertex."""
 
 
 def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
@@ -21,16 +21,16 @@ def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3), closed.
-        new: (V,) true for vertices that may be moved or removed.
+        new: (V,) True for vertices that may be moved or removed.
 
     Returns:
-        (V, 3) vertices, with only new ones moved; (G, 3) faces, starting with the unchanged faces without a
-        new vertex; (V,) true for remaining vertices; and (V,) true for vertices that others were contracted
-        into.
+        (V, 3) vertices, with only new vertices moved; (G, 3) faces, starting with the unchanged faces without
+        a new vertex; (V,) True for remaining vertices; and (V,) True for vertices that absorbed other
+        vertices.
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
-    # Include the faces around these faces too, because a contraction checks the neighbours of both its ends.
+    # Include the faces around these faces, because a contraction checks the neighbours of both ends.
     around = np.isin(faces, np.unique(near)).any(1)
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
     patch.contract(_MIN_EDGE_RATIO * _nearby_edge_length(vertices, faces[around], new))
@@ -55,7 +55,7 @@ def _nearby_edge_length(vertices: Float, faces: Int32, new: Bool) -> float:
 
 
 class _Patch:
-    """A few faces with their adjacency, for contracting edges one at a time."""
+    """A small part of a surface with its adjacency, for contracting edges one at a time."""
 
     def __init__(self, vertices: Float, faces: Int, new: Bool) -> None:
         self.vertices, self.new = vertices, new
@@ -83,8 +83,8 @@ class _Patch:
                 continue
             if not self.new[a]:
                 a, b = b, a
-            # Remove vertex a. If both vertices are new, move the remaining one to the middle, otherwise keep
-            # it at b.
+            # Remove vertex a. If both vertices are new, move the remaining vertex to the middle. Otherwise b
+            # keeps its position.
             place = (self.vertices[a] + self.vertices[b]) / 2 if self.new[b] else self.vertices[b]
             if self._can_contract(a, b, place):
                 self._contract(a, b, place)

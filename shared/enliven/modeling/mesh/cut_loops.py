@@ -7,18 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.graph import components
+from enliven.deformation.graph.connectivity import components
 
 
 @dataclass(frozen=True)
 class Crossings:
-    """The faces that the zero level of a field crosses.
+    """The faces of a mesh that the zero level of a scalar field crosses.
 
     Attributes:
         faces: (K,) the crossed faces, ascending.
-        edges: (E, 2) the crossed edges, the smaller vertex first.
-        pairs: (K, 2) the two crossed edges of each crossed face, directed like the border of the cap that
-            closes the near side.
+        edges: (E, 2) the crossed edges, with the smaller vertex number first.
+        pairs: (K, 2) the two crossed edges of each crossed face. Their order is the direction of the border
+        of the
+            cap that closes the near side.
         loops: (K,) the loop that each crossed face belongs to.
     """
 
@@ -35,7 +36,7 @@ def find_crossings(faces: Int, far: Bool) -> Crossings:
     far_count = side.sum(1)
     crossed = np.flatnonzero((far_count == 1) | (far_count == 2))
     corners, side = faces[crossed], side[crossed]
-    # Rotate the corners of each face so that the corner that is alone on its side of the cut comes first.
+    # Rotate the corners of each face so that the single corner on one side of the cut comes first.
     single_corner = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
     turn = (single_corner[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, turn, 1)
@@ -43,8 +44,8 @@ def find_crossings(faces: Int, far: Bool) -> Crossings:
     both = np.sort(np.stack([out_of, into], 1).reshape(-1, 2), 1)
     edges, number = np.unique(both, axis=0, return_inverse=True)
     pairs = number.reshape(-1, 2)
-    # If the lone corner is on the far side, the border of the near part runs from the last edge to the first.
-    # So reverse the pair.
+    # If the single corner is on the far side, the border of the near part runs from the last edge to the
+    # first edge. So reverse the pair.
     lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
     label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
@@ -58,7 +59,7 @@ def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
         pairs: (K, 2) links between edges; some may have the wrong direction.
 
     Returns:
-        For each chain, its edges in order, and True if it is closed.
+        The chains: for each, its edges in order, and True if it is closed.
     """
     beside: dict[int, list[int]] = {}
     for k, (a, b) in enumerate(pairs.tolist()):
@@ -76,16 +77,16 @@ def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: 
     """Follows one chain from an edge until it returns to the start or ends."""
     chain, forward, at = [start], 0, start
     while True:
-        free = [k for k in beside[at] if unused[k]]
-        # If several links are free, prefer one that starts here, because it follows the direction of the
+        free_links = [k for k in beside[at] if unused[k]]
+        # If several links are free, prefer a link that starts here, because it has the direction of the
         # chain.
-        k = next((k for k in free if pairs[k, 0] == at), free[0] if free else -1)
+        k = next((k for k in free_links if pairs[k, 0] == at), free_links[0] if free_links else -1)
         if k < 0:
             break
         unused[k] = False
-        ahead = pairs[k, 0] == at
-        forward += 1 if ahead else -1
-        at = int(pairs[k, 1] if ahead else pairs[k, 0])
+        next_edge = pairs[k, 0] == at
+        forward += 1 if next_edge else -1
+        at = int(pairs[k, 1] if next_edge else pairs[k, 0])
         if at == start:
             order = np.array(chain)
             return (order if forward >= 0 else order[::-1]), True
@@ -95,24 +96,24 @@ def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: 
 
 
 def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tuple[Int, bool]]:
-    """Joins open chains with nearby ends, and closes chains that nearly close.
+    """Joins open chains with nearby ends, and closes chains with a small gap. Returns all chains.
 
     Args:
-        places: (E, 2) coordinates on the surface of each crossing.
+        places: (E, 2) coordinates of each crossing on the cutting surface.
         gap: maximum length of a gap, as a fraction of the chain's length.
     """
     closed = [chain for chain in chains if chain[1]]
-    waiting = [order for order, shut in chains if not shut]
-    while waiting:
-        order = waiting.pop()
+    open_chains = [order for order, is_closed in chains if not is_closed]
+    while open_chains:
+        order = open_chains.pop()
         while True:
             allowed = gap * _polyline_length(places[order])
-            gaps = [float(np.linalg.norm(places[order[-1]] - places[other[0]])) for other in waiting]
-            home = float(np.linalg.norm(places[order[-1]] - places[order[0]]))
-            if gaps and min(gaps) < min(home, allowed):
-                order = np.concatenate([order, waiting.pop(int(np.argmin(gaps)))])
+            gaps = [float(np.linalg.norm(places[order[-1]] - places[other[0]])) for other in open_chains]
+            gap_to_start = float(np.linalg.norm(places[order[-1]] - places[order[0]]))
+            if gaps and min(gaps) < min(gap_to_start, allowed):
+                order = np.concatenate([order, open_chains.pop(int(np.argmin(gaps)))])
                 continue
-            closed.append((order, bool(home <= allowed and len(order) > 2)))
+            closed.append((order, bool(gap_to_start <= allowed and len(order) > 2)))
             break
     return closed
 

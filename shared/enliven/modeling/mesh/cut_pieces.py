@@ -1,4 +1,4 @@
-"""One side of a cut as a mesh: kept vertices, new ones on crossed edges, and the inner vertices of caps."""
+"""One side of a cut as a mesh: kept vertices, new vertices on crossed edges, and inner vertices of caps."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Piece:
     """One side of a cut.
 
     Attributes:
-        mesh: its surface: first the kept faces, then the split ones, then the caps.
+        mesh: the surface: first the kept faces, then the split faces, then the caps.
         skin: skin weights with the bone numbers from before the cut; None if the mesh had none.
-        kept: (V,) the number of each vertex before the cut, or -1 for a new one.
-        caps: number of faces at the end of the list that belong to caps.
+        kept: (V,) the number of each vertex before the cut, or -1 for a new vertex.
+        caps: number of faces of caps, which are last in the list of faces.
     """
 
     mesh: Mesh
@@ -35,14 +35,15 @@ def build_piece(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece
     """Builds one side of a cut from its whole faces, its parts of the split faces, and its caps.
 
     Args:
-        keeps: (W,) true for welded vertices on this side.
-        far: true for the side with positive field values.
+        keeps: (W,) True for welded vertices on this side.
+        far: True for the side with positive field values.
     """
     return _PieceBuilder(work, keeps, far).piece(caps)
 
 
 class _PieceBuilder:
-    """Builds one side of a cut: kept vertices, new ones on crossed edges, then the inner vertices of caps."""
+    """A builder of one side of a cut. The vertices are kept vertices, new ones on crossed edges, then inner
+    ones."""
 
     def __init__(self, work: CutPlan, keeps: Bool, far: bool) -> None:
         self.work, self.far = work, far
@@ -69,8 +70,8 @@ class _PieceBuilder:
         rim_of[edges[::-1]] = base + np.arange(len(edges))[::-1]
         for cap in caps:
             if doubled:
-                # A flat-shaded mesh has one vertex for each side of an edge, so its rim must be duplicated
-                # too.
+                # A flat-shaded mesh has separate vertices on both sides of an edge, so its rim must be
+                # duplicated too.
                 rim = count + np.arange(len(cap.rim))
                 count += len(rim)
             else:
@@ -101,8 +102,8 @@ class _PieceBuilder:
         """Splits the crossed faces.
 
         Returns:
-            (S, 3) faces and (S,) the old face of each; and for each new vertex its two old ones (N, 2) and
-            its crossed edge (N,).
+            (S, 3) faces and (S,) the old face of each; (N, 2) the two old vertices of each new vertex, and
+            (N,) its crossed edge.
         """
         work = self.work
         own = self.mesh.faces[self.split].astype(np.int64)
@@ -111,7 +112,7 @@ class _PieceBuilder:
         corner = np.take_along_axis(own, (single_corner[:, None] + np.arange(3)) % 3, 1)
         lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
         pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
-        # Create one new vertex for each pair of old ones. On a flat-shaded mesh, this creates one for each
+        # Create one new vertex for each different pair of old vertices. A flat-shaded mesh gets one for each
         # face.
         ends = np.stack([corner[:, [0, 1]], corner[:, [2, 0]]], 1).reshape(-1, 2)
         crossed = pairs.reshape(-1)

@@ -1,4 +1,4 @@
-"""The plan of a cut: the loops of the mesh to cut, the side of each vertex, and the caps between the
+"""The plan of a cut: the loops of the mesh to cut, the side of each vertex, and the caps that close both
 sides."""
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.graph import components
+from enliven.deformation.graph.connectivity import components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
@@ -28,8 +28,8 @@ from enliven.settings import setting
 _SIDES = ((0, 1), (1, 2), (2, 0))
 """The numbers of the two corners of each of a triangle's three sides."""
 _MIN_ISLAND_FRACTION = 0.05
-"""Minimum size of an island of vertices that is cut out, as a fraction of its side. Cuts along skin weights
-can create small islands."""
+"""Minimum size of an island of vertices, as a fraction of its side, for the island to be cut out. Cuts along
+skin weights can create small islands."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """The plan of a cut. It uses the topology of the welded mesh, but its result refers to the given mesh."""
+    """The plan of a cut. It uses the topology of the welded mesh, and its result refers to the given mesh."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -70,17 +70,19 @@ class CutPlan:
     settings: CutSettings
     loyal: Float | None
     values: Float | None = None
-    """(V,) values of a field that replaces the surface's own field. The caps are then only near the cut
-    surface."""
+    """(V,) values of a scalar field that replaces the cutting surface's own field. Caps are then only near
+    the cutting surface."""
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if len(self.mesh.faces) == 0:
-            raise InputError("it has no faces", where=self.mesh.name, mend="Give a mesh to cut.")
+            raise InputError("the mesh has no faces", where=self.mesh.name, remedy="Give a mesh to cut.")
         at = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
         if at.shape != self.mesh.vertices.shape or not np.isfinite(at).all():
             raise InputError(
-                f"{at.shape} positions, or some not finite", where=self.mesh.name, mend="Repair the mesh."
+                f"positions have shape {at.shape} or are not finite",
+                where=self.mesh.name,
+                remedy="Repair the mesh.",
             )
         welded, self.of = weld(self.mesh)
         self.faces = welded.faces.astype(np.int64)
@@ -97,8 +99,8 @@ class CutPlan:
         self.chosen = np.zeros(0, np.int64)
 
     def _offset_off_vertices(self) -> float:
-        """Returns the offset that keeps the cut away from vertices: the middle of the widest gap in values
-        near 0."""
+        """Returns the offset of the field that keeps the cut away from vertices: the middle of the widest gap
+        between field values near 0."""
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = self.field[ends].min(1), self.field[ends].max(1)
         met = (low <= 0) & (high >= 0)
@@ -114,7 +116,7 @@ class CutPlan:
         return float((stops[best] + stops[best + 1]) / 2)
 
     def _without_islands(self) -> Float:
-        """Returns the values (W,), with small islands on one side of zero moved to the other side."""
+        """Returns the field values (W,), with the sign changed for small islands of vertices."""
         assert self.values is not None
         values = self.values[self.first]
         far = values > 0
@@ -126,7 +128,7 @@ class CutPlan:
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
-        """Chooses every loop."""
+        """Marks every loop to be cut."""
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
@@ -136,8 +138,8 @@ class CutPlan:
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
     def _crossing_positions(self, edges: Int) -> Float:
-        """Returns (E,) the position of the cut along each crossed edge. Uses bisection, since the field may
-        be curved."""
+        """Returns (E,) the position of the cut along each crossed edge, as a fraction. It is found by
+        bisection, since the field may be nonlinear."""
         low, high = np.zeros(len(edges)), np.ones(len(edges))
         start = self.field[edges[:, 0]] - self.shift
         ends = self.field[edges[:, 1]] - self.shift
@@ -152,28 +154,28 @@ class CutPlan:
         return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)
 
     def _longest_chain(self, loop: int) -> Float:
-        """Returns the longest chain of a loop, (P, 2) coordinates on the surface."""
+        """Returns the longest chain of a loop as (P, 2) coordinates on the cutting surface."""
         chains = order_chains(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
 
     def choose_around(self, point: Float, own: Float, where: str) -> None:
-        """Chooses the loops around a point on the surface, and the loops inside them.
+        """Marks for cutting the loops around a point on the cutting surface, and the loops inside them.
 
         Args:
-            own: (V,) weight of the cut bone at each vertex.
+            own: (V,) skin weight of the cut bone at each vertex.
         """
         self.point = point
         polygons = [self._longest_chain(loop) for loop in range(self.count)]
         around = [i for i, polygon in enumerate(polygons) if abs(winding_number(polygon, point)) > 0.5]
         if not around:
             around = self._neighbouring_loop(point, own, polygons)
-            note = "the bone runs outside of the mesh there: the part that follows it was cut"
+            note = "the bone is outside of the mesh at the cut: the part that follows the bone was cut"
             self.notes += [note] if around else []
         if not around:
             self._separate_shells(where)
             return
-        # Loops inside other loops belong to the same limb. Examples are the inner side of a shell, and a bone
-        # in a sleeve.
+        # Loops inside other loops belong to the same limb, such as the inner side of a shell, or the arm in a
+        # sleeve.
         outer = max(around, key=lambda i: abs(signed_area(polygons[i])))
         inside = [
             i
@@ -183,7 +185,7 @@ class CutPlan:
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
     def _neighbouring_loop(self, point: Float, own: Float, polygons: list[Float]) -> list[int]:
-        """Returns the nearest loop that follows the bone, if its distance is below its own radius."""
+        """Returns the nearest loop that follows the bone, if the loop's distance is below its radius."""
         of_bone = np.zeros(len(self.rest))
         np.maximum.at(of_bone, self.of, own)
         best: tuple[float, list[int]] = (1.0, [])
@@ -196,30 +198,32 @@ class CutPlan:
         return best[1]
 
     def _separate_shells(self, where: str) -> None:
-        """Separates whole shells by the bones they follow, without cutting any. Each shell must clearly
+        """Separates whole shells by the bones that they follow, without cutting them. Each shell must clearly
         follow one side."""
         assert self.loyal is not None
         part = self._components_after_cut(np.zeros(len(self.found.loops), bool))[self.of]
         mean = np.bincount(part, self.loyal) / np.maximum(np.bincount(part), 1)
         if not ((mean > 0.75).any() and (mean < 0.25).any()) or ((mean > 0.25) & (mean < 0.75)).any():
-            mend = "Cut it where its bone is inside of it, or with a stroke."
-            raise InputError("no part of the mesh surrounds the bone there", where=where, mend=mend)
-        self.notes.append("the bone passes through no part there: the parts were separated without a cut")
+            remedy = "Cut at a place where the bone is inside the mesh, or cut with a stroke."
+            raise InputError("no part of the mesh surrounds the bone at the cut", where=where, remedy=remedy)
+        self.notes.append(
+            "no part of the mesh surrounds the bone at the cut: the parts were separated without a cut"
+        )
 
     def choose_covered(self) -> None:
-        """Chooses the loops that the drawn stroke covers by at least half."""
+        """Marks for cutting the loops with at least half of their points under the drawn stroke."""
         covered = self.surface.covers(self.between(self.at, self.found.edges, self.share))
         pairs = covered[self.found.pairs].mean(1)
         loops = np.unique(self.found.loops)
         self.chosen = np.array([i for i in loops if pairs[self.found.loops == i].mean() >= 0.5], np.int64)
         if len(self.chosen) == 0:
-            problem = "it passes through no part of the mesh"
-            raise InputError(problem, where="cut", mend="Draw it right across the part to cut.")
+            problem = "the stroke passes through no part of the mesh"
+            raise InputError(problem, where="cut", remedy="Draw the stroke across the part to cut.")
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
-        """Returns (W,) true for welded vertices on the far side. As long as the two sides are connected, more
-        loops are cut."""
+        """Returns (W,) True for welded vertices on the far side. More loops are cut while the two sides are
+        still connected."""
         while True:
             cut = np.isin(self.found.loops, self.chosen)
             part = self._components_after_cut(cut)
@@ -237,7 +241,7 @@ class CutPlan:
         return np.asarray(side[part] == 1)
 
     def _components_after_cut(self, cut: Bool) -> Int:
-        """Returns (W,) connected components after the chosen crossed faces are split."""
+        """Returns (W,) the connected component of each vertex after the given crossed faces are split."""
         is_whole = np.ones(len(self.faces), bool)
         is_whole[self.found.faces[cut]] = False
         faces = self.faces[is_whole]
@@ -249,21 +253,23 @@ class CutPlan:
         return components(len(self.rest), np.concatenate(links))
 
     def _add_nearest_loop(self, part: Int, torn: Int) -> None:
-        """Adds the nearest loop through which the two sides are still connected."""
+        """Marks for cutting the nearest loop at which the two sides are still connected."""
         free = ~np.isin(self.found.loops, self.chosen)
         free &= np.isin(part[self.faces[self.found.faces, 0]], torn)
         middle = self.places[self.found.pairs].mean(1)
         far = np.where(free, np.linalg.norm(middle - self.point, axis=1), np.inf)
         if not np.isfinite(far).any():
-            raise InputError("its two sides cannot be told apart", where="cut", mend="Repair the mesh first.")
+            raise InputError(
+                "the two sides of the cut cannot be separated", where="cut", remedy="Repair the mesh first."
+            )
         self.chosen = np.append(self.chosen, self.found.loops[int(np.argmin(far))])
-        note = "the parts were also connected elsewhere: that connection was cut, too"
+        note = "the parts were also connected at another place, which was cut, too"
         if note not in self.notes:
             self.notes.append(note)
 
     def _side_of(self, vertices: Int, part: Int, side: Int) -> int:
-        """Returns the side of an uncut shell: that of the bones it follows, else that of the nearest
-        surface."""
+        """Returns the side of an uncut shell: the side of the bones that it follows, or else the side of the
+        nearest surface."""
         if self.loyal is not None:
             mean = float(self.loyal[np.isin(self.of, vertices)].mean())
             if abs(mean - 0.5) > 1e-3:
@@ -275,7 +281,8 @@ class CutPlan:
         return int(np.mean(side[part[decided[nearest]]]) > 0.5)
 
     def caps(self) -> list[Cap]:
-        """Returns a cap for every shell that was cut. The rim consists of numbers of crossed edges."""
+        """Returns a cap for every shell that was cut. The rim of a cap consists of numbers of crossed
+        edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
         shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
@@ -287,7 +294,7 @@ class CutPlan:
                 for order, shut in joined(chains, self.places, self.settings.gap)
                 if shut and len(order) > 2
             ]
-            note = "some of it is open there and was left open"
+            note = "a part of the mesh was open at the cut, and was left open"
             left_open = sum(len(chain) for chain, _ in chains) > sum(len(loop) for loop in loops)
             if len(loops) < len(chains) and left_open and note not in self.notes:
                 self.notes.append(note)
@@ -298,7 +305,7 @@ class CutPlan:
         return caps
 
     def _own_cap(self, loop: Int) -> Cap:
-        """Returns a cap in the best-fitting plane of a loop."""
+        """Returns a cap for a loop, triangulated in the best-fitting plane of the loop."""
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
         cap = cap_of([np.arange(len(loop))], flatten_loop(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)

@@ -1,7 +1,7 @@
 """Surfaces that cut a mesh: a plane, or a stroke on the screen swept along the viewing direction.
 
-A surface is given by a scalar field over space (negative on the near side, positive on the far side) and by
-two coordinates on itself. The caps are triangulated in these coordinates.
+A cutting surface is given by a scalar field over space (negative on the near side, positive on the far side),
+and by two coordinates on the surface. Caps are triangulated in these coordinates.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ class CutSurface(Protocol):
         ...
 
     def covers(self, points: Float) -> Bool:
-        """Returns (N,) true for points on the surface that are within the drawn part."""
+        """Returns (N,) True for points on the cutting surface that are within its drawn part."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneCut(CutSurface):
-    """A cutting plane. The normal points to the far side; the near side is behind the plane.
+    """A cutting plane. The normal points to the far side. The near side is behind the plane.
 
     Attributes:
-        point: (3,) metres.
-        normal: (3,) of any length above zero.
-        reach: radius around ``point`` that counts as drawn, in metres.
+        point: (3,) metres, a point of the plane.
+        normal: (3,) the normal, of any length above zero.
+        reach: radius in metres around ``point`` within which the plane counts as drawn.
     """
 
     point: Float
@@ -50,7 +50,7 @@ class PlaneCut(CutSurface):
         normal = np.array(self.normal, np.float64)
         length = float(np.linalg.norm(normal))
         if not (np.isfinite(length) and length > 0 and np.isfinite(self.point).all()):
-            raise InputError("the plane has no direction", where="cut", mend="Give a point and a normal.")
+            raise InputError("the plane has no direction", where="cut", remedy="Give a point and a normal.")
         object.__setattr__(self, "point", np.array(self.point, np.float64))
         object.__setattr__(self, "normal", normal / length)
 
@@ -72,8 +72,9 @@ class StrokeCut(CutSurface):
     """A stroke on the image, swept along the viewing direction and extended straight beyond both ends.
 
     Attributes:
-        stroke: (S, 2) in the image's own units (pixels, or -1..1), the y axis up. The far side is on the left
-            in the direction of the stroke.
+        stroke: (S, 2) points in any units of the image (pixels, or -1..1), with the y axis up. The far side
+        is on the
+            left in the direction of the stroke.
         picture_from_world: (4, 4) the projection: x and y in the units of the stroke, after division by w.
     """
 
@@ -83,12 +84,14 @@ class StrokeCut(CutSurface):
     def __post_init__(self) -> None:
         stroke = np.array(self.stroke, np.float64).reshape(-1, 2)
         if not np.isfinite(stroke).all():
-            raise InputError("the stroke is not finite", where="cut", mend="Draw it again.")
+            raise InputError("the stroke is not finite", where="cut", remedy="Draw the stroke again.")
         step = np.linalg.norm(np.diff(stroke, axis=0), axis=1)
         extent = float(np.ptp(stroke, axis=0).max()) if len(stroke) else 0.0
         stroke = stroke[np.concatenate([[True], step > 1e-3 * extent])] if len(stroke) else stroke
         if len(stroke) < 2:
-            raise InputError("the stroke is a dot", where="cut", mend="Draw it across the part to cut.")
+            raise InputError(
+                "the stroke is a single point", where="cut", remedy="Draw the stroke across the part to cut."
+            )
         object.__setattr__(self, "stroke", stroke)
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
 
@@ -100,7 +103,7 @@ class StrokeCut(CutSurface):
             return np.zeros((0, 2))
         along, _, depth = self._stroke_coordinates(points)
         # Compute the metres per unit of the image at this depth, so that both coordinates are approximately
-        # in metres.
+        # metres.
         rows = self.picture_from_world
         unit = float(np.median(depth)) / np.linalg.norm(rows[0, :3])
         ahead = rows[3, :3] if np.any(rows[3, :3]) else np.cross(rows[0, :3], rows[1, :3])
@@ -111,8 +114,8 @@ class StrokeCut(CutSurface):
         return np.asarray((along >= 0) & (along <= _arc_lengths(self.stroke)[-1]))
 
     def _stroke_coordinates(self, points: Float) -> tuple[Float, Float, Float]:
-        """Returns (N,) arc length on the stroke, (N,) distance to its left, and (N,) the depth w of each
-        point."""
+        """Returns for each point (N,) the arc length on the stroke, the distance to the left of it, and the
+        depth w."""
         projected = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
         depth = projected[:, 3]
         shown = projected[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]

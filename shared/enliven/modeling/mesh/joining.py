@@ -1,9 +1,9 @@
-"""Joins two surfaces in their poses at one moment. Each keeps its rest shape away from the seam.
+"""Joins two surfaces in their poses at one time. Away from the seam, each keeps its shape at rest.
 
 The union is computed on the posed surfaces, so that artists join what they see, whatever the two look like at
 rest. Vertices away from the seam keep their rest positions and weights bit-exactly. A vertex at the seam is
-mapped back to rest by the inverse of its blended transform. At the moment of the join it is therefore where
-it was joined, and otherwise it follows its weights.
+mapped back to rest by the inverse of its blended transform. So at the time of the join it has the position
+that the union gave it, and at other times it follows its weights.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ def joined(
     """Joins two posed surfaces in one mesh at rest, with its skin.
 
     Args:
-        first, second: skinned to the same bone numbers.
-        maps: (B, 3, 4) the transform of each bone at that moment, world from rest.
+        first, second: the two surfaces, with the same bone numbers in their skins.
+        maps: (B, 3, 4) the transform of each bone at the time of the join, from rest to the world.
         loose: if the union fails, put both surfaces into one mesh.
-        notes: receives what was repaired, or why there are two shells and not one surface.
+        notes: a list that receives sentences about repairs, or the reason why two shells remain.
         where: the name used in error messages.
 
     Raises:
@@ -63,17 +63,17 @@ def joined(
         tidy=True,
     )
     if union.failed and not loose:
-        mend = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"no union can be made: {union.notes[0]}", where=where, mend=mend)
+        remedy = "Repair the mesh, or merge loosely: both shells in one mesh."
+        raise InputError(f"the meshes cannot be united: {union.notes[0]}", where=where, remedy=remedy)
     notes.extend(union.notes)
     mesh, skin = union.mesh, union.skin
     if union.seam.any():
         mesh, skin = heal(mesh, skin, union.seam)
     rest = _kept_rest(union, first, second)
-    changed = union.seam | ((union.first < 0) & (union.second < 0))
-    changed |= (mesh.vertices != union.mesh.vertices).any(1)
-    changed |= (skin.indices != union.skin.indices).any(1) | (skin.weights != union.skin.weights).any(1)
-    rows = np.flatnonzero(changed)
+    is_seam = union.seam | ((union.first < 0) & (union.second < 0))
+    is_seam |= (mesh.vertices != union.mesh.vertices).any(1)
+    is_seam |= (skin.indices != union.skin.indices).any(1) | (skin.weights != union.skin.weights).any(1)
+    rows = np.flatnonzero(is_seam)
     rest[rows] = unpose_vertices(
         mesh.vertices[rows], SkinWeights(skin.indices[rows], skin.weights[rows]), maps
     )
@@ -81,10 +81,11 @@ def joined(
 
 
 def unpose_vertices(seen: Float, skin: SkinWeights, maps: Float) -> Float:
-    """Computes the rest positions (V, 3) that the blend of ``maps`` (B, 3, 4) takes to ``seen`` (V, 3).
+    """Computes the rest positions (V, 3) that the blended ``maps`` (B, 3, 4) move to the posed ``seen`` (V,
+    3).
 
-    A nearly singular blend (of bones that turned against one another) has no useful inverse. In that case the
-    inverse transform of the bone with the largest weight is used.
+    A nearly singular blend (of bones that are rotated far from each other) has no useful inverse. In that
+    case the inverse transform of the bone with the largest weight is used.
     """
     blend = np.einsum("vk,vkab->vab", skin.weights.astype(np.float64), maps[skin.indices])
     flat = np.abs(np.linalg.det(blend[:, :, :3])) < 0.05
@@ -95,7 +96,7 @@ def unpose_vertices(seen: Float, skin: SkinWeights, maps: Float) -> Float:
 def _kept_rest(union: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
     """Returns (V, 3) rest positions of vertices from either mesh. New vertices keep their posed positions."""
     rest = union.mesh.vertices.copy()
-    ours, theirs = union.first >= 0, (union.second >= 0) & (union.first < 0)
-    rest[ours] = first.mesh.vertices[union.first[ours]]
-    rest[theirs] = second.mesh.vertices[union.second[theirs]]
+    first_kept, second_kept = union.first >= 0, (union.second >= 0) & (union.first < 0)
+    rest[first_kept] = first.mesh.vertices[union.first[first_kept]]
+    rest[second_kept] = second.mesh.vertices[union.second[second_kept]]
     return rest

@@ -1,4 +1,4 @@
-"""Cuts a skinned mesh along a surface, locally, into two closed meshes with their skins.
+"""Cuts a skinned mesh locally along a surface, into two closed meshes with their skins.
 
     cut_across_bone(mesh, skin, skeleton, bone, u) -> Cut        a plane across a bone, around that bone only
     cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, all parts it passes
@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import components
+from enliven.deformation.graph.connectivity import components
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, face_areas, weld
@@ -28,12 +28,12 @@ from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
 
 _LARGER_SIDE_RATIO = 1.01
-"""Ratio of surface areas above which the far side counts as larger. The margin absorbs rounding errors."""
+"""The far side counts as larger if its area exceeds the other area by this factor, to allow for rounding."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """Both sides of a cut, and sentences for the user about how they were made."""
+    """Both sides of a cut, and sentences for the user about the cut."""
 
     near: Piece
     far: Piece
@@ -41,7 +41,8 @@ class Cut:
 
     @property
     def larger_first(self) -> tuple[Piece, Piece]:
-        """Both sides, the one with more surface first. Of two equal halves the near one comes first."""
+        """Both sides, the side with more surface first. If both have equal areas, the near side comes
+        first."""
         near, far = (
             float(face_areas(piece.mesh.vertices, piece.mesh.faces).sum()) for piece in (self.near, self.far)
         )
@@ -64,16 +65,16 @@ def cut_across_bone(
 
     Args:
         mesh: at rest, in the skeleton's frame.
-        bone: the joint that the bone ends at; not the root.
+        bone: the joint at the end of the bone. The root has no bone.
         u: position along the bone: 0 at its parent joint, 1 at its own joint.
 
     Raises:
-        InputError: if the bone has no length, or if no part of the mesh surrounds it there.
+        InputError: if the bone has no length, or if no part of the mesh surrounds it at the cut.
     """
     settings = settings or CutSettings()
     location = f"bone {skeleton.names[bone]!r}"
     if bone == 0 or not skeleton.lengths[bone] > 0:
-        raise InputError("it has no length to cut across", where=location, mend="Choose another bone.")
+        raise InputError("the bone has no length", where=location, remedy="Choose another bone.")
     start = skeleton.positions[skeleton.parents[bone]]
     surface = PlaneCut(start + u * skeleton.vectors[bone], skeleton.vectors[bone])
     beyond = np.zeros(max(skins.bone_count(skin), len(skeleton)))
@@ -89,7 +90,7 @@ def cut_across_bone(
     behind = 1.0 - ahead - bone_weight
     if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > settings.belongs:
         return cut
-    # The selected cut does not separate the bones' skin well. For example, a plane through the middle of the
+    # This cut does not separate the skin of the bones well. For example, a plane through the middle of the
     # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + bone_weight * along)
@@ -97,25 +98,26 @@ def cut_across_bone(
     by_skin = _build_pieces(other) if other.count else cut
     if _bone_match(by_skin, ahead, behind) <= _bone_match(cut, ahead, behind):
         return cut
-    note = "a plane would cut through other parts: cut where the skin of the bones beyond begins"
+    note = "a plane would cut other parts: the mesh was cut at the border of the skin of the outer bones"
     return Cut(by_skin.near, by_skin.far, (*by_skin.notes, note))
 
 
 def _bone_match(cut: Cut, ahead: Float, behind: Float) -> float:
-    """Computes how well the two sides of a cut match the bones: from 0 to 1, for the worse side.
+    """Returns the match between the sides of a cut and the bones on both sides of it, from 0 to 1, for the
+    worse side.
 
-    A side's score is the fraction of its bones' total weight that lies on it. 1 means all of it.
+    The score of a side is the fraction of its bones' total skin weight that is on this side of the cut.
 
     Args:
-        ahead: (V,) weight of the bones beyond the cut at each vertex.
-        behind: (V,) weight of the bones before the cut.
+        ahead: (V,) total skin weight of the bones beyond the cut at each vertex.
+        behind: (V,) total skin weight of the bones before the cut.
     """
     worst = 1.0
     for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
-        # Also penalize a cut if vertices of the wrong side make up much of a side. Otherwise cutting off a
-        # foot could remove half of the body.
+        # Also penalize a cut if a large part of a side has vertices of the wrong side. Otherwise cutting off
+        # a foot could remove half of the body.
         size = max(np.count_nonzero(wrong.kept >= 0), 1)
         worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst
@@ -128,8 +130,9 @@ def cut_by_stroke(
     posed: Float | None = None,
     settings: CutSettings | None = None,
 ) -> Cut:
-    """Cuts all parts that a stroke passes through. A part counts if the stroke covers at least half of its
-    loop.
+    """Cuts all parts that a stroke passes through.
+
+    A part is cut if the stroke covers at least half of its loop.
 
     Args:
         surface: :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut`, or a PlaneCut.
@@ -137,7 +140,7 @@ def cut_by_stroke(
             mesh.
 
     Raises:
-        InputError: if the stroke passes through nothing.
+        InputError: if the stroke passes through no part of the mesh.
     """
     work = CutPlan(mesh, skin, surface, posed, settings or CutSettings(), None)
     work.choose_covered()
@@ -145,10 +148,10 @@ def cut_by_stroke(
 
 
 def _build_pieces(work: CutPlan) -> Cut:
-    """Builds both pieces after the loops were chosen."""
+    """Builds both sides of a cut, after its loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():
-        raise InputError("it separates nothing", where="cut", mend="Cut elsewhere.")
+        raise InputError("the cut separates nothing", where="cut", remedy="Cut at another place.")
     caps = work.caps()
     near, far = (
         round_caps(build_piece(work, side == half, caps, half), work.settings.rounding)
@@ -158,8 +161,8 @@ def _build_pieces(work: CutPlan) -> Cut:
 
 
 def round_caps(piece: Piece, share: float) -> Piece:
-    """Inflates the caps of a piece (:mod:`enliven.modeling.sketching.inflate`'s method). A ``share`` of 1
-    makes hemispheres."""
+    """Inflates the caps of a piece with the method of :mod:`enliven.modeling.sketching.inflate`. A ``share``
+    of 1 gives hemispheres, and 0 gives flat caps."""
     if share == 0.0 or piece.caps == 0:
         return piece
     mesh = piece.mesh

@@ -35,13 +35,13 @@ def unite_meshes(
     offset: int = 0,
     tidy: bool = False,
 ) -> Union:
-    """Returns the union of two meshes. The module's docstring lists what it preserves.
+    """Returns the union of two meshes. See the module's docstring for the data that the union preserves.
 
     Args:
         offset: added to the bone numbers of the second skin.
-        tidy: contract the short edges that a union leaves along a creased seam, so that it can be smoothed.
-            The seam then deviates from both surfaces by less than an edge length, and only new vertices move.
-            Meshes with duplicate vertices stay unchanged.
+        tidy: True to contract the short edges that a union leaves along a creased seam, so that it can be
+            smoothed. The seam then deviates from both surfaces by less than an edge length, and only new
+            vertices move. Meshes with duplicate vertices stay unchanged.
     """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
     pair = MeshPair((first, second), (first_skin, moved))
@@ -49,12 +49,14 @@ def unite_meshes(
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
             return pair.side_by_side(
-                f"{mesh.name!r} is not a solid ({solid}): joined as separate shells", True
+                f"{mesh.name!r} is not a solid ({solid}): the two were joined as separate shells", True
             )
     first_solid, second_solid = (solid for solid in solids if isinstance(solid, Solid))
     both = first_solid.manifold + second_solid.manifold
     if both.status() != manifold3d.Error.NoError:
-        return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells", True)
+        return pair.side_by_side(
+            f"the union failed ({both.status()}): the two were joined as separate shells", True
+        )
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (first_solid, second_solid) for note in s.notes)
     union = pair.traced((first_solid, second_solid), both.to_mesh64(), notes)
     return _without_slivers(union) if tidy and union.fused else union
@@ -63,8 +65,8 @@ def unite_meshes(
 def _without_slivers(union: Union) -> Union:
     """Removes slivers at the new vertices of a union, where the seam has a crease."""
     new = find_creases(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
-    # If positions occur twice, as in a flat-shaded mesh, moving only one of the two vertices would open a
-    # crack. So keep the slivers of such a mesh.
+    # If positions occur twice, as in a flat-shaded mesh, moving only one of two equal vertices would open a
+    # crack. So the slivers of such a mesh are kept.
     if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
     vertices, faces, is_kept, drawn = remove_slivers(union.mesh.vertices, union.mesh.faces, new)
@@ -84,11 +86,11 @@ def _without_slivers(union: Union) -> Union:
 
 
 def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | None:
-    """Returns the materials after slivers were removed. Faces at new vertices take those of the nearest old
-    face.
+    """Returns the materials after slivers were removed. Faces at new vertices get the material of the nearest
+    old face.
 
     Args:
-        new: (V,) true for vertices that could move.
+        new: (V,) True for new vertices, which could move.
         corners: (F, 3, 3) metres, the corners of the remaining faces.
     """
     if mesh.materials is None:

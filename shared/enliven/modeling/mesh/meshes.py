@@ -1,4 +1,4 @@
-"""Helpers for the mesh of an edited skeleton: posed vertices, bone numbers, and separation into parts by
+"""Functions for the mesh of an edited skeleton: posed vertices, bone numbers, and separation into parts by
 bones."""
 
 from __future__ import annotations
@@ -8,16 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.graph import components
+from enliven.deformation.graph.connectivity import components
 from enliven.document import Shape, SkinWeights
 from enliven.meshes import submesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece
-from enliven.modeling.skinning import renumbered
+from enliven.modeling.skinning.skins import renumbered
 
 
 def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
-    """Computes (V, 3) metres: v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for L (N, 3, 3) and x (N,
-    3)."""
+    """Returns (V, 3) metres, the vertices v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for the bones'
+    maps L (N, 3, 3) and the joints x (N, 3)."""
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
     return blend_vertices(
@@ -28,7 +28,7 @@ def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
 def blend_vertices(
     vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float
 ) -> Float:
-    """Computes (V, 3) metres: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
+    """Returns (V, 3) metres, v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
     out = np.zeros_like(vertices)
     for slot in range(4):
         node = skin.indices[:, slot]
@@ -45,15 +45,15 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
 
 
 def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or ``otherwise`` if
-    there is none."""
+    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or the bone
+    ``otherwise`` if no bone has this name."""
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
 
 def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
-    """Divides a piece by groups of bones: each shell goes to the group that it follows most. Returns None for
-    a group without shells."""
+    """Divides a piece by groups of bones: each shell is assigned to the group that it follows most. A group
+    without shells gets None."""
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)

@@ -1,8 +1,8 @@
 """Finds the symmetry plane of a mesh, if it has one.
 
-Candidates (the axes, the principal axes, and directions all around) are refined iteratively, as in ICP. Each
-step mirrors points of the surface, pairs each image with the nearest point with a similar normal, and fits a
-plane to the pairs. The remaining distance between image and surface rates the plane.
+Candidate planes (the axes, the principal axes, and directions all around) are refined iteratively, as in ICP.
+Each step mirrors points of the surface, pairs each image with the nearest point that has a similar normal,
+and fits a plane to the pairs. A plane is rated by the remaining distance between image and surface.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float
-from enliven.deformation.graph import scatter
+from enliven.deformation.graph.sampling import scatter
 from enliven.document import Plane
 from enliven.meshes import Mesh
 
 TOLERANCE = 0.012
-"""Maximum mean distance between the mirror image and the surface, as a fraction of the diagonal of the
-bounding box."""
+"""Maximum mean distance between the mirror image and the surface of a symmetric mesh, as a fraction of the
+diagonal of the bounding box."""
 _FIRST_TEST_POINTS = 250
 """Number of points for the first test of several dozen candidates."""
 _SECOND_TEST_POINTS = 1500
@@ -31,7 +31,7 @@ _INITIAL_NORMALS = 40
 _MAX_PLANES_REFINED = 5
 """Maximum number of different planes that get the finer tests."""
 _SAME_NORMAL_COSINE = 0.98
-"""Cosine between normals above which two planes count as equal."""
+"""Two planes count as equal if the cosine between their normals is above this value."""
 _NORMAL_WEIGHT = 0.3
 """Weight of normals in the nearest-neighbour search: a unit difference counts as a distance of this fraction
 of the size."""
@@ -57,7 +57,7 @@ class _MirrorFit(NamedTuple):
 
 
 def plane_of_symmetry(mesh: Mesh) -> Plane | None:
-    """Returns the symmetry plane, or None if the mirror image misses the surface by more than ``TOLERANCE``.
+    """Returns the symmetry plane of a mesh, or None if it is not symmetric within ``TOLERANCE``.
 
     If there are several symmetry planes (a box, a flat star), the result is the upright plane with the mesh
     widest along its normal: the plane between left and right.
@@ -73,21 +73,23 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     )
     middle = sampled.positions.mean(0)
     points = (sampled.positions - middle) / size
-    few, some, many = (
+    first_cloud, second_cloud, last_cloud = (
         _sample_points(points, sampled.normals, count)
         for count in (_FIRST_TEST_POINTS, _SECOND_TEST_POINTS, _LAST_TEST_POINTS)
     )
     first = sorted(
-        (_refine_plane(few, axis, 5) for axis in _candidate_normals(points)), key=lambda found: found.gap
+        (_refine_plane(first_cloud, axis, 5) for axis in _candidate_normals(points)),
+        key=lambda found: found.gap,
     )
     second = [
-        _refine_plane(some, candidate.normal, 8, candidate.offset) for candidate in _distinct_planes(first)
+        _refine_plane(second_cloud, candidate.normal, 8, candidate.offset)
+        for candidate in _distinct_planes(first)
     ]
     likely = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
     likely.sort(
         key=lambda one: (abs(one.normal[1]) >= _MAX_HORIZONTAL_SINE, -_rounded_extent(points, one), one.gap)
     )
-    last = (_refine_plane(many, candidate.normal, 4, candidate.offset) for candidate in likely)
+    last = (_refine_plane(last_cloud, candidate.normal, 4, candidate.offset) for candidate in likely)
     best = next((candidate for candidate in last if candidate.gap <= TOLERANCE), None)
     if best is None:
         return None
@@ -115,7 +117,7 @@ def _candidate_normals(points: Float) -> Float:
 
 
 def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _MirrorFit:
-    """Refines a plane to the nearest symmetry plane with a number of pairing steps."""
+    """Moves a plane towards the nearest symmetry plane by ``steps`` pairing steps."""
     points = cloud.points
     for _ in range(steps):
         pairs = cloud.points[_nearest_mirrored(cloud, normal, offset)]
@@ -133,8 +135,8 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
     nearest = _nearest_mirrored(cloud, normal, offset)
     image = _mirror_points(points, normal, offset)
     gaps = image - points[nearest]
-    # Measure the distance to the surface, not to its samples. So ignore tangential offsets below the sample
-    # spacing.
+    # Measure the distance to the surface, not to its samples. So ignore tangential offsets that are smaller
+    # than the spacing of the samples.
     distances = np.linalg.norm(gaps, axis=1)
     through = np.abs((gaps * cloud.normals[nearest]).sum(1))
     spacing = 2.0 / np.sqrt(len(points))

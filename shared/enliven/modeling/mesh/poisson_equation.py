@@ -1,4 +1,4 @@
-"""Poisson's equation on a flat mesh: a height with Laplacian -2 inside and value 0 on the rim."""
+"""Solution of Poisson's equation on a flat mesh: a height with Laplacian -2 inside and value 0 on the rim."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Bool, Float, Int32
-from enliven.modeling.skinning import cotangents
+from enliven.modeling.skinning.heat_diffusion import cotangents
 
 SYMMETRIC_LU = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}, "diag_pivot_thresh": 0.0}
 """Options of SciPy's ``splu`` for symmetric positive definite matrices: a symmetric ordering, and no pivoting
-(a threshold of 0 takes the diagonal). They leave fewer non-zeros."""
+(a threshold of 0 selects the diagonal). With these options the factor has fewer non-zeros."""
 
 
 def poisson(points: Float, faces: Int32, inner: Bool) -> Float:
-    """Solves laplace(u) = -2 where ``inner`` (V,) is true, with u = 0 elsewhere. Returns (V,) square
-    metres."""
+    """Solves laplace(u) = -2 at the vertices with ``inner`` (V,) True, with u = 0 elsewhere. Returns u (V,)
+    in square metres."""
     out = np.zeros(len(points))
     rows = np.flatnonzero(inner)
     if len(rows):

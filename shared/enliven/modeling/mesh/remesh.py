@@ -1,4 +1,4 @@
-"""Remeshing of closed surfaces: edges flipped to Delaunay, and vertices smoothed (Taubin)."""
+"""Remeshing of closed surfaces: flips edges to a Delaunay triangulation, and smooths vertices (Taubin)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
-from enliven.modeling.mesh.flips import across_edges, flip, slot
+from enliven.meshes.flips import across_edges, flip, slot
 
 _SMOOTHING_FACTOR = 0.5
 """Taubin's smoothing factor lambda ("A signal processing approach to fair surface design", 1995)."""
@@ -15,7 +15,7 @@ _UNSHRINKING_FACTOR = -0.53
 
 
 def flip_to_delaunay(vertices: Float, faces: Int32) -> Int32:
-    """Returns faces (F, 3) with an edge flipped wherever its two opposite angles add up to more than 180
+    """Returns faces (F, 3) in which an edge is flipped if its two opposite angles add up to more than 180
     degrees."""
     out = faces.astype(np.int64)
     _flip_all(np.ascontiguousarray(vertices), out, across_edges(out, len(vertices)))
@@ -33,7 +33,7 @@ def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
 
 
 def smooth_taubin(vertices: Float, faces: Int32, times: int) -> Float:
-    """Smooths vertices (V, 3) by the mean of their neighbours. Noise is removed, low frequencies are kept,
+    """Moves vertices (V, 3) towards the mean of their neighbours. Noise is removed, low frequencies are kept,
     and triangles become more regular."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()
@@ -76,7 +76,7 @@ def _corner_cotangent(tip, p, q):
 
 @njit(cache=True, nogil=True)
 def _share_an_edge(faces, beside, t, a, d):
-    """Returns True if vertices a (of face t) and d share an edge. Visits the faces around a."""
+    """Returns True if vertex a of face t shares an edge with vertex d. Visits the faces around a."""
     f = t
     for _ in range(64):
         k = slot(faces[f], a)

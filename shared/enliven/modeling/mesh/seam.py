@@ -4,10 +4,11 @@
     smooth_seam(mesh, seam) -> Mesh                                   positions only
     reweight_seam(mesh, skin, skeleton, seam) -> SkinWeights          weights only
 
-``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Everything farther
-from the seam than the settings allow stays bit-exact. Near the seam, the surface continues the direction and
-curvature of its surroundings: a crease becomes a fillet, and smooth parts stay smooth. The weights near the
-seam come from :mod:`enliven.modeling.skinning.heat_diffusion`, with the old weights around them held fixed.
+``seam`` (V,) is True for the vertices of the seam, such as ``Union.seam`` or ``Piece.kept < 0``. Everything
+farther from the seam than the settings allow stays bit-exact. Near the seam, the surface continues the
+direction and curvature of its surroundings: a crease becomes a fillet, and smooth parts stay smooth. The
+weights near the seam come from :mod:`enliven.modeling.skinning.heat_diffusion`, with the old weights around
+them held fixed.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from scipy.sparse.linalg import spsolve
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton, SkinWeights
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.flips import across_edges
-from enliven.modeling.skinning import HeatSettings, bone_count, dense, heat_weights, segments_of, sparse
+from enliven.meshes.flips import across_edges
+from enliven.modeling.skinning.heat_diffusion import HeatSettings, heat_weights, segments_of
+from enliven.modeling.skinning.skin_values import bone_count, dense, sparse
 from enliven.settings import setting
 
 _HOLD_WEIGHT = 1e-6
-"""Weight that holds vertices at their old positions, relative to the smoothness term."""
+"""Weight that pulls vertices towards their old positions, relative to the smoothness term."""
 _MAX_DISPLACEMENT_EDGES = 1.5
 """Maximum displacement of a vertex, in edge lengths."""
 
@@ -79,14 +81,14 @@ def heal_seam(
 
     Args:
         skeleton: the bones that the skin refers to, in the mesh's frame.
-        seam: (V,) true for vertices of the seam.
+        seam: (V,) True for vertices of the seam.
     """
     smooth = smooth_seam(mesh, seam, settings)
     return smooth, reweight_seam(smooth, skin, skeleton, seam, settings)
 
 
 def smooth_seam(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Mesh:
-    """Returns the mesh with the rings around the seam as smooth as the surrounding surface allows."""
+    """Returns the mesh with smoothed rings of vertices around the seam."""
     settings = settings or SeamSettings()
     if settings.strength == 0.0 or not seam.any():
         return mesh
@@ -106,8 +108,8 @@ def smooth_seam(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) ->
 def reweight_seam(
     mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
 ) -> SkinWeights:
-    """Returns the skin with the rings around the seam recomputed by bone heat. The other weights stay
-    unchanged."""
+    """Returns the skin with the weights of the rings around the seam recomputed by bone heat. The other
+    weights stay unchanged."""
     settings = settings or SeamSettings()
     free = _is_near_seam(mesh, seam, seam, settings.weight_rings, settings.weight_reach)
     if not free.any():
@@ -121,8 +123,8 @@ def reweight_seam(
 
 
 def fair(mesh: Mesh, free: Bool) -> Float:
-    """Fairs a surface: returns positions (V, 3) that are smooth where ``free`` (V,); the others stay
-    unchanged.
+    """Fairs a surface: returns positions (V, 3) that are smooth for vertices with ``free`` (V,) True. The
+    other vertices keep their positions.
 
     The mean curvature and the normals of the surroundings are interpolated harmonically into the free region.
     The free vertices then take the positions that best match the resulting Laplacians, and none moves far. A
@@ -159,7 +161,7 @@ def fair(mesh: Mesh, free: Bool) -> Float:
 
 
 def _interpolate_unknown(neighbour_weights: csr_matrix, values: Float, unknown: Bool) -> Float:
-    """Returns the values (V, K) with unknown ones interpolated harmonically from known ones."""
+    """Returns the values (V, K), with unknown values interpolated harmonically from the known values."""
     out = values.copy()
     inner, fixed = np.flatnonzero(unknown), np.flatnonzero(~unknown)
     if len(inner) == 0 or len(fixed) == 0:
@@ -180,8 +182,8 @@ def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     """Returns normalized neighbour weights and mean neighbour distances.
 
     Returns:
-        (V, V) weights of each vertex's neighbours: nearer ones get more, and rows sum to one. (V,) the mean
-        distance of the neighbours in metres.
+        (V, V) weights of each vertex's neighbours: nearer neighbours have larger weights, and rows sum to
+        one. (V,) the mean distance of the neighbours in metres.
     """
     faces = welded.faces
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
@@ -219,7 +221,7 @@ def find_creases(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
 def _is_near_seam(
     mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf
 ) -> Bool:
-    """Returns (V,) true for vertices around a seam: within a number of edges, or within multiples of its
+    """Returns (V,) True for vertices around a seam: within a number of edges, or within multiples of its
     radius.
 
     Duplicate vertices are treated as connected.

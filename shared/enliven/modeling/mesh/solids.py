@@ -14,14 +14,15 @@ from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_s
 
 @dataclass(frozen=True)
 class Solid:
-    """A closed mesh, with the origin of its parts.
+    """A closed mesh for manifold3d, with the origin of its parts.
 
     Attributes:
-        manifold: the manifold3d object. Each vertex carries its number in ``mesh`` as a property.
-        mesh: the given vertices, then those that close the surface. Unusable faces are left out.
-        closing: for the vertices that close the surface, in their order: the vertices they are made from, and
-            the interpolation.
-        leaves: the vertices of ``mesh`` with the given faces that do not enclose a volume (open sheets).
+        manifold: the manifold3d object. Each of its vertices has its number in ``mesh`` as a property.
+        mesh: the given vertices, then the vertices that close the surface. Unusable faces are excluded.
+        closing: for the vertices that close the surface, in their order: the vertices that they depend on,
+            and the interpolation.
+        leaves: a mesh of the given faces that do not enclose a volume (open sheets), with the vertices of
+            ``mesh``.
         id: number of the solid in manifold3d's results.
         notes: a sentence for each repair.
     """
@@ -42,11 +43,11 @@ def solid_of(mesh: Mesh) -> Solid | str:
     welded, of = weld(mesh)
     use = _is_usable_face(welded)
     if not use.all():
-        notes.append(f"left out {int((~use).sum())} faces that have no area or occur twice")
+        notes.append(f"removed {int((~use).sum())} faces that have no area or occur twice")
     used = mesh.with_faces(use)
     closed = closed_surface(used, of)
     if not len(closed.faces):
-        return "it is open: too much of its surface is missing to close it"
+        return "the surface is open, and too much of it is missing to close it"
     if closed.caps:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
@@ -59,11 +60,11 @@ def solid_of(mesh: Mesh) -> Solid | str:
         stiffness=closed_mesh.stiffness,
     )
     if signed_volume(closed_mesh) < 0:
-        notes.append("it was inside out: turned")
+        notes.append("the mesh was inside out: its faces were reversed")
         closed_mesh, leaves = closed_mesh.turned(), leaves.turned()
     manifold, number = _manifold_solid(closed_mesh, closed.label)
     if manifold.status() != manifold3d.Error.NoError:
-        return f"the library says {manifold.status()}"
+        return f"manifold3d reports {manifold.status()}"
     return Solid(manifold, closed_mesh, closed.made, leaves, number, tuple(notes))
 
 
@@ -103,7 +104,7 @@ def _manifold_solid(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
     Args:
         label: (V,) vertices with equal labels are merged.
     """
-    # Leave out loose vertices, because manifold3d would count them as solids without faces.
+    # Exclude vertices without faces, because manifold3d would count them as solids without faces.
     used = np.unique(mesh.faces)
     _, first, of = np.unique(label[used], return_index=True, return_inverse=True)
     target = first[of.reshape(-1)]

@@ -1,5 +1,1 @@
-"""Edits of possessed meshes: cutting, merging, copying and posing, with their motion kept."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Edits of possessed meshes that keep their motion: cutting, merging, copying and posing."""

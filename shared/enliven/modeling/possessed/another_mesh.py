@@ -28,14 +28,14 @@ def possess_another(
     progress: Callable[[float], None] | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, str]:
-    """Adds a mesh that performers move as they moved the mesh of a possession. Returns the project and its
-    id.
+    """Adds a mesh that performers move in the same way as the mesh of a recorded possession. Returns the
+    project and the mesh's id.
 
-    The mesh moves to its performers as on a stage, and keeps its own ends and joints. Settings that refer to
-    places on the first mesh (ends, joints and stiff spots) are dropped.
+    The mesh is moved to its performers as on a stage, and keeps its own ends and joints. Settings that refer
+    to positions on the first mesh (ends, joints and stiff spots) are dropped.
 
     Args:
-        fit: True to scale the mesh to a person's size first. False keeps its modeled size.
+        fit: True to scale the mesh to a person's size first, False to keep its size.
         ends, joints: ends and joints of the mesh, as in :func:`enliven.possession.prepare_for_actor`.
         nodes, progress, notes: as in :func:`possess_mesh`.
 

@@ -1,4 +1,4 @@
-"""Resamples poses with the sensor's timestamps to even time steps."""
+"""Resamples poses with the sensor's timestamps to constant time steps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MAX_PLACES = 1 << 23
 
 
 def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:
-    """Returns the stream of a character's poses at even time steps, interpolated linearly.
+    """Returns the stream of a character's poses at constant time steps, interpolated linearly.
 
     Raises:
         InputError: if there are too few poses, or their times are too far apart.
@@ -27,10 +27,11 @@ def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> Po
 
 
 def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple[list[Pose], Float, Float]:
-    """Removes poses with equal times, and chooses even times.
+    """Removes poses with equal times, and chooses times with constant steps.
 
     Returns:
-        The remaining poses, their times (F,) in seconds since ``begin`` (ns), and (G,) even times.
+        The remaining poses, their times (F,) in seconds since ``begin`` (ns), and the chosen times (G,) in
+        seconds.
 
     Raises:
         InputError: if there are too few poses, or their times are too far apart.
@@ -40,11 +41,11 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
     _, first = np.unique(seconds, return_index=True)
     seconds = seconds[first]
     if len(first) < 2:
-        raise InputError("all its poses have the same time", where=location, mend="Record it again.")
+        raise InputError("all its poses have the same time", where=location, remedy="Record it again.")
     step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
     if lasts / step * len(character.pivots) > _MAX_PLACES:
-        problem = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
-        raise InputError(problem, where=location, mend="Record a shorter take.")
+        problem = f"it has too many poses: {lasts:.3g} s at steps of {step:.3g} s"
+        raise InputError(problem, where=location, remedy="Record a shorter take.")
     return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
 
 

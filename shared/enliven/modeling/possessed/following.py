@@ -10,8 +10,8 @@ from enliven.arrays import Float, Int, Int32
 from enliven.document import GraphShape
 
 _FALLOFF_FRACTION = 0.3
-"""Falloff radius along the graph, as a fraction of the mesh's size: so large that a limb follows, but not the
-whole mesh."""
+"""Falloff radius along the graph, as a fraction of the mesh's size. A limb then follows the dragged node, but
+not the whole mesh."""
 _MIN_FALLOFF_EDGES = 1.5
 """Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
 _SLOPE_REGULARIZATION = 1e-3
@@ -20,7 +20,7 @@ also the minimum difference between the share of the dragged node (1) and that o
 
 
 def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
-    """Computes the nodes that follow a dragged node, and their shares.
+    """Returns the nodes that follow a dragged node, and the fraction (share) of its motion that each follows.
 
     The share falls from 1 at the node to 0 at the falloff radius, with zero slope at both: (1 - (a /
     reach)^2)^2, with a the distance in metres along the graph's edges at rest. Slopes are least-squares fits
@@ -47,7 +47,7 @@ def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
 
 
 def _share_slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
-    """Computes (N, 3) the slope per metre of the shares (N,) at each node. It is 0 at the dragged node."""
+    """Returns (N, 3) the gradient of the shares (N,) at each node, per metre. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     edge_vectors = rest[ends[:, 1]] - rest[ends[:, 0]]
     steps = shares[ends[:, 1]] - shares[ends[:, 0]]

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import GraphLayer, GraphPart, GraphShape, Pose, PoseStream, Project, smoothed
 from enliven.errors import InputError
-from enliven.modeling.mesh import blend_vertices
+from enliven.modeling.mesh.meshes import blend_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 
 _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
@@ -20,15 +20,15 @@ _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
     """Returns (N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
 
-    Both are interpolated linearly between frames. A part with a ride rigidly follows its carrier; see
-    :class:`enliven.document.Ride`. Layers on top deform the rest pose; see
-    :class:`enliven.document.GraphLayer`.
+    Both are interpolated linearly between frames. A part with a ride follows its carrier rigidly (see
+    :class:`enliven.document.Ride`). Layers on top deform the rest pose (see
+    :class:`enliven.document.GraphLayer`).
 
     Raises:
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=shape.where, mend="Give seconds.")
+        raise InputError(f"the time is {time}", where=shape.where, remedy="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     over = [_layer_at(project, layer, len(shape.positions), time) for layer in shape.over]
     for part, start in zip(shape.parts, shape.starts, strict=False):
@@ -39,8 +39,8 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         turn, move = part.turn, part.place
         rows = slice(start, start + len(part.nodes))
         if part.ride is not None:
-            # Layers that move this part must not also move the part that carries it. So evaluate the carrier
-            # without these layers.
+            # Layers that move this part must not also move the part that carries it. So the carrier is
+            # evaluated without these layers.
             carriers = [layer for layer in over if not layer.moves[rows].any()]
             node = np.array([part.ride.node])
             carrier = _apply_layers((linear[node], positions[node]), carriers, node)
@@ -55,10 +55,10 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
 def within_layer(
     project: Project, shape: GraphShape, number: int, node: int, time: float
 ) -> tuple[Float, Float, float]:
-    """Evaluates a layer on top of a shape for one of its nodes at a time.
+    """Evaluates a layer on top of a shape at a time, for one of the shape's nodes.
 
     Args:
-        number: index of the layer among those on top.
+        number: index of the layer among the layers on top.
 
     Returns:
         (3, 3) the map from a displacement at rest, as the layer gives it, to the node's displacement in the
@@ -85,11 +85,12 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 @dataclass(frozen=True)
 class _LayerMotion:
-    """The motion that a layer gives to the nodes of a shape at rest.
+    """The motion by one layer of the nodes of a shape at rest.
 
     Attributes:
-        moves: (N,) true for nodes that the layer moves.
-        linear, apart: (N, 3, 3) linear maps, and (N, 3) metres: a node moves from r to r + apart.
+        moves: (N,) True for nodes that the layer moves.
+        linear, apart: (N, 3, 3) linear maps, and (N, 3) metres, displacements: a node moves from r to r +
+        apart.
     """
 
     moves: Bool
@@ -131,8 +132,8 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
 
 
 def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
-    """Returns the recorded (K, 3, 3) and (K, 3) of a part's nodes at a time. A muted part has its first
-    frame."""
+    """Returns the recorded linear maps (K, 3, 3) and positions (K, 3) of a part's nodes at a time. For a
+    muted part they are those of its first frame."""
     if part.muted:
         return _recorded_maps_at(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)

@@ -22,10 +22,10 @@ from enliven.document import (
 from enliven.modeling.possessed.following import find_followers
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
-from enliven.modeling.rig import CharacterState, Player, RigEdits
-from enliven.modeling.rigged import Axes, moved_mesh
+from enliven.modeling.rig import CharacterState, HandleMotion, Player, RigEdits
+from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.person import MIRROR
-from enliven.rotation import IDENTITY, multiply, normalized, rotate
+from enliven.rotation import IDENTITY, from_matrix, multiply, nearest_rotation, normalized, rotate
 
 _MIRRORED_ENDS = [0, 2, 1, 4, 3]
 """The order of the five ends of a mesh in its mirror image: left and right are swapped."""
@@ -39,7 +39,7 @@ class GraphRig(RigEdits):
     merged = staticmethod(merge_graphs)
 
     def centre(self, shape: GraphShape) -> Float:
-        """Returns the rest position of node 0."""
+        """Returns the position (3,) of node 0 at rest, in metres."""
         return np.asarray(shape.positions[0])
 
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
@@ -47,8 +47,25 @@ class GraphRig(RigEdits):
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
     def player(self, project: Project, shape: GraphShape) -> Player:
-        """Returns a function that gives poses. There are no handles, since nodes play recorded motion."""
+        """Returns a function that gives the pose at a time. It has no handles: nodes play recorded motion."""
         return lambda time: CharacterState(pose_of_graph(project, shape, time), np.zeros((0, 3)))
+
+    def handle_motion(
+        self, shape: GraphShape, player: Player, handle: int | None, layer: int | None
+    ) -> HandleMotion:
+        """Returns the motion of a node, or the mean motion of the nodes of a part."""
+        if handle is not None:
+            nodes = slice(handle, handle + 1)
+        else:
+            number = min(layer or 0, len(shape.parts) - 1)
+            nodes = slice(shape.starts[number], shape.starts[number + 1])
+
+        def at(time: float) -> tuple[Float, Float]:
+            pose = player(time).pose
+            mean = np.asarray(pose.linear[nodes], np.float64).mean(0)
+            return from_matrix(nearest_rotation(mean)), np.asarray(pose.positions[nodes], np.float64).mean(0)
+
+        return at
 
     def key_layer(self, project: Project, shape: GraphShape, handle: int) -> int | None:
         """Returns the first layer with keys of the node."""
@@ -59,7 +76,7 @@ class GraphRig(RigEdits):
         return None
 
     def with_key_layer(self, project: Project, shape: GraphShape, handle: int, key: MotionKey) -> Project:
-        """Adds a layer on top of all others. It bends the mesh around the node."""
+        """Adds a layer with the key on top of all other layers. It bends the mesh around the node."""
         own, follow = find_followers(shape, handle)
         name = unused(f"{shape.id} node {handle} keys", project.streams)
         rest = shape.positions[own]
@@ -68,7 +85,8 @@ class GraphRig(RigEdits):
         return project.with_streams(keyed_stream(name, rest, follow, [key])).with_characters(shape)
 
     def moved(self, shape: GraphShape, offset: Float, turn: Float, about: Float) -> GraphShape:
-        """Moves the motion. The rest pose stays, and parts with a ride follow their carrier."""
+        """Moves the motion of the shape. Its rest pose does not change, and parts with a ride follow their
+        carrier."""
         parts = tuple(
             part
             if part.ride is not None

@@ -1,10 +1,9 @@
-"""Solves the motion of a possessed mesh from its performers, detects outdated solutions, and solves them
+"""Computes the motion of a possessed mesh from its performers, detects outdated results, and computes them
 again.
 
-The stream of a part is a cached solution. It has a checksum of its inputs: the mesh, its nodes, the
-performers' take, the attachments and the settings. If the whole shape is moved, rotated, scaled or mirrored,
-the stream is transformed too, and the checksum stays valid. A cut, a merge or an edit of the mesh makes it
-invalid.
+The stream of a part is a cached result. It has a checksum of its inputs: the mesh, its nodes, the performers'
+take, the attachments and the settings. If the whole shape is moved, rotated, scaled or mirrored, the stream
+is transformed too, and the checksum stays valid. A cut, a merge or an edit of the mesh makes it invalid.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Float32
-from enliven.deformation.graph import DeformationGraph, graph_of
+from enliven.deformation.graph.graph import DeformationGraph, graph_of
 from enliven.document import (
     BodyTake,
     Character,
@@ -44,7 +43,7 @@ _GRID_OFFSET = 0.31830988618
 
 
 def stale(project: Project, shape: GraphShape) -> bool:
-    """Returns True if a motion of a shape was solved from inputs that have changed since."""
+    """Returns True if a motion of a shape was computed from inputs that have changed since."""
     return any(_motion_checksum(project, shape, n) != how.solved for n, _, how in _possessed_parts(shape))
 
 
@@ -54,7 +53,7 @@ def has_missing_motion(shape: GraphShape) -> bool:
 
 
 def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
-    """Solves all missing motion of a project. Outdated motion stays.
+    """Computes all missing motion of a project. Outdated motion is not changed.
 
     Raises:
         InputError: if performers cannot attach to any point of a part.
@@ -66,7 +65,7 @@ def solve_lost(project: Project, progress: Callable[[float], None] | None = None
 
 
 def mark_as_solved(project: Project, shape_id: str) -> Project:
-    """Marks the streams of a shape as solved from the current inputs."""
+    """Marks the streams of a shape as computed from the current inputs."""
     shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
     for number, part, how in _possessed_parts(shape):
         parts[number] = replace(
@@ -76,7 +75,7 @@ def mark_as_solved(project: Project, shape_id: str) -> Project:
 
 
 def with_possession(project: Project, shape_id: str, possession: Possession) -> Project:
-    """Replaces the possession of the first part that performers moved. The part has to be solved again then.
+    """Replaces the possession of the first part that performers moved. Its motion is then outdated.
 
     Raises:
         InputError: if the shape does not exist, or performers moved no part of it.
@@ -86,7 +85,7 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
         new_possession = replace(possession, rest=how.rest, solved=how.solved)
         parts = (*shape.parts[:number], replace(part, possession=new_possession), *shape.parts[number + 1 :])
         return project.with_characters(shape.with_changes(parts=parts))
-    raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
+    raise InputError("performers moved no part of it", where=shape.where, remedy="Possess it first.")
 
 
 def possess_mesh(
@@ -103,7 +102,7 @@ def possess_mesh(
 
     Args:
         mesh: prepared for the stage (:func:`enliven.possession.prepared`).
-        possession: the attachments and settings. Its take and its rest pose are replaced by those of the
+        possession: the attachments and settings. Its take and its rest pose are replaced by the other
             arguments.
         nodes: number of nodes of the deformation graph.
         progress, notes: as in :func:`solve_again`.
@@ -131,13 +130,13 @@ def solve_again(
     progress: Callable[[float], None] | None = None,
     notes: list[str] | None = None,
 ) -> Project:
-    """Solves a shape's motion again from the performers and the current inputs. Valid parts stay unchanged.
+    """Computes a shape's outdated motion again from the performers and the current inputs.
 
     The placement and timing of the shape do not change.
 
     Args:
-        progress: is called with the completed fraction, from 0 to 1.
-        notes: receives a sentence about each attachment that the current mesh refused.
+        progress: a function that is called with the completed fraction, from 0 to 1.
+        notes: a list that receives a sentence about each attachment that failed.
 
     Raises:
         InputError: if the shape does not exist, or its performers cannot attach to any point of a part.
@@ -175,11 +174,11 @@ def _possessed_parts(shape: GraphShape) -> list[tuple[int, GraphPart, Possession
 
 
 def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
-    """Returns a part of a shape as it was when it was possessed: in the rest pose of its recording, without
-    other parts.
+    """Returns a part of a shape in the state in which it was possessed: in the rest pose of its recording,
+    without the other parts.
 
     Returns:
-        The character, and (K, 3) metres, its nodes in full precision.
+        The character, and (K, 3) metres, the positions of its nodes in full precision.
     """
     part, start = shape.parts[number], shape.starts[number]
     assert part.possession is not None
@@ -204,8 +203,8 @@ def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
 def _part_surface(
     shape: GraphShape, own_nodes: AnyArray
 ) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
-    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own_nodes`` most,
-    or if there is none, of the whole surface."""
+    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own_nodes`` most.
+    If no surface follows them, returns those of the whole surface."""
     mesh, skin = shape.mesh, shape.skin
     if len(own_nodes) == len(shape.positions):
         return mesh.vertices, mesh.faces, skin, mesh.stiffness

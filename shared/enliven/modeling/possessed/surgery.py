@@ -1,4 +1,4 @@
-"""Cuts and merges possessed meshes: the deformation graph with its motion.
+"""Cuts and merges possessed meshes: both the deformation graph and its motion.
 
 A cut or merge changes the set of nodes and their carriers, never the recorded streams. So no motion is lost:
 if a possessed chair is cut in two, both halves still walk.
@@ -13,14 +13,11 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Ride, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.mesh import (
-    CutSurface,
-    Piece,
-    SkinnedSurface,
-    cut_by_stroke,
-    joined,
-    smooth_seam,
-)
+from enliven.modeling.mesh.cut_pieces import Piece
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.joining import SkinnedSurface, joined
+from enliven.modeling.mesh.mesh_cut import cut_by_stroke
+from enliven.modeling.mesh.seam import smooth_seam
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.rig import Merge
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, rotate, to_matrix
@@ -31,16 +28,16 @@ def cut_graph(
 ) -> tuple[Project, tuple[str, str]]:
     """Cuts a possessed mesh in two along a stroke, in its pose at ``time``. Both parts keep moving.
 
-    Each side keeps the nodes that its vertices follow; nodes near the cut are kept on both sides. So every
+    Each side keeps the nodes that its vertices follow. Nodes near the cut are kept on both sides. So every
     node and vertex keeps its position at every time, not only at ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
-        notes: receives sentences about how the mesh was closed.
+        notes: a list that receives sentences about the closing of the mesh.
 
     Returns:
-        The project and the ids: the larger side keeps ``shape_id`` (of two equal halves the near one), the
-        other gets a new one.
+        The project, and the ids of both sides. The larger side keeps ``shape_id`` (of two equal halves the
+        near half), and the other side gets a new id.
 
     Raises:
         InputError: if the shape does not exist, or the stroke cuts nothing off.
@@ -59,10 +56,10 @@ def cut_graph(
 def merge_graphs(project: Project, merge: Merge) -> Project:
     """Merges two possessed meshes in their poses at a time: attaches the graft to the host.
 
-    At that time, neither moves. At other times, the graft rigidly follows a node of the host, with its own
-    motion on top. The meshes are united in their poses at that time. The graft's rest pose is aligned with
-    the host's so that the two meet at the node in the same way. The motion of the graft's vertices relative
-    to its nodes does not change.
+    At that time, both keep their positions. At other times, the graft rigidly follows a node of the host,
+    with its own motion on top. The meshes are united in their poses at that time. The graft's rest pose is
+    aligned with the host's rest pose so that the two meet at the node in the same way. The motion of the
+    graft's vertices relative to its nodes does not change.
 
     Raises:
         InputError: if the node does not exist, or the union of the meshes fails.
@@ -155,8 +152,10 @@ def _meeting_nodes(host: GraphShape, ours: Float, theirs: Float, node: int | str
     if node is None:
         node = int(distances.min(1).argmin())
     if isinstance(node, str) or not 0 <= node < len(ours):
-        mend = "Give the number of a node."
-        raise InputError(f"node {node} does not exist; there are {len(ours)}", where=host.where, mend=mend)
+        remedy = "Give the number of a node."
+        raise InputError(
+            f"node {node} does not exist; the host has {len(ours)} nodes", where=host.where, remedy=remedy
+        )
     return node, int(distances[node].argmin())
 
 
@@ -170,8 +169,8 @@ def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) ->
     for part in shape.parts:
         ride = part.ride
         if ride is not None:
-            # The map of a node leads from the old rest pose to the world. So its rotation at the merge must
-            # also contain the change of the rest pose.
+            # The map of a node is from the old rest pose to the world. So its rotation at the time of the
+            # merge must also contain the change of the rest pose.
             ride = replace(ride, turn=normalized(multiply(ride.turn, back)))
         parts.append(replace(part, axes=normalized(multiply(axes, part.axes)), ride=ride))
     mesh = replace(shape.mesh, vertices=vertices)

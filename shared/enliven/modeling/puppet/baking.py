@@ -2,7 +2,7 @@
 
     project, graph_id, error = bake_puppet(project, "cactus")
 
-The puppet's motion is kept within the returned error; its examples are lost. Undo restores them.
+The puppet's motion is kept within the returned error. Its examples are lost, but undo restores them.
 """
 
 from __future__ import annotations
@@ -12,14 +12,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import GraphPart, GraphShape, PoseStream, Project, Puppet, unused
 from enliven.errors import InputError
-from enliven.examples.baking import (
-    BakedSurface,
-    BakeError,
-    BakeSettings,
-    SurfaceFrames,
-    bake_surface,
-    evaluate_states,
-)
+from enliven.examples.baking.bake import BakedSurface, bake_surface
+from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
+from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.meshes import Mesh
 from enliven.rotation import rotate, to_matrix
 
@@ -36,7 +31,7 @@ def bake_puppet(
 ) -> tuple[Project, str, BakeError]:
     """Bakes a puppet to a possessed mesh. Returns the project, the mesh's id, and the error.
 
-    The mesh takes the puppet's place and id. If the puppet is kept, the mesh gets a new id.
+    The mesh replaces the puppet and gets its id. If the puppet is kept, the mesh gets a new id.
 
     Raises:
         InputError: as :func:`bake_motion`.
@@ -61,9 +56,9 @@ def bake_motion(
     """Bakes the motion of a puppet from ``start`` to ``end`` seconds to nodes that a mesh follows.
 
     Args:
-        end: None takes the end of the last of its layers.
+        end: end in seconds, or None for the end of the puppet's last layer.
         rate: frames per second.
-        ids: of the shape and its stream; None for those of the puppet.
+        ids: the ids of the shape and its stream; None for the puppet's ids.
         settings: accuracy of the result.
 
     Raises:
@@ -113,5 +108,5 @@ def frame_times(start: float, end: float, rate: float, name: str) -> Float:
     """
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
         problem = f"from {start} s to {end} s at {rate} frames a second is not a valid time range"
-        raise InputError(problem, where=f"shape {name!r}", mend="Give an end after the start.")
+        raise InputError(problem, where=f"shape {name!r}", remedy="Give an end after the start.")
     return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)

@@ -1,4 +1,4 @@
-"""Drags a control point at a moment of a puppet's motion. The pose of that moment becomes a key pose."""
+"""Drags a control point at a time of a puppet's motion. The pose at that time becomes a key pose."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Project, Puppet
 from enliven.errors import InputError
-from enliven.examples import frame_at
+from enliven.examples.puppet_examples import frame_at
 from enliven.modeling.puppet.parts import state_at, to_mesh_frame
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 
@@ -19,12 +19,12 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
     the take of the lowest layer that plays. An existing key pose of that frame is changed.
 
     Raises:
-        InputError: if the puppet plays no take, and as ``add_key_pose``.
+        InputError: if the puppet plays no take, or for the reasons of ``add_key_pose``.
     """
     puppet = project.puppet(puppet_id)
     layer = next((candidate for candidate in puppet.layers if not candidate.muted), None)
     if layer is None:
-        raise InputError("it plays no take", where=puppet.where, mend="Choose a take for it first.")
+        raise InputError("the puppet plays no take", where=puppet.where, remedy="Choose a take for it first.")
     state = state_at(project, puppet, time)
     second = layer.played(time, project.takes[layer.take].duration)[0]
     number = key_pose_at(project, puppet, layer.take, second)

@@ -1,4 +1,4 @@
-"""Creates puppets and gives them takes to play. Pure edits, Project -> Project.
+"""Creates puppets, and adds takes to them. Each edit maps a project to a new project.
 
     project = make_puppet(project, mesh, "cactus")
     project = add_point(project, "cactus", 4711, "left arm", joint="LeftHand")
@@ -17,7 +17,8 @@ import numpy as np
 
 from enliven.document import Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples import check_layer, missing
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_solve import check_layer
 from enliven.meshes import Mesh
 from enliven.modeling.rig import check_names
 
@@ -26,20 +27,20 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
     """Adds a mesh as a puppet without control points.
 
     Args:
-        mesh: metres, +Y up; it stands on y = 0 (:func:`enliven.meshes.mesh.fit_height` puts it there).
+        mesh: in metres, +Y up, with its lowest point at y = 0 (see :func:`enliven.meshes.mesh.fit_height`).
 
     Raises:
         InputError: if the name is taken, or the mesh cannot be a puppet.
     """
     location = f"puppet {puppet_id!r}"
     if not puppet_id or puppet_id in project.characters:
-        problem = "something has that name already" if puppet_id else "it needs a name"
-        raise InputError(problem, where=location, mend="Choose another name.")
+        problem = "the name is taken" if puppet_id else "it needs a name"
+        raise InputError(problem, where=location, remedy="Choose another name.")
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         problem = (
             "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
         )
-        raise InputError(problem, where=location, mend="Export the mesh again.")
+        raise InputError(problem, where=location, remedy="Export the mesh again.")
     return project.with_characters(Puppet(puppet_id, mesh))
 
 
@@ -47,11 +48,12 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
     """Adds a layer that plays a take on top of the puppet's other layers.
 
     Args:
-        attributes: of the ``PuppetLayer``: points, offset, speed, loop, weight, travel, positions, ...
+        attributes: attributes of the ``PuppetLayer``: points, offset, speed, loop, weight, travel, positions,
+            ...
 
     Raises:
-        InputError: if the take or a control point does not exist, or for contradicting constraints, which the
-            message names.
+        InputError: if the take or a control point does not exist, or if constraints contradict each other.
+            The message names them.
     """
     puppet = project.puppet(puppet_id)
     check_names(attributes, PuppetLayer, f"layer of {take!r}")
@@ -60,11 +62,11 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
 
 
 def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> PuppetLayer:
-    """Returns the layer after the checks that an unfinished puppet allows."""
+    """Returns a layer after checking it, as far as an unfinished puppet can be checked."""
     location = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
-        mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {layer.take!r} does not exist", where=location, mend=mend)
+        remedy = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
+        raise InputError(f"the take {layer.take!r} does not exist", where=location, remedy=remedy)
     for name in layer.points:
         puppet.index(name)
     if not missing(project, puppet):

@@ -1,10 +1,10 @@
 """Merges two puppets without baking: the control points and the key poses of both are kept.
 
-At the time of the merge both stay in their poses. Key poses of both are kept. If only one of them has a
-certain key pose, the other's control points get their positions from its own motion. So each keeps moving as
-before, and the surfaces become one. The host's surface around the meeting place rigidly carries a graft that
-plays the same takes as the host, or none; the graft's own motion is added on top. A graft that plays another
-take cannot be carried, since its frames do not determine the host's pose. It moves about its current
+At the time of the merge both keep their poses. Key poses of both are kept. If only one of them has a certain
+key pose, the other's control points get their positions from its own motion. So each keeps moving as before,
+and the surfaces become one. If the graft plays the same takes as the host, or no take, it rigidly follows the
+host's surface around the meeting point, and its own motion is added on top. A graft that plays another take
+cannot follow the host, because its frames do not determine the host's pose. It moves about its current
 position.
 """
 
@@ -19,8 +19,11 @@ import scipy
 from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.examples import frame_at, in_world, missing, motion_of
-from enliven.modeling.mesh import Union, smooth_seam, unite_meshes
+from enliven.examples.puppet_examples import frame_at, missing
+from enliven.examples.puppet_motion import in_world, motion_of
+from enliven.modeling.mesh.boolean_union import Union
+from enliven.modeling.mesh.mesh_union import unite_meshes
+from enliven.modeling.mesh.seam import smooth_seam
 from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
@@ -35,20 +38,20 @@ from enliven.modeling.rig import Merge
 from enliven.rotation import nearest_rotation
 
 _REGION_RADIUS_FRACTION = 0.08
-"""Radius of the surface region around the meeting point, as a fraction of the puppet's size: about a limb's
-thickness."""
+"""Radius of the surface region around the meeting point, as a fraction of the puppet's size. It is about the
+thickness of a limb."""
 _MIN_REGION_VERTICES = 12
-"""Minimum number of vertices in a region, for a mesh too coarse for ``_REGION_RADIUS_FRACTION``: a rigid fit
-needs several."""
+"""Minimum number of vertices in this region, because a rigid fit needs several. It matters for very coarse
+meshes."""
 _MAX_NEW_POINTS = 16
-"""Maximum number of new control points. The user sees each of them and may have to drag it."""
+"""Maximum number of new control points. It is small, because the user may have to drag each of them."""
 _MAX_POSE_ERROR = 0.01
 """Error of a key pose, as a fraction of the puppet's size, above which one more control point is added."""
 
 
 @dataclass(frozen=True)
 class _Rigid:
-    """The rigid motion x -> turn x + move."""
+    """A rigid motion x -> turn x + move, with turn (4,) and move (3,) in metres."""
 
     turn: Float
     move: Float
@@ -67,7 +70,7 @@ class _Rigid:
 
 
 def merge_puppets(project: Project, merge: Merge) -> Project:
-    """Attaches one puppet to another in their poses at a time. The host keeps its name and its path.
+    """Attaches a puppet to another puppet in their poses at a time. The host keeps its name and its path.
 
     The meshes are united at rest, with the graft aligned to the host as at the meeting place in these poses.
     The layers of both are kept, each for its own control points. The graft's layers no longer travel, and its
@@ -94,11 +97,11 @@ class _Side:
     """One of the two puppets: its pose at the time of the merge, and in every key pose of both.
 
     Attributes:
-        puppet: without a symmetry plane, and with its pose at that time as a key pose if possible.
-        state: its state at that time.
-        seen: (V, 3) metres in the world, its vertices at that time.
-        keys: takes and frames of its key poses.
-        was: (n, V, 3) its surface in its mesh's frame in each key pose.
+        puppet: the puppet without a symmetry plane, and with its pose at that time as a key pose if possible.
+        state: the puppet's state at that time.
+        seen: (V, 3) metres in the world, the puppet's vertices at that time.
+        keys: the takes and frames of the puppet's key poses.
+        was: (n, V, 3) metres, the puppet's surface in its mesh's frame in each key pose.
     """
 
     def __init__(self, project: Project, puppet: Puppet, time: float) -> None:
@@ -192,13 +195,13 @@ class _Merge:
             side[name] = names[name]
         notes.append(
             f"It got {len(added)} more control points. Away from the seam, its key poses deviate from the "
-            f"originals by at most {1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size)."
+            f"original poses by at most {1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size)."
         )
         if not self.rides:
             difference = f"{graft.id!r} plays another take than {host.id!r}"
-            notes.append(f"{difference}: it moves about where it is now, and the surface follows both.")
+            notes.append(f"{difference}: it moves about its current position, and the surface follows both.")
         if any(layer.positions or layer.velocities or layer.couplings for layer in graft.layers):
-            notes.append(f"Hard constraints of {graft.id!r} were left out.")
+            notes.append(f"Hard constraints of {graft.id!r} were removed.")
         return self._puppet_with_points([*points, *more.values()]).with_changes(
             layers=self._merged_layers(ours, theirs)
         )
@@ -223,7 +226,7 @@ class _Merge:
                 )
                 gaps[np.isin(remaining, list(used))] = np.inf
                 vertex = int(remaining[np.argmin(gaps)])
-                notes.append(f"{point.name!r} was inside of the other: it sits on the nearest vertex now.")
+                notes.append(f"{point.name!r} was inside the other puppet: it moved to the nearest vertex.")
             used.add(vertex)
             out[point.name] = replace(point, vertex=vertex)
         return out if not used_names else self._rename_taken_points(out, used_names)
@@ -253,7 +256,7 @@ class _Merge:
         )
 
     def _is_far_from_seam(self) -> Bool:
-        """Returns (V,) true for vertices of either puppet that are not near the seam."""
+        """Returns (V,) True for vertices of the two puppets that are not near the seam."""
         mesh, seam = self._union.mesh, self._union.seam
         either = self._mine[0] | self._mine[1]
         if not seam.any():
@@ -265,8 +268,8 @@ class _Merge:
     def _merged_layers(
         self, ours: dict[str, ControlPoint], theirs: dict[str, ControlPoint]
     ) -> tuple[PuppetLayer, ...]:
-        """Returns the layers of both, each for its own control points. Layers that play the same are
-        combined."""
+        """Returns the layers of both puppets, each for its own control points. Layers that play the same take
+        in the same way are combined."""
         host, graft = (
             [self._layer_with_new_points(layer, puppet, side) for layer in puppet.layers]
             for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs))
@@ -283,7 +286,7 @@ class _Merge:
     def _layer_with_new_points(
         self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]
     ) -> PuppetLayer:
-        """Returns a layer of one puppet, with its control points renamed and the new ones added."""
+        """Returns a layer of one puppet, with its control points renamed and new control points added."""
         old = [point.name for point in puppet.points]
         new = [point.name for name, point in side.items() if name not in old]
         return replace(layer, points=(*(side[name].name for name in layer.points or old), *new))
@@ -300,14 +303,14 @@ def _plays_same_frames(host: Puppet, graft: Puppet) -> bool:
 
 
 def _united_mesh(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
-    """Returns the union of both at rest, with the graft moved and the seam smoothed."""
+    """Returns the union of both meshes at rest, with the graft moved by ``to`` and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
     union = unite_meshes(
         host.mesh, _placeholder_skin(host), moved, _placeholder_skin(graft), offset=1, tidy=True
     )
     if union.failed and not merge.loose:
-        mend = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"no union can be made: {union.notes[0]}", where=host.where, mend=mend)
+        remedy = "Repair the mesh, or merge loosely: both shells in one mesh."
+        raise InputError(f"the meshes cannot be united: {union.notes[0]}", where=host.where, remedy=remedy)
     merge.notes.extend(union.notes)
     return replace(union, mesh=smooth_seam(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
 
@@ -329,19 +332,19 @@ def _meeting_point(ours: Float, theirs: Float) -> Float:
 
 
 def _vertices_around(points: Float, middle: Float, puppet: Puppet) -> Int:
-    """Returns the vertices around a point, by distance in space."""
+    """Returns the vertices near the point ``middle`` (3,), sorted by distance in space."""
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
-    away = np.linalg.norm(points - middle, axis=1)
-    order = np.argsort(away, kind="stable")
+    distances = np.linalg.norm(points - middle, axis=1)
+    order = np.argsort(distances, kind="stable")
     count = max(
-        int((away <= away.min() + _REGION_RADIUS_FRACTION * size).sum()),
+        int((distances <= distances.min() + _REGION_RADIUS_FRACTION * size).sum()),
         min(_MIN_REGION_VERTICES, len(points)),
     )
     return order[:count]
 
 
 def _fit_rigid_motion(before: Float, after: Float) -> _Rigid:
-    """Fits the rigid motion from points (N, 3) to points (N, 3)."""
+    """Returns the best rigid motion from the points ``before`` (N, 3) to ``after`` (N, 3)."""
     old_middle, new_middle = before.mean(0), after.mean(0)
     turn = nearest_rotation((after - new_middle).T @ (before - old_middle))
     return _Rigid(turn, new_middle - turn @ old_middle)

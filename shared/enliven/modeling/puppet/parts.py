@@ -1,4 +1,4 @@
-"""Helpers for cutting and merging puppets: the surface in key poses and at a moment, and missing key
+"""Functions for cutting and merging puppets: the surface in key poses and at a time, and missing key
 poses."""
 
 from __future__ import annotations
@@ -9,21 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Int, Int32
-from enliven.deformation.arap import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples import (
-    State,
-    collect_material,
-    convert_to_reference,
-    examples_of,
-    frame_at,
-    loop_position,
-    missing,
-    motion_of,
-    state_of,
-)
-from enliven.examples.baking import EdgeGraph
+from enliven.examples.baking.nodes import EdgeGraph
+from enliven.examples.puppet_examples import collect_material, examples_of, frame_at, missing
+from enliven.examples.puppet_motion import State, loop_position, motion_of, state_of
+from enliven.examples.puppet_solve import convert_to_reference
 from enliven.meshes import Mesh, weld
 from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, rotate
 
@@ -41,7 +33,7 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", mend="Give seconds.")
+        raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", remedy="Give seconds.")
     try:
         return state_of(project, puppet, time)
     except InputError:
@@ -51,7 +43,7 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
 
 
 def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
-    """Returns (3,) metres in the mesh's frame of a point in the world: the inverse of ``in_world``."""
+    """Converts a point in the world to the mesh's frame, (3,) metres each."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
 
@@ -72,9 +64,9 @@ def align_puppet(puppet: Puppet, now: State, before: Puppet, then: State) -> Pup
 
 
 def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
-    """Adds the puppet's pose at a time as a key pose, so that its parts take that pose again.
+    """Adds the puppet's pose at a time as a key pose, so that its parts reproduce this pose.
 
-    The puppet stays unchanged if several takes make the pose, or if it has that key pose.
+    The puppet is not changed if several takes contribute to the pose, or if it has that key pose already.
     """
     layer = _leading_layer(puppet)
     if layer is None or missing(project, puppet):
@@ -85,8 +77,8 @@ def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """Adds a layer's pose at a frame of its take as a key pose, unless its examples would no longer
-    differ."""
+    """Adds a layer's pose at a frame of its take as a key pose. The puppet is not changed if its examples
+    would then no longer differ."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
@@ -97,7 +89,7 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
 
 
 def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
-    """Adds a key pose, unless its examples would no longer differ."""
+    """Adds a key pose, unless the puppet's examples would then no longer differ."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
     return more if _examples_differ(project, more) else puppet
 
@@ -131,12 +123,13 @@ def points_needed(
     """Finds vertices that need a control point so that the surface in the key poses stays the same.
 
     Args:
-        puppet: on its new mesh; the control points of its key poses are positioned as in ``was``.
+        puppet: the puppet with its new mesh. In its key poses, its control points are positioned as in
+            ``was``.
         was: (n, V, 3) metres, the old positions of the vertices in the key poses.
-        known: (V,) true for vertices with a known old position that should be kept.
+        known: (V,) True for vertices with a known old position that should be kept.
         among: vertices that get a control point in any case.
-        most: maximum number of them.
-        tolerance: metres.
+        most: maximum number of new control points.
+        tolerance: maximum error of the surface in metres.
 
     Returns:
         The vertices, and the remaining error of the surface in metres.
@@ -155,7 +148,7 @@ def points_needed(
         if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
             if len(asked) == len(was):
                 return added, worst
-            # Finally, check the key poses again that were within the tolerance before, because the added
+            # Finally, check again the key poses that were within the tolerance before, because the added
             # vertices may have changed them.
             asked, most = np.arange(len(was)), 0 if worst > tolerance else most
             continue
@@ -177,19 +170,19 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints that differ between key poses. Returns all paired control
-    points if there are none.
+    """Returns the paired control points with joints that differ between key poses. If there are none, returns
+    all paired control points.
 
     The performer's root never moves in the body frame, so its control point is left out.
     """
-    paired = tuple(point for point in puppet.points if point.joint)
+    paired_points = tuple(point for point in puppet.points if point.joint)
     sources = _joints_at_key_poses(project, puppet)
     if sources is None:
-        return paired
+        return paired_points
     moved = np.linalg.norm(np.ptp(sources, axis=0), axis=1)
     names = [point.name for point in puppet.points]
     clear = moved > _MIN_MOTION_FRACTION * max(float(moved.max()), 1e-12)
-    return tuple(point for point in paired if clear[names.index(point.name)]) or paired
+    return tuple(point for point in paired_points if clear[names.index(point.name)]) or paired_points
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
@@ -268,12 +261,11 @@ def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
 _POINTS_PER_CHECK = 4
 """Number of control points that are added before the surface is checked again."""
 _MIN_MOTION_FRACTION = 0.02
-"""A joint that moves less than this fraction of the largest joint motion does not help to distinguish key
-poses."""
+"""A joint that moves less than this fraction of the largest joint motion cannot distinguish key poses."""
 
 
 def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
-    """Returns the layer that alone positions all control points, or None."""
+    """Returns the layer that positions all control points without other layers, or None if there is none."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

@@ -1,4 +1,4 @@
-"""Edits of a puppet's control points: adding to the mesh, pairing with joints, and removing."""
+"""Edits of a puppet's control points: adds them to the mesh, pairs them with joints, and removes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.deformation.arap import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import ControlPoint, Project, Puppet, PuppetLayer, unused
 from enliven.errors import InputError
 from enliven.modeling.rig import check_names
@@ -26,11 +26,12 @@ def add_point(
     """Adds a control point at the end of the list. In each key pose it lies on the surface.
 
     Args:
-        vertex: of the mesh.
+        vertex: the vertex of the mesh at which the control point lies.
         name: name that is unique on the puppet. If empty, a name is generated.
         joint: the performer's joint that the control point follows. Empty for none.
-        foot: whether the puppet can stand on it.
-        places: (n, 3) metres, its solved position in each key pose; None solves them here.
+        foot: True if the puppet can stand on the control point.
+        places: (n, 3) metres, the control point's position in each key pose; None to solve the surface for
+        it.
 
     Raises:
         InputError: if the vertex does not exist, has a control point or belongs to no face, or if the name is
@@ -39,8 +40,10 @@ def add_point(
     puppet = project.puppet(puppet_id)
     points_by_name = {point.name: point for point in puppet.points}
     if name in points_by_name:
-        mend = "Give it another name."
-        raise InputError(f"there is a control point {name!r} already", where=_error_place(puppet), mend=mend)
+        remedy = "Give it another name."
+        raise InputError(
+            f"a control point {name!r} exists already", where=_error_place(puppet), remedy=remedy
+        )
     vertex = checked_vertex(puppet, vertex)
     name = name or unused(f"point {len(points_by_name) + 1}", points_by_name)
     places = surface_places(puppet, vertex) if places is None else places
@@ -89,8 +92,8 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
         )
     weight = changes.get("weight")
     if weight is not None and not (np.isfinite(weight) and weight > 0.0):
-        mend = "Give a number above 0, or none to hold it hard."
-        raise InputError(f"its weight is {weight}", where=f"control point {point!r}", mend=mend)
+        remedy = "Give a number above 0, or None for a hard control point."
+        raise InputError(f"its weight is {weight}", where=f"control point {point!r}", remedy=remedy)
     new = replace(old, **changes)
     points = (*puppet.points[:number], new, *puppet.points[number + 1 :])
     layers = puppet.layers
@@ -107,15 +110,15 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
     """
     count = len(puppet.mesh.vertices)
     if not 0 <= vertex < count:
-        mend = f"It has 0..{count - 1}."
-        raise InputError(f"the mesh has no vertex {vertex}", where=_error_place(puppet), mend=mend)
+        remedy = f"It has 0..{count - 1}."
+        raise InputError(f"the mesh has no vertex {vertex}", where=_error_place(puppet), remedy=remedy)
     if not (puppet.mesh.faces == vertex).any():
-        problem = f"vertex {vertex} is loose: no face uses it, so that nothing would follow it"
-        raise InputError(problem, where=_error_place(puppet), mend="Choose a vertex of the surface.")
+        problem = f"vertex {vertex} belongs to no face, so no surface would follow it"
+        raise InputError(problem, where=_error_place(puppet), remedy="Choose a vertex of the surface.")
     for point in puppet.points:
         if point.vertex == vertex:
             problem = f"{point.name!r} is on vertex {vertex} already"
-            raise InputError(problem, where=_error_place(puppet), mend="Choose another vertex.")
+            raise InputError(problem, where=_error_place(puppet), remedy="Choose another vertex.")
     return int(vertex)
 
 

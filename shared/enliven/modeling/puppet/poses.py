@@ -10,8 +10,9 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import KeyPose, Plane, Project, Puppet
 from enliven.errors import InputError
-from enliven.examples import examples_of, find_partners, frame_at, mirror_places, missing
-from enliven.modeling.mesh import plane_of_symmetry
+from enliven.examples.puppet_examples import examples_of, frame_at, missing
+from enliven.examples.symmetric import find_partners, mirror_places
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven.modeling.rig import check_names
 
 
@@ -19,8 +20,8 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
     """Adds an example at the end of the list: positions of the control points at a time of a take.
 
     Args:
-        take: its id.
-        time: seconds since its start; the nearest frame counts.
+        take: id of the take.
+        time: seconds since the start of the take. The nearest frame is used.
         places: (P, 3) metres in the mesh's own frame, one row per control point.
 
     Raises:
@@ -37,7 +38,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
     """Changes the ``places`` of a key pose, or the ``time`` or ``take`` of the performer's pose.
 
     Raises:
-        InputError: if there is no key pose with that number, and as :func:`add_key_pose`.
+        InputError: if no key pose has that number, or for the reasons of :func:`add_key_pose`.
     """
     puppet = project.puppet(puppet_id)
     old = _pose_numbered(puppet, number)
@@ -47,7 +48,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
-    """Removes an example; the take stays.
+    """Removes an example. Its take remains in the project.
 
     Raises:
         InputError: if there is none with that number.
@@ -72,8 +73,8 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     pose = _pose_numbered(puppet, number)
     plane = puppet.symmetry or plane_of_symmetry(puppet.mesh)
     if plane is None:
-        mend = "Set a plane of symmetry first."
-        raise InputError("its mesh has no plane of symmetry", where=f"puppet {puppet.id!r}", mend=mend)
+        remedy = "Set a plane of symmetry first."
+        raise InputError("its mesh has no plane of symmetry", where=f"puppet {puppet.id!r}", remedy=remedy)
     names = [point.name for point in puppet.points]
     partners = find_partners(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
     places = mirror_places(pose.places, puppet.rest, partners, np.array(plane.normal))
@@ -81,7 +82,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 
 
 def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Project:
-    """Sets the plane across which key poses also count mirrored. None removes it.
+    """Sets the symmetry plane: every key pose then also counts as mirrored in it. None removes the plane.
 
     :func:`enliven.examples.puppet_motion.missing` names control points without a mirror image.
 
@@ -93,7 +94,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
         length = float(np.linalg.norm(plane.normal))
         if not np.isfinite([*plane.point, length]).all() or length == 0.0:
             problem = f"a plane at {plane.point} with the normal {plane.normal} is not valid"
-            raise InputError(problem, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
+            raise InputError(problem, where=f"puppet {puppet.id!r}", remedy="Give a point and a direction.")
     return project.with_characters(puppet.with_changes(symmetry=plane))
 
 
@@ -108,8 +109,8 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
 
 def _pose_numbered(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
-        mend = f"It has {len(puppet.poses)}."
-        raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", mend=mend)
+        remedy = f"It has {len(puppet.poses)}."
+        raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)
     return puppet.poses[number]
 
 
@@ -119,20 +120,18 @@ def _with_pose(puppet: Puppet, number: int, pose: KeyPose) -> Puppet:
 
 
 def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
-    """Returns a key pose after checking that it can replace number ``number``, or be the last."""
+    """Returns a key pose after checking that it can replace the pose ``number``, or be appended (None)."""
     location = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:
-        mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {pose.take!r} does not exist", where=location, mend=mend)
+        remedy = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
+        raise InputError(f"the take {pose.take!r} does not exist", where=location, remedy=remedy)
     frame = frame_at(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
-        problem = (
-            f"places {pose.places.shape}: they must be finite, one for each of {len(puppet.points)} points"
-        )
-        raise InputError(problem, where=location, mend="Give one place for each control point.")
+        problem = f"places of shape {pose.places.shape} for {len(puppet.points)} points, or not finite"
+        raise InputError(problem, where=location, remedy="Give one place for each control point.")
     for other, existing in enumerate(puppet.poses):
         same = existing.take == pose.take and frame_at(project.takes[existing.take], existing.time) == frame
         if other != number and same:
             problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
-            raise InputError(problem, where=location, mend="Change that one, or choose another time.")
+            raise InputError(problem, where=location, remedy="Change that key pose, or choose another time.")
     return pose

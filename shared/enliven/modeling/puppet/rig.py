@@ -17,16 +17,17 @@ from enliven.document import (
     PuppetLayer,
     character_of_puppet,
 )
-from enliven.examples import in_world, missing, pose_of_state
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_motion import in_world, pose_of_state
 from enliven.modeling.puppet.baking import bake_motion
 from enliven.modeling.puppet.dragging import drag_point
 from enliven.modeling.puppet.edits import checked_layer
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
-from enliven.modeling.rig import CharacterState, Player, RigEdits
-from enliven.modeling.rigged import Axes, moved_mesh
-from enliven.rotation import IDENTITY, multiply, normalized, rotate
+from enliven.modeling.rig import CharacterState, HandleMotion, Player, RigEdits
+from enliven.modeling.rigged.axes import Axes, moved_mesh
+from enliven.rotation import IDENTITY, from_matrix, multiply, normalized, rotate
 
 
 class PuppetRig(RigEdits):
@@ -49,8 +50,8 @@ class PuppetRig(RigEdits):
         return self.surface(project, puppet)(time)
 
     def player(self, project: Project, puppet: Puppet) -> Player:
-        """Returns a function that gives its frame and control points. The renderer solves the surface between
-        them."""
+        """Returns a function that returns the puppet's frame and control points. The renderer solves the
+        surface that belongs to them."""
 
         def at(time: float) -> CharacterState:
             state = state_at(project, puppet, time)
@@ -59,8 +60,22 @@ class PuppetRig(RigEdits):
 
         return at
 
+    def handle_motion(
+        self, puppet: Puppet, player: Player, handle: int | None, layer: int | None
+    ) -> HandleMotion | None:
+        """Returns the motion of a control point in the frame of the mesh, like its key poses."""
+        if handle is None or handle >= len(puppet.handles):
+            return None
+
+        def at(time: float) -> tuple[Float, Float]:
+            pose, handles = player(time)
+            frame = np.asarray(pose.linear[0], np.float64)
+            return from_matrix(frame), frame.T @ (handles[handle] - pose.positions[0])
+
+        return at
+
     def surface(self, project: Project, puppet: Puppet) -> Callable[[float], Float]:
-        """Returns a function that gives its surface: the solver is prepared once, and solves at each time."""
+        """Returns a function that returns the surface at a time. The solver is prepared once."""
         solver = surface_of_puppet(puppet)
 
         def at(time: float) -> Float:
@@ -70,12 +85,12 @@ class PuppetRig(RigEdits):
         return at
 
     def lacking(self, project: Project, puppet: Puppet) -> tuple[str, ...]:
-        """Returns missing control points, pairs and key poses, and a missing take."""
+        """Returns sentences about missing control points, pairs, key poses and takes."""
         plays = any(not layer.muted for layer in puppet.layers)
         return (*missing(project, puppet), *([] if plays else [f"Choose a take for {puppet.id}."]))
 
     def check_layers(self, project: Project, puppet: Puppet, numbers: set[int]) -> None:
-        """Raises an error if constraints contradict one another."""
+        """Raises an error if constraints of these layers contradict one another."""
         for number in numbers:
             checked_layer(project, puppet, puppet.layers[number])
 

@@ -1,6 +1,6 @@
 """Suggests an initial puppet: control points, joints, feet, symmetry and key frames.
 
-suggested_puppet(project, mesh, "walk", "cow")     # a puppet that is complete except for its poses
+suggested_puppet(project, mesh, "walk", "cow")     # a puppet that needs only key poses
 suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
 suggested_pairs(project, "cow", "walk")            # a joint for each control point without one
 """
@@ -14,23 +14,22 @@ from functools import lru_cache
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import extremities
+from enliven.deformation.graph.surface_ends import extremities
 from enliven.document import Clip, Plane, Project, Puppet, unused
 from enliven.errors import InputError
-from enliven.examples import (
-    IdentityKey,
-    find_partners,
+from enliven.examples.pairing import (
     foot_joints,
     guess_joints,
     joint_motion,
     keep_one_point_per_hand,
     mirror_joint,
-    performed,
-    reflect_points,
-    suggest_poses,
 )
+from enliven.examples.performer import performed
+from enliven.examples.puppet_examples import IdentityKey
+from enliven.examples.suggest import suggest_poses
+from enliven.examples.symmetric import find_partners, reflect_points
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import plane_of_symmetry
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point, change_point, remove_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
@@ -40,7 +39,7 @@ _MAX_FOOT_HEIGHT = 0.08
 _MIN_AXIS_COSINE = 0.7
 """Minimum cosine between a symmetry plane's normal and the left-right axis."""
 _CACHED_MESHES = 16
-"""Number of meshes in the least-recently-used cache of symmetry planes."""
+"""Number of meshes for which symmetry planes are cached (least recently used are dropped)."""
 _MAX_MIRROR_ERROR = 0.1
 """Maximum error of a mirror image, as a fraction of the control points' extent."""
 
@@ -52,7 +51,7 @@ class SuggestedPair:
     Attributes:
         point: name of the control point.
         joint: the performer's joint.
-        foot: whether the puppet can stand on it.
+        foot: True if the puppet can stand on the control point.
     """
 
     point: str
@@ -69,7 +68,7 @@ def suggested_puppet(
 
     Args:
         take: id of the take that shows the key poses, which the puppet plays.
-        points: maximum number of extremities; their mirror images are added.
+        points: maximum number of extremities (ends of limbs). Their mirror images are added.
         poses: number of key poses; None chooses a sufficient number.
 
     Raises:
@@ -77,7 +76,9 @@ def suggested_puppet(
     """
     if points < 1 or (poses is not None and poses < 2):
         problem = f"{points} control points and {poses} key poses are too few"
-        raise InputError(problem, where=f"puppet {puppet_id!r}", mend="At least one point and two poses.")
+        raise InputError(
+            problem, where=f"puppet {puppet_id!r}", remedy="Give at least one point and two poses."
+        )
     project = make_puppet(project, mesh, puppet_id)
     plane = _left_right_plane(mesh)
     for vertex in _suggested_vertices(mesh, points, plane):
@@ -97,7 +98,7 @@ def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
     """Returns vertices at the extremities of a mesh, and their mirror images if it is symmetric.
 
     Args:
-        count: maximum number of extremities; their mirror images are added.
+        count: maximum number of extremities (ends of limbs). Their mirror images are added.
     """
     return _suggested_vertices(mesh, count, _left_right_plane(mesh))
 
@@ -137,7 +138,8 @@ def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> 
 
 
 def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
-    """Pairs all points and names them after their joints. Keeps one point at each hand or foot."""
+    """Pairs all control points, and names them after their joints. Keeps only one point at each hand or
+    foot."""
     for pair in suggested_pairs(project, puppet_id, take):
         points_by_name = {point.name: point for point in project.puppet(puppet_id).points}
         named = {"name": unused(pair.joint, points_by_name), "joint": pair.joint, "foot": pair.foot}
@@ -200,9 +202,9 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
 
 
 def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
-    """Returns which control points can stand: those low on the mesh that are paired with a foot.
+    """Returns (P,) True for control points that can stand: they are low on the mesh and paired with a foot.
 
-    A single foot does not count, since such a mesh would hop whenever the performer lifts that foot.
+    A single such point is not used, because the mesh would hop whenever the performer lifts that foot.
     """
     feet_of = foot_joints(clip.skeleton)
     low, high = puppet.mesh.bounds[:, 1]

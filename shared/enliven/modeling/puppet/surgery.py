@@ -1,8 +1,8 @@
-"""Cuts puppets in two. Both halves keep moving by their examples.
+"""Cuts puppets in two. Both halves continue to move by their examples.
 
 Nothing is baked. Each half of a cut keeps its control points. It gets new control points along the cut, and
-elsewhere if its surface would deviate. In every key pose, these lie on the old surface. So in its examples, a
-half has the same shape as before the cut.
+at other places where its surface would deviate. In every key pose, these points lie on the old surface. So in
+its key poses, a half has the same shape as before the cut.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, unused
-from enliven.examples import in_world
-from enliven.modeling.mesh import Cut, CutSurface, Piece, cut_by_stroke
+from enliven.examples.puppet_motion import in_world
+from enliven.modeling.mesh.cut_pieces import Piece
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.mesh_cut import Cut, cut_by_stroke
 from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
@@ -64,13 +66,14 @@ def cut_puppet(
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
-        time: seconds of the project's time.
+        time: time of the project in seconds.
         settings: accuracy of the halves.
-        notes: receives sentences about how the mesh was closed, and about the errors of the halves.
+        notes: a list that receives sentences about the closing of the mesh and about the errors of the
+            halves.
 
     Returns:
-        The project and the ids. The side with more feet keeps ``puppet_id``; the other gets a new one. With
-        equal numbers it is the larger side (of two equal halves the near one).
+        The project, and the ids of both halves. The half with more feet keeps ``puppet_id``, and the other
+        half gets a new id. With equal numbers it is the larger half (of two equal halves the near half).
 
     Raises:
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
@@ -87,7 +90,7 @@ def cut_puppet(
         surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3)
     )
     if puppet.symmetry is not None:
-        messages.append("The halves have no plane of symmetry; mirrored key poses became their own.")
+        messages.append("The halves have no plane of symmetry; mirrored key poses were added as key poses.")
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _Half(project, unfolded_puppet, old_places, piece, settings or PuppetCutSettings()).made(
@@ -99,7 +102,7 @@ def cut_puppet(
 
 
 def _order_by_feet(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
-    """Returns both sides, the one with more feet first. With equal numbers the larger comes first."""
+    """Returns both sides, the side with more feet first. With equal numbers the larger side comes first."""
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
     ours, theirs = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))
@@ -107,7 +110,7 @@ def _order_by_feet(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
 
 
 class _Half:
-    """One side of a cut while its control points are being chosen."""
+    """One side of a cut puppet while its control points are chosen."""
 
     def __init__(
         self,
@@ -183,7 +186,7 @@ class _Half:
 
     def _note_deviation(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
-            f"{name!r} got {added} control points. Its key poses deviate from the original by at most "
+            f"{name!r} got {added} new control points. Its key poses deviate from the original by at most "
             f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole's size)."
         )
 
@@ -195,7 +198,7 @@ class _Half:
 
     def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
         """Returns the layers, limited to the existing control points. A new control point is in the layers of
-        the one that it follows."""
+        the control point that it follows."""
         feet = {point.name for point in self._whole.points if point.foot}
         out = []
         for layer in self._whole.layers:

@@ -24,14 +24,14 @@ _UNCHANGED_IDS: Mapping[str, str] = {}
 
 @dataclass(frozen=True, eq=False)
 class Axes:
-    """New rest axes: a vector v becomes L v, with L = turn S if ``mirrored``, else L = turn.
+    """A change of the rest axes: a vector v becomes L v, with L = turn S if ``mirrored``, else L = turn.
 
     A rotation q becomes L q L^-1. A mirrored rotation turns about the mirrored axis, in the opposite
     direction.
 
     Attributes:
         turn: (4,) unit quaternion.
-        mirrored: reflect in the plane x = 0 first (S).
+        mirrored: True to reflect in the plane x = 0 first (S).
     """
 
     turn: Float
@@ -45,22 +45,24 @@ class Axes:
         """
         length = float(np.linalg.norm(normal))
         if np.shape(normal) != (3,) or not np.isfinite(length) or length == 0.0:
-            raise InputError(f"{normal} is not a direction", where="mirror", mend="Give the plane's normal.")
+            raise InputError(
+                f"{normal} is not a direction", where="mirror", remedy="Give the plane's normal."
+            )
         half = np.concatenate([[0.0], np.asarray(normal, np.float64) / length])
         return Axes(multiply(half, np.array([0.0, 1.0, 0.0, 0.0])), True)
 
     @property
     def same(self) -> bool:
-        """Whether the axes stay unchanged."""
+        """True if the axes do not change."""
         return not self.mirrored and bool(np.array_equal(self.turn, IDENTITY))
 
     def vectors(self, v: AnyArray) -> Float:
-        """Returns (..., 3) L v."""
+        """Returns the converted vectors L v (..., 3)."""
         v = np.asarray(v, np.float64)
         return rotate(self.turn, v * np.array([-1.0, 1.0, 1.0]) if self.mirrored else v)
 
     def rotations(self, q: AnyArray) -> Float:
-        """Returns (..., 4) L q L^-1."""
+        """Returns the converted rotations L q L^-1 (..., 4)."""
         q = np.asarray(q, np.float64) * _MIRROR_SIGNS if self.mirrored else np.asarray(q, np.float64)
         return multiply(multiply(self.turn, q), conjugate(self.turn))
 

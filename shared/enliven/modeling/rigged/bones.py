@@ -21,7 +21,7 @@ class Bone(NamedTuple):
         parent: name of the parent joint; "" for the root.
         rest: (3,) metres, the rest position.
         modeling: (4,) the modeling rotation.
-        spans: the parts of takes that move the bone.
+        spans: the parts of the bone, each with the layers that rotate it.
     """
 
     name: str
@@ -42,7 +42,7 @@ def bones_of(shape: Shape) -> list[Bone]:
 
 
 def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
-    """Builds a skeleton from bones: the root first, every other bone after its parent."""
+    """Builds a skeleton from bones. The root must be first, and every other bone after its parent."""
     number = {bone.name: j for j, bone in enumerate(bones)}
     parents = np.array([number[bone.parent] if bone.parent else -1 for bone in bones], np.int32)
     return Skeleton(tuple(bone.name for bone in bones), parents, np.array([bone.rest for bone in bones]))
@@ -78,13 +78,13 @@ def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
     j = shape.skeleton.index(bone) if isinstance(bone, str) else int(bone)
     if not 0 <= j < count:
         raise InputError(
-            f"bone {j} does not exist; there are {count} joints",
+            f"bone {j} does not exist; the shape has {count} joints",
             where=location,
-            mend="Name a joint of the shape.",
+            remedy="Give the name or number of a joint of the shape.",
         )
     if j == 0 and not root:
-        mend = "Choose the bone that ends at another joint."
-        raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=location, mend=mend)
+        remedy = "Choose the bone that ends at another joint."
+        raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=location, remedy=remedy)
     return j
 
 
@@ -92,8 +92,8 @@ def check_fraction(value: float, where: str) -> float:
     """Returns a relative position along a bone after checking that it lies in [0, 1]."""
     if not 0.0 <= float(value) <= 1.0:
         raise InputError(
-            f"{value} is not a place on a bone",
+            f"{value} is not a position on a bone",
             where=where,
-            mend="Give a number from 0 (the start of the bone) to 1.",
+            remedy="Give a number from 0 (the start of the bone) to 1.",
         )
     return float(value)

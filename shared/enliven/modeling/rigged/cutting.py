@@ -1,4 +1,4 @@
-"""Cuts a shape in two at a moment. No bone moves at that moment, and both parts keep moving (AniMesh, section
+"""Cuts a shape in two at a time. No bone moves at that time, and both parts keep moving (AniMesh, section
 6)."""
 
 from __future__ import annotations
@@ -7,15 +7,16 @@ import numpy as np
 
 from enliven.document import STILL, Project, Shape, unused
 from enliven.errors import InputError
-from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
+from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
+from enliven.modeling.mesh.meshes import numbers_in, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, rebuilt
 from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
 from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
-"""Maximum distance of a cut from the end of a bone, as a fraction of the bone's length, at which it is made
-at the joint."""
+"""A cut within this distance of the end of a bone, as a fraction of the bone's length, is made at the
+joint."""
 
 
 def cut_bone(
@@ -45,10 +46,10 @@ def cut_bone(
         at: position on the bone: 0 at its start, which detaches the whole bone from its parent joint; 1 at
             its end, which detaches the children of its joint.
         time: seconds of the project's time; None cuts in the rest pose, as modeled. In that case a node is
-            inserted and the shape cut there, so that a merge in the rest pose restores it.
-        name: name of the joint at the cut, the same in both shapes; None makes one up. At an end of the bone
+            inserted and the shape is cut there, so that a merge in the rest pose restores it.
+        name: name of the joint at the cut, the same in both shapes; None generates one. At an end of the bone
             the joint keeps its own name.
-        notes: receives sentences about how the mesh was closed.
+        notes: a list that receives sentences about the closing of the mesh.
 
     Returns:
         The project and the ids of the two shapes: the upper keeps ``shape_id``, the lower gets a new one.
@@ -105,7 +106,7 @@ def split_shape(
 
 
 def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
-    """Gives the two sides of a mesh cut along a bone to the two shapes: the near side to the upper one."""
+    """Assigns the two sides of a cut mesh to the two shapes. The near side goes to the upper shape."""
     node = lower.skeleton.names[0]
     # If the cut is inside a bone, skin of the bones above goes to the lower half of that bone. If it is at a
     # joint, this skin goes to the root.
@@ -117,8 +118,8 @@ def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape
 
 
 Halves = tuple[list[Bone], list[Bone]]
-"""The bones of the two shapes. The first of the lower ones is the joint at the cut, which becomes its
-root."""
+"""The bones of the two shapes of a cut: upper and lower. The first lower bone is the joint at the cut, which
+becomes the lower root."""
 
 
 def _cut_before_bone(shape: Shape, j: int) -> Halves:
@@ -146,7 +147,7 @@ def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, 
     old = own_turn(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)
     first, second = own_turn(turns, node, j), own_turn(turns, node, j + 1)
-    # The upper half must turn as the whole bone did, so its rotation is m a_old a_new^-1. The root below it
+    # The upper half must rotate as the whole bone did, so its rotation is m a_old a_new^-1. The lower root
     # passes that rotation on to the lower half, so the lower half's own motion is inverted.
     upper_modeling = multiply(multiply(shape.modeling[j], old), conjugate(first))
     bones[j] = bones[j]._replace(modeling=normalized(upper_modeling))
@@ -161,5 +162,5 @@ def _refuse_boneless(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None
         if len(bones) < 2:
             problem = f"no bone would be left {side} the cut at {bones[0].name!r}"
             raise InputError(
-                problem, where=f"shape {shape.id!r}", mend="Cut inside a bone, or remove the node."
+                problem, where=f"shape {shape.id!r}", remedy="Cut inside a bone, or remove the node."
             )

@@ -8,7 +8,7 @@ from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import Bone, bones_of
 from enliven.modeling.rigged.nodes import without_before
 from enliven.modeling.rigged.spans import before, has_motion, joined_spans
-from enliven.modeling.skinning import follows
+from enliven.modeling.skinning.skins import follows
 from enliven.rotation import conjugate, multiply, normalized
 
 
@@ -18,8 +18,8 @@ def graft_bones(
     """Returns the graft's bones in the host's rest axes on its joint j, and the new names of the graft's
     joints.
 
-    The graft's root takes the name of the node. It gets a name of its own if it stays as a bone without
-    length.
+    The graft's root gets the name of the node. If it remains as a bone without length, it gets an unused
+    name.
     """
     bones = bones_of(graft)
     names = _unused_joint_names(host, [bone.name for bone in bones])

@@ -1,4 +1,4 @@
-"""Grafts one shape onto another at a moment, with the motion of both kept (AniMesh, section 6)."""
+"""Grafts one shape onto another at a time, and keeps the motion of both (AniMesh, section 6)."""
 
 from __future__ import annotations
 
@@ -10,28 +10,22 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Layer, Pin, Project, Shape, SkinWeights, same, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import (
-    SeamSettings,
-    SkinnedSurface,
-    bone_maps,
-    heal_seam,
-    identity_maps,
-    joined,
-    posed_vertices,
-)
+from enliven.modeling.mesh.joining import SkinnedSurface, joined
+from enliven.modeling.mesh.meshes import bone_maps, identity_maps, posed_vertices
+from enliven.modeling.mesh.seam import SeamSettings, heal_seam
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bone_number, bones_of, check_fraction, rebuilt
 from enliven.modeling.rigged.graft import graft_bones, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
 from enliven.modeling.rigged.posed import moment, with_travel_kept
-from enliven.modeling.skinning import renumbered
-from enliven.motion.layers import ShapePose
+from enliven.modeling.skinning.skins import renumbered
+from enliven.motion.layers.evaluate import ShapePose
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _DEFAULT_SEAM = SeamSettings()
 _JOINT_TOLERANCE = 1e-9
-"""Maximum distance of a node from the end of a bone, as a fraction of the bone's length, at which it is
-placed at the joint."""
+"""A node within this distance of the end of a bone, as a fraction of the bone's length, is placed at the
+joint."""
 
 
 def merge(
@@ -72,8 +66,8 @@ def merge(
         at: position on the host's bone at which a node is inserted first. 1 is its end (the joint), and 0 its
             start. The new node keeps the bone straight at every time, so that the host moves as before.
         loose: if the union fails (a mesh is not a solid), put both shells into one mesh.
-        seam: how the seam is smoothed.
-        notes: receives sentences about how the meshes were united.
+        seam: settings for smoothing the seam.
+        notes: a list that receives sentences about the union of the meshes.
 
     Returns:
         The project without the grafted shape, and the new name of each of its joints except the root, which
@@ -85,8 +79,8 @@ def merge(
             ``loose`` is false.
     """
     if host_id == graft_id:
-        mend = "Copy it first."
-        raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
+        remedy = "Copy it first, and merge it with the copy."
+        raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", remedy=remedy)
     graft = project.shape(graft_id)
     j = bone_number(project.shape(host_id), joint)
     if check_fraction(at, f"shape {host_id!r}") <= _JOINT_TOLERANCE:
@@ -119,7 +113,7 @@ def merge(
 def _converted_layers(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
     """Converts the graft's layers to the host's rest axes. Returns them by their old ids.
 
-    A layer equal to one of the host's, as after a cut, is shared with it.
+    A layer that equals a layer of the host (as after a cut) is shared with the host.
     """
     host_layers, converted = {layer.id: layer for layer in host.layers}, dict[str, Layer]()
     used_ids = dict.fromkeys([*host_layers, *(layer.id for layer in graft.layers)])
@@ -143,7 +137,7 @@ def _skinned_surface(shape: Shape, pose: ShapePose, time: float | None) -> Skinn
 def _place_graft(
     surface: SkinnedSurface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
 ) -> SkinnedSurface | None:
-    """Moves the graft's rest surface to the node in the host's axes, and renumbers its bones."""
+    """Converts the graft's rest surface to the host's axes, moves it to the node, and renumbers its bones."""
     if surface is None:
         return None
     mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)

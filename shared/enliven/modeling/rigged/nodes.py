@@ -1,4 +1,4 @@
-"""Inserts nodes into bones and removes them, with the motion kept (AniMesh, section 6)."""
+"""Inserts nodes into bones and removes them, without changing the motion (AniMesh, section 6)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, numbers_of, rebuilt
 from enliven.modeling.rigged.posed import with_travel_kept
 from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, rigid_continuation, split_spans
-from enliven.modeling.skinning import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
+from enliven.modeling.skinning.skins import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
 _DEFAULT_INSERT = InsertSettings()
@@ -28,7 +28,7 @@ def insert_node(
     rigid: bool = False,
     settings: InsertSettings = _DEFAULT_INSERT,
 ) -> tuple[Project, str]:
-    """Splits a bone in two; each half turns by its part of the motion.
+    """Splits a bone in two. Each half rotates by its part of the motion.
 
     The total rotation along the chain stays the same at every time, so all descendants of the bone turn as
     before. The upper bone keeps the modeling rotation.
@@ -36,12 +36,12 @@ def insert_node(
     Args:
         bone: the number or the joint of the bone.
         at: position on the bone, in (0, 1) from its start to its end.
-        name: name of the new joint; None makes one up.
-        rigid: keep the two bones in line at every time. The upper one then takes the whole motion.
+        name: name of the new joint; None generates one.
+        rigid: True to keep the two bones in line at every time. The upper bone then has the whole motion.
 
     Returns:
-        The project and the name of the new joint. It takes over the bone's number; later joints move up by
-        one.
+        The project and the name of the new joint. The new joint gets the bone's number, and the numbers of
+        later joints rise by one.
 
     Raises:
         InputError: if the bone or position does not exist, or the name is taken.
@@ -49,8 +49,8 @@ def insert_node(
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
     if not 0.0 < check_fraction(at, f"shape {shape_id!r}") < 1.0:
-        mend = "Choose a place between the two joints."
-        raise InputError("there is a joint already at the end of a bone", where=shape_id, mend=mend)
+        remedy = "Choose a position between the two joints."
+        raise InputError("a bone has a joint at its end already", where=shape_id, remedy=remedy)
     name = new_name(shape, j, name)
     bones = bones_of(shape)
     ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None
@@ -71,7 +71,7 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
     """
     used_names = dict.fromkeys(shape.skeleton.names)
     if name is not None and (name in used_names or not name):
-        raise InputError(f"the name {name!r} is taken", where=f"shape {shape.id!r}", mend="Give another.")
+        raise InputError(f"the name {name!r} is taken", where=f"shape {shape.id!r}", remedy="Give another.")
     return name or unused(f"{shape.skeleton.names[j]} node", used_names)
 
 
@@ -81,7 +81,7 @@ def split_bone(
     """Splits one of ``bones`` at a node called ``name``. The product of the two rotations equals the old
     rotation.
 
-    If ``ridden`` is given, the upper bone takes the whole rotation. The lower bone is then only stretched, by
+    If ``ridden`` is given, the upper bone gets the whole rotation. The lower bone is then only stretched, by
     the layers with these ids.
     """
     begin = next(other.rest for other in bones if other.name == bone.parent)
@@ -113,7 +113,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     the parent bone. At a branch each bone below starts from the parent joint.
 
     Raises:
-        InputError: for the root, which carries the whole shape.
+        InputError: if the joint is the root, because the whole shape depends on it.
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, joint)
@@ -121,7 +121,9 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     location = f"shape {shape_id!r}"
     if j == 0:
         raise InputError(
-            f"{removed.name!r} is the root", where=location, mend="Cut the bone below it to drop the rest."
+            f"{removed.name!r} is the root",
+            where=location,
+            remedy="Cut the bone below it to remove the remaining bones.",
         )
     bones = [
         _join_bones(removed, bone, shape) if bone.parent == removed.name else bone
@@ -133,7 +135,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
 
 
 def _join_bones(upper: Bone, lower: Bone, shape: Shape) -> Bone:
-    """Joins two bones when the joint between them is removed."""
+    """Returns the bone that replaces two bones if the joint between them is removed."""
     lengths = shape.skeleton.lengths
     first = lengths[shape.skeleton.index(upper.name)]
     total = first + lengths[shape.skeleton.index(lower.name)]
@@ -144,7 +146,7 @@ def _join_bones(upper: Bone, lower: Bone, shape: Shape) -> Bone:
 
 
 def _skin_without(shape: Shape, j: int, bones: list[Bone]) -> SkinWeights | None:
-    """Gives the skin of bone j to the nearest bone below, or for a leaf to the parent bone."""
+    """Assigns the skin of bone j to the nearest bone below it, or for a leaf to the parent bone."""
     if shape.mesh is None or shape.skin is None:
         return None
     skeleton = shape.skeleton

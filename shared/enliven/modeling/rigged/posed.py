@@ -1,4 +1,4 @@
-"""The pose of a shape at one moment, for use by the edits."""
+"""The pose of a shape at a time, for the edits of rigged shapes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import before
-from enliven.motion.layers import ShapePose, pose_of, travel_scale
+from enliven.motion.layers.evaluate import ShapePose, pose_of
+from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
 
@@ -16,7 +17,7 @@ def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Fl
     """Returns (N, 4) the world rotations D_j and (N, 3) the positions of the joints.
 
     Args:
-        time: seconds of the project's time; None is the rest pose: as modeled, without any take.
+        time: seconds of the project's time; None for the rest pose, without any take.
 
     Raises:
         InputError: if the time is not finite.
@@ -30,12 +31,13 @@ def moment(project: Project, shape: Shape, time: float | None) -> ShapePose:
     if time is None:
         return ShapePose(*as_modeled(shape))
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", mend="Give seconds.")
+        raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", remedy="Give seconds.")
     return pose_of(project.with_characters(shape), shape.id, float(time))
 
 
 def as_modeled(shape: Shape) -> tuple[Float, Float]:
-    """Returns (N, 4) D_j and (N, 3) positions of the pose without takes: D_j = D_parent m_j before."""
+    """Returns the pose without takes: (N, 4) world rotations D_j = D_parent m_j before, and (N, 3)
+    positions."""
     skeleton = shape.skeleton
     turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
     for j, parent in enumerate(skeleton.parents):
@@ -62,7 +64,7 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
     The rotations that the pin caused are added to the modeling rotations.
 
     Args:
-        turns: (N, 4) the world rotations of the whole.
+        turns: (N, 4) the world rotations of the whole shape.
     """
     rotation_by_name = dict(zip(whole.skeleton.names, turns, strict=True))
     current, _ = posed(project, part, time)

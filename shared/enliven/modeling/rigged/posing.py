@@ -1,4 +1,4 @@
-"""Poses shapes by hand at any moment of their motion. Only modeling rotations and the position change."""
+"""Poses shapes by hand at any time of their motion. Only modeling rotations and the position change."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def set_bone(
 ) -> Project:
     """Sets a bone's world rotation D_j at ``time`` to ``world`` (4,): m = D_parent^-1 world a^-1.
 
-    The descendants of the bone turn with it, and its motion continues from there. Bone 0, the root, turns the
-    whole.
+    The descendants of the bone rotate with it, and its motion continues from there. Bone 0, the root, rotates
+    the whole shape.
 
     Raises:
         InputError: if the bone does not exist, or ``world`` is not a rotation.
@@ -94,7 +94,9 @@ def _with_modeling(project: Project, shape: Shape, j: int, modeling: Float) -> P
 def _checked_rotation(turn: AnyArray, shape_id: str) -> Float:
     turn = np.asarray(turn, np.float64)
     if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < 1e-6:
-        raise InputError(f"{turn} is not a rotation", where=f"shape {shape_id!r}", mend="Give (w, x, y, z).")
+        raise InputError(
+            f"{turn} is not a rotation", where=f"shape {shape_id!r}", remedy="Give (w, x, y, z)."
+        )
     return turn
 
 
@@ -102,6 +104,6 @@ def _checked_point(point: AnyArray, shape_id: str) -> Float:
     point = np.asarray(point, np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError(
-            f"{point} is not a point", where=f"shape {shape_id!r}", mend="Give three numbers in metres."
+            f"{point} is not a position", where=f"shape {shape_id!r}", remedy="Give three numbers in metres."
         )
     return point

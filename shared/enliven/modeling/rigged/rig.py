@@ -21,7 +21,7 @@ from enliven.document import (
     keyed_clip,
     unused,
 )
-from enliven.modeling.mesh import posed_vertices
+from enliven.modeling.mesh.meshes import posed_vertices
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
@@ -29,8 +29,8 @@ from enliven.modeling.rigged.merging import merge as merge_shapes
 from enliven.modeling.rigged.posed import moment, posed, with_travel_kept
 from enliven.modeling.rigged.posing import drag_joint
 from enliven.modeling.rigged.stroke_cut import cut_stroke
-from enliven.motion.layers import Player as ShapePlayer
-from enliven.motion.layers import pose_from
+from enliven.motion.layers.evaluate import Player as ShapePlayer
+from enliven.motion.layers.evaluate import pose_from
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
@@ -41,7 +41,7 @@ class ShapeRig(RigEdits):
     cut = staticmethod(cut_stroke)
 
     def centre(self, shape: Shape) -> Float:
-        """Returns the position of the root, as modeled."""
+        """Returns the position (3,) of the root in the rest pose, in metres."""
         return np.asarray(shape.skeleton.positions[0] + shape.place)
 
     def rest(self, shape: Shape) -> Float:
@@ -54,7 +54,7 @@ class ShapeRig(RigEdits):
         return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
-        """Returns a function from a time to the vertices. A shape without a mesh gives its joints."""
+        """Returns a function from a time to the vertices, or to the joints of a shape without a mesh."""
         if shape.mesh is not None:
             return super().surface(project, shape)
         prepared = ShapePlayer(project, shape.id)
@@ -105,7 +105,7 @@ class ShapeRig(RigEdits):
         return shape.with_changes(place=place, modeling=modeling, layers=layers, travel=travel)
 
     def scaled(self, shape: Shape, factor: float) -> Shape:
-        """Scales the rest pose and the strides. Rotations stay."""
+        """Scales the rest pose and the strides. Rotations do not change."""
         centre = shape.skeleton.positions[0]
         bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in bones_of(shape)]
         mesh = shape.mesh
@@ -133,8 +133,8 @@ class ShapeRig(RigEdits):
     def as_graph(
         self, project: Project, shape: Shape, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
-        """Turns each bone into a node at its start. Skin and pose stay, and the result is exact at the given
-        times."""
+        """Converts each bone to a node at its start. Skin and pose do not change, and the result is exact at
+        the given times."""
         drawn, mesh = character_of(shape), shape.mesh
         assert mesh is not None
         prepared = ShapePlayer(project, shape.id)
@@ -146,7 +146,7 @@ class ShapeRig(RigEdits):
         return GraphShape(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """Attaches the graft's root to the node, by default to the joint nearest to it."""
+        """Attaches the graft's root to the node, or by default to the nearest joint."""
         node, host, graft = merge.node, project.shape(merge.host), project.shape(merge.graft)
         if node is None:
             joints, root = posed(project, host, merge.time)[1], posed(project, graft, merge.time)[1][0]
@@ -157,7 +157,7 @@ class ShapeRig(RigEdits):
 
 def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
     """Returns the layers with the root's path rotated, and the id of the travel layer. If the old travel
-    layer also rotates bones, adds a new one."""
+    layer also rotates bones, a new travel layer is added."""
     if shape.travel is None:
         return shape.layers, None
     way = shape.layer(shape.travel)

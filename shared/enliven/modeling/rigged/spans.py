@@ -20,7 +20,7 @@ _MIN_BONE_FRACTION = 1e-12
 
 
 def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
-    """Returns the spans of the two bones that a node at ``at`` in (0, 1) makes of one.
+    """Splits the spans of a bone at a node at ``at`` in (0, 1), and returns the spans of the two new bones.
 
     The product of the two rotations equals the old rotation at every time. If the node falls inside a span,
     C(0)^-1 C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
@@ -41,7 +41,7 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
 
 
 def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
-    """Returns the spans of a bone that rigidly continues a bone with ``spans``, and is stretched by these
+    """Returns the spans of a bone that continues a bone with ``spans`` in line, and is stretched by these
     layers.
 
     The references to the layers have equal start and end, so that they cause no rotation.
@@ -51,7 +51,7 @@ def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
 
 
 def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDENTITY) -> Spans:
-    """Returns the spans of one bone that replaces two consecutive ones.
+    """Returns the spans of one bone that replaces two consecutive bones.
 
     Args:
         share: fraction of the new bone's length that the upper bone had, in [0, 1].
@@ -76,7 +76,7 @@ def before(spans: Spans) -> Float:
 
 
 def has_motion(spans: Spans) -> bool:
-    """Returns True if any layer turns the bone."""
+    """Returns True if any layer rotates the bone."""
     return any(span.refs for span in spans)
 
 
@@ -99,11 +99,11 @@ def _split_span(span: Span, at: float) -> tuple[Span, Span]:
 
 
 def _scale_shares(spans: Sequence[Span], whole: float) -> Spans:
-    """Scales the shares of the spans to sum to ``whole``. A bone without spans gets one without motion."""
+    """Scales the shares of the spans to the sum ``whole``. A bone without spans gets a span without
+    motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
-        # All rotations, if there are any, are at the joint itself. Add a span for the whole bone, which does
-        # not move.
+        # All rotations are at the joint itself. Add a span for the whole bone, which does not move.
         return (*spans, Span(whole))
     return tuple(replace(span, share=span.share * whole / total) for span in spans)
 
@@ -123,7 +123,7 @@ def _merge_neighbours(spans: Spans) -> Spans:
 
 
 def _forms_one_span(first: Span, second: Span) -> bool:
-    """Returns True if two spans form one: the same layers, without a gap, at the same rate along the bone."""
+    """Returns True if two spans form one span: same layers, no gap, and the same rate along the bone."""
     if second.before != AT_ONCE or len(first.refs) != len(second.refs):
         return False
     if not first.refs:

@@ -1,4 +1,4 @@
-"""Copies the motion of one limb to all equal limbs. Each edit maps a project to a project.
+"""Copies the motion of one limb to all equal limbs (see :mod:`enliven.matching.symmetry`).
 
     groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
     project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
@@ -16,7 +16,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Layer, Project, Span, unused
 from enliven.errors import InputError
-from enliven.matching import EqualLimbs
+from enliven.matching.symmetry import EqualLimbs
 from enliven.rotation import canonical, from_matrix, multiply
 
 _MIRROR_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])
@@ -28,7 +28,7 @@ def spread_motion(
 ) -> Project:
     """Makes all limbs of a group move like the limb of ``joint``, and removes their own motion.
 
-    Modeling rotations stay.
+    Modeling rotations do not change.
 
     Args:
         group: result of :func:`enliven.matching.symmetry.equal_limbs` for the shape's skeleton.
@@ -42,14 +42,16 @@ def spread_motion(
     own_limb = group.limb_of(joint)
     if own_limb < 0:
         limb_names = ", ".join(shape.skeleton.names[limb.joints[0]] for limb in group.limbs)
-        problem = f"joint {shape.skeleton.names[joint]!r} is of none of these limbs"
-        raise InputError(problem, where=f"shape {shape_id!r}", mend=f"They begin at {limb_names}.")
+        problem = f"joint {shape.skeleton.names[joint]!r} belongs to none of these limbs"
+        raise InputError(problem, where=f"shape {shape_id!r}", remedy=f"The limbs begin at {limb_names}.")
     used = dict.fromkeys(
         ref.layer for j in group.limbs[own_limb].joints for span in shape.spans[j] for ref in span.refs
     )
     if not used:
         problem = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
-        raise InputError(problem, where=f"shape {shape_id!r}", mend="Bind a chain of it first.")
+        raise InputError(
+            problem, where=f"shape {shape_id!r}", remedy="Bind a take to a chain of the limb first."
+        )
     layers, spans = {layer.id: layer for layer in shape.layers}, list(shape.spans)
     used_names = dict(project.layer_names)
     for number in range(len(group.limbs)):

@@ -1,4 +1,4 @@
-"""Cuts a shape along a stroke or a plane, in its pose at a moment: both its bones and its mesh."""
+"""Cuts a shape along a stroke or a plane, in its pose at a time: both its bones and its mesh."""
 
 from __future__ import annotations
 
@@ -10,14 +10,9 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.document import Project, Shape
 from enliven.errors import InputError
-from enliven.modeling.mesh import (
-    CutSurface,
-    cut_by_stroke,
-    divide_by_bones,
-    numbers_in,
-    posed_vertices,
-    with_piece,
-)
+from enliven.modeling.mesh.cut_surfaces import CutSurface
+from enliven.modeling.mesh.mesh_cut import cut_by_stroke
+from enliven.modeling.mesh.meshes import divide_by_bones, numbers_in, posed_vertices, with_piece
 from enliven.modeling.rigged.cutting import split_shape
 from enliven.modeling.rigged.posed import moment
 
@@ -28,7 +23,7 @@ class Crossing(NamedTuple):
     Attributes:
         bone: number of the bone.
         at: position along the bone, in (0, 1).
-        near: true if the bone's start, and so the root, lies on the stroke's near side.
+        near: True if the bone's start, and therefore the root, lies on the stroke's near side.
     """
 
     bone: int
@@ -52,10 +47,10 @@ def cut_stroke(
     Args:
         stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
         time: seconds of the project's time at which the image was shown; None for the rest pose.
-        notes: receives sentences about how the mesh was closed.
+        notes: a list that receives sentences about the closing of the mesh.
 
     Returns:
-        The project and the ids: first that of the shape with the root, which stays, then one for each part.
+        The project, and the ids: first the unchanged id of the shape with the root, then one for each part.
 
     Raises:
         InputError: if the stroke crosses no bone or crosses a limb twice, or if the mesh cannot be cut.
@@ -114,16 +109,18 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
     """Raises an error if the stroke does not determine which parts are cut off."""
     location, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
-        mend = "Draw it right across the part to cut, over a bone."
-        raise InputError("the stroke crosses no bone", where=location, mend=mend)
+        remedy = "Draw the stroke across the part to cut, over a bone."
+        raise InputError("the stroke crosses no bone", where=location, remedy=remedy)
     for crossing in crossings:
         for other in crossings:
             if crossing.bone != other.bone and other.bone in shape.skeleton.below(crossing.bone):
                 problem = f"the stroke crosses {names[crossing.bone]!r} and, below it, {names[other.bone]!r}"
-                raise InputError(problem, where=location, mend="Cut a limb once at a time.")
+                raise InputError(problem, where=location, remedy="Cut a limb only once at a time.")
     if len({crossing.near for crossing in crossings}) > 1:
-        problem = "the stroke turns around between two limbs, so that it has no one side"
-        raise InputError(problem, where=location, mend="Draw it straighter, or cut one limb at a time.")
+        problem = "the stroke turns back between two limbs, so its sides are not clear"
+        raise InputError(
+            problem, where=location, remedy="Draw a straighter stroke, or cut one limb at a time."
+        )
 
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:

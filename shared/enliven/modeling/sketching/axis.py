@@ -1,4 +1,5 @@
-"""The axis of an outline as a tree of chains, and its clean-up: zigzags, spurs and double junctions."""
+"""The axis of an outline as a tree of chains, and its clean-up: removes zigzags, spurs and double
+junctions."""
 
 from __future__ import annotations
 
@@ -10,27 +11,27 @@ import numpy as np
 from enliven.arrays import Float, Int
 
 TIP = 0.4
-"""Distance from the tip at which an axis ends, in radii."""
+"""Distance in radii between the end of an axis and the tip of the outline."""
 _MIN_SPUR_RADII = 2.4
-"""Minimum length in radii of a limb in the outer corner of a bend. A corner without a limb also creates a
+"""Minimum length in radii of a limb in the outer corner of a bend. A corner without a limb also causes a
 branch, but a shorter one."""
 _MIN_LIMB_RADII = 1.3
-"""Minimum length in radii of a limb elsewhere. A shorter branch hardly extends beyond the shape that it
-branches from."""
+"""Minimum length in radii of a limb at other places. A shorter branch hardly extends beyond the shape around
+it."""
 _SHARP_BEND_SUM = 0.9
-"""Length of the sum of two unit directions above which a bend is sharp: 127 degrees or less."""
+"""A bend is sharp (127 degrees or less) if the sum of its two unit directions is longer than this."""
 _MERGE_DISTANCE_RADII = 0.9
 """Maximum distance of two junctions that are merged, as a multiple of their radii."""
 
 
 @dataclass
 class Axis:
-    """A tree of points in the plane.
+    """The axis of an outline: a tree of points in the plane.
 
     Attributes:
         points: (A, 2) metres.
         radii: (A,) metres, half the local width.
-        chains: paths of points between ends and junctions, each with both of its ends.
+        chains: paths of points between ends and junctions, both included.
     """
 
     points: Float
@@ -81,8 +82,8 @@ def _chain_radius(axis: Axis, chain: list[int]) -> float:
 
 
 def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
-    """Returns True if a branch leaves a fork away from two others that bend sharply there. All start at the
-    fork."""
+    """Returns True if a branch points away from two other branches that bend sharply at the fork. All
+    branches start at the fork."""
     directions = []
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
@@ -103,7 +104,7 @@ def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -
     fork, width = spur[0], _chain_radius(axis, spur)
     back = axis.points[spur[-1]] - axis.points[spur[-2]]
     back /= max(float(np.linalg.norm(back)), 1e-300)
-    # The end of the spur lies 0.4 radii before the tip. The two limbs meet one radius before the tip.
+    # The spur ends 0.4 radii before the tip. The two limbs meet one radius before the tip.
     corner = axis.points[spur[-1]] - (1.0 - TIP) * width * back
     near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
     out = []
@@ -115,8 +116,9 @@ def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -
 
 
 def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
-    """Returns a function that directs a chain from its fork to its free end, and gives an empty list for
-    other chains."""
+    """Returns a function that directs a chain from its fork to its free end. For other chains it returns an
+    empty list.
+    """
 
     def turned(chain: list[int]) -> list[int]:
         if degree[chain[0]] >= 3 and degree[chain[-1]] == 1:
@@ -127,7 +129,7 @@ def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
 
 
 def merge_junctions(axis: Axis) -> Axis:
-    """Contracts chains between two junctions that lie in each other's circles."""
+    """Contracts chains between two junctions if each lies in the circle of the other."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))

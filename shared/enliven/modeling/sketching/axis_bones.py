@@ -1,4 +1,4 @@
-"""Bones from an axis: Douglas-Peucker simplification with a cylinder fit as the error (RigMesh)."""
+"""Converts an axis to bones: Douglas-Peucker simplification with a cylinder fit as the error (RigMesh)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _MIN_JOINT_DISTANCE_RADII = 1.6
 
 
 def simplify_chain(points: Float, radii: Float, tolerance: float, longest: float) -> list[int]:
-    """Returns the points of a chain to keep. A bone between two of them is a cylinder that fits the points
-    between.
+    """Returns the points of a chain that become joints. The bone between two joints is a cylinder that fits
+    the points between them.
 
     The error at a point is its distance from the bone plus half the difference between its radius and the
     mean. The limit is ``tolerance`` times the mean radius.
@@ -23,7 +23,7 @@ def simplify_chain(points: Float, radii: Float, tolerance: float, longest: float
     Args:
         points: (P, 2) metres, from one end to the other.
         radii: (P,) metres.
-        longest: maximum length of a bone, in mean diameters; longer ones are split evenly.
+        longest: maximum length of a bone, in mean diameters. Longer bones are split evenly.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     chosen = _split_chain(points, radii, along, 0, len(points) - 1, tolerance)
@@ -61,7 +61,7 @@ def _split_chain(points: Float, radii: Float, along: Float, a: int, b: int, tole
 def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, Float, list[tuple[int, int]]]:
     """Returns (J, 2) joints, (J,) radii there, and the links between them.
 
-    Short bones that end inside a joint's own circle are left out.
+    Short bones that end inside the circle of a joint are removed.
     """
     number: dict[int, int] = {}
     places: list[Float] = []
@@ -81,7 +81,7 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
 
 
 def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[int]:
-    """Removes joints that are too close to the previous one: nearer than the thickness of a knee."""
+    """Removes joints that are closer to the previous joint than the thickness of a limb."""
     out = [chosen[0]]
     for k in chosen[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))
@@ -92,9 +92,9 @@ def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[i
 
 
 def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
-    """Returns the root joint: the thickest junction, or without junctions the thicker end."""
+    """Returns the root joint: the thickest junction, or the thicker end if there is no junction."""
     degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
     most = degree == degree.max() if degree.max() > 2 else degree == 1
-    # If two joints are equally thick, take the lower one.
+    # If two joints are equally thick, the lower joint is the root.
     order = np.lexsort((joints[:, 1], -np.round(radii / radii.max(), 1), ~most))
     return int(order[0])

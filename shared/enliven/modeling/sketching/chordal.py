@@ -1,9 +1,9 @@
 """The chordal axis of an outline, with its width: it connects the midpoints of chords of the triangulation.
 
 L. Prasad, "Morphological analysis of shapes", 1997: triangles with two sides on the outline are terminal,
-those with one are sleeves, and those with none are junctions. A terminal branch is removed if all of it lies
-in the circle over the chord that cuts it off (T. Igarashi et al., "Teddy", 1999). So round ends and bumps do
-not get a branch.
+triangles with one such side are sleeves, and triangles with none are junctions. A terminal branch is removed
+if all of it lies in the circle over the chord that cuts it off (T. Igarashi et al., "Teddy", 1999). So round
+ends and bumps do not get a branch.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from enliven.arrays import Float, Int
 from enliven.modeling.sketching.axis import TIP, Axis, merge_junctions, remove_spurs, smooth
 
 _MAX_BUMP_RADII = 1.2
-"""Maximum distance of a bump from the middle of its chord, in radii of the chord's circle. A branch that
-stays within it is a bump."""
+"""A branch is a bump if all of it is within this distance of the middle of its chord, in radii of the chord's
+circle."""
 _ROUND_MOMENT_RATIO = 0.8
-"""Ratio of the smaller to the larger second moment above which an outline without limbs counts as round."""
+"""An outline without limbs is round if the ratio of its smaller to its larger second moment is above this."""
 
 
 def axis_of(outline: Float, triangles: Int) -> Axis:
@@ -71,8 +71,8 @@ class _Tracer:
         return self._link_chains()
 
     def _prune_bumps(self) -> tuple[list[bool], dict[int, list[int]]]:
-        """Returns the triangles in bumps, and for each triangle next to one the outline points of the
-        bump."""
+        """Returns the triangles that are in bumps, and the outline points of the bump next to a triangle, by
+        triangle."""
         is_pruned = [False] * len(self.triangles)
         bumps: dict[int, list[int]] = {}
         sides = (self.beside >= 0).sum(1)
@@ -122,7 +122,7 @@ class _Tracer:
         self.tips[at] = region
 
     def _single_bone_axis(self) -> Axis:
-        """Returns the axis of an outline without limbs: one bone along its longest extent."""
+        """Returns the axis of an outline without limbs: a single bone along its longest extent."""
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
         sizes, axes = np.linalg.eigh(spread)
@@ -159,7 +159,8 @@ class _Tracer:
         return merge_junctions(remove_spurs(axis))
 
     def _straighten_to_tip(self, chain: list[int]) -> list[int]:
-        """Straightens the last points of a chain to the tip, since they lie askew in a round or flat end."""
+        """Straightens the end of a chain towards the tip, because its last points are off-centre in a round
+        or flat end."""
         region = self.tips.get(chain[-1])
         if region is None:
             return chain

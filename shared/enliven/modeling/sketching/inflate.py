@@ -1,10 +1,10 @@
 """Inflates a flat outline to a closed surface that is round across its axis and smooth everywhere.
 
-The half height over the plane is z = rho sqrt(u). Here u solves the Poisson equation laplace(u) = -2 with u =
-0 on the outline; over a strip, sqrt(u) is a half circle. Where the outline is rounder than a strip, that
-would be flatter than a circle. The factor rho lifts the surface to the circle of the axis there (RigMesh
-inflates circles across the axis), and varies smoothly in between. The two halves meet in the outline, so for
-any outline the surface is closed and has the topology of a sphere.
+The half height above the plane is z = rho sqrt(u). Here u solves the Poisson equation laplace(u) = -2 with u
+= 0 on the outline. For a strip, sqrt(u) is a half circle. For an outline rounder than a strip, it would be
+flatter than a circle. So the factor rho raises the surface to the circles around the axis (RigMesh inflates
+circles across the axis), and varies smoothly in between. The two halves meet in the outline. So for any
+outline the surface is closed and has the topology of a sphere.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int, Int32
 from enliven.meshes import split_long_edges
-from enliven.modeling.mesh import SYMMETRIC_LU, flip_to_delaunay, poisson, refine_triangulation, smooth_taubin
-from enliven.modeling.skinning import cotangents
+from enliven.meshes.planar import refine_triangulation
+from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU, poisson
+from enliven.modeling.mesh.remesh import flip_to_delaunay, smooth_taubin
+from enliven.modeling.skinning.heat_diffusion import cotangents
 
 _MAX_EDGE_STEPS = 1.5
 """Maximum length of an edge in steps of the outline. Longer edges are split in half."""
@@ -32,7 +34,7 @@ def inflate_outline(
         triangles: (T, 3) its constrained Delaunay triangulation.
         axis: (A, 2) metres, points of the axis.
         radii: (A,) metres, radii of the circles there.
-        depth: 1 for circles, less for a flatter shape.
+        depth: ratio of thickness to width: 1 for circles, less for a flatter shape.
         smooth: number of smoothing passes over the vertices (Taubin).
     """
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
@@ -63,10 +65,10 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
         return np.zeros(len(flat))
     out = poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
     laplacian, _ = cotangents(points, cells.astype(np.int32))
-    # Compute the factor rho. It makes the cross-sections round at the axis, and is as smooth as possible in
-    # between.
-    far = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
-    nearest = inner[np.argmin(far, axis=1)]
+    # Compute the factor rho. It makes the cross-sections round at the axis, and is as smooth as possible
+    # elsewhere.
+    distances = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
+    nearest = inner[np.argmin(distances, axis=1)]
     factors = radii**2 / np.maximum(out[nearest], 1e-12 * float(out.max()))
     pull = np.zeros(len(flat))
     np.add.at(pull, nearest, 0.3)
@@ -128,7 +130,7 @@ def _split_inner_edges(
 
 
 def _triangulate_polygon(corners: list[int], first_made: int) -> list[list[int]]:
-    """Triangulates a polygon of three to six corners from the new points."""
+    """Triangulates a polygon of three to six corners, with all new edges at the new points."""
     new_corners = [k for k, v in enumerate(corners) if v >= first_made]
     if not new_corners:
         return [corners]
@@ -139,7 +141,8 @@ def _triangulate_polygon(corners: list[int], first_made: int) -> list[list[int]]
     out: list[list[int]] = []
     rest = list(corners)
     while len(rest) > 3:
-        # Cut off an old corner between two new ones. If there is none, split the rest as a fan.
+        # Cut off an old corner between two new corners. If there is none, split the remaining polygon as a
+        # fan.
         size = len(rest)
         ear = next(
             (

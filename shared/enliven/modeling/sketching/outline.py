@@ -7,10 +7,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.modeling.mesh import signed_area
+from enliven.modeling.mesh.cut_loops import signed_area
 
 _MAX_OVERSHOOT_FRACTION = 0.15
-"""Maximum overshoot at each end of a stroke beyond the closing point, as a fraction of its length."""
+"""Maximum overshoot of each end of a stroke beyond the closing point, as a fraction of the stroke's
+length."""
 _ERROR_PLACE = "stroke"
 
 
@@ -22,18 +23,19 @@ def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
     Args:
         stroke: (N, 2) metres, open or closed.
         count: number of points.
-        smooth: number of smoothing passes, against a trembling hand.
+        smooth: number of smoothing passes, which remove the tremor of the hand.
 
     Raises:
         InputError: if the stroke has too few points, crosses itself, or encloses no area.
     """
     points = np.array(stroke, np.float64).reshape(-1, 2)
     if not np.isfinite(points).all():
-        raise InputError("it is not finite", where=_ERROR_PLACE, mend="Draw it again.")
+        problem = "the stroke has positions that are not numbers"
+        raise InputError(problem, where=_ERROR_PLACE, remedy="Draw it again.")
     extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     points = _drop_repeated_points(points, 1e-6 * extent)
     if len(points) < 3:
-        raise InputError("it is a dot or a line", where=_ERROR_PLACE, mend="Draw the outline of the part.")
+        raise InputError("it is a dot or a line", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
     dense = _resample_polyline(points, 2 * count, closed=False)
     crossings = _crossing_segments(dense, closed=False)
     if len(crossings):
@@ -47,12 +49,12 @@ def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
             break
     else:
         raise InputError(
-            "it crosses itself", where=_ERROR_PLACE, mend="Draw an outline that does not cross itself."
+            "it crosses itself", where=_ERROR_PLACE, remedy="Draw an outline that does not cross itself."
         )
     size = signed_area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
     if abs(size) < 1e-3 * length**2 / (4 * np.pi):
-        raise InputError("it encloses nothing", where=_ERROR_PLACE, mend="Draw the outline of the part.")
+        raise InputError("it encloses nothing", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
     return points if size > 0 else points[::-1].copy()
 
 
@@ -63,7 +65,7 @@ def _smooth_points(points: Float, times: int) -> Float:
 
 
 def _drop_repeated_points(points: Float, least: float) -> Float:
-    """Removes points that repeat the previous one, or at the end the first."""
+    """Removes points that repeat the previous point, and last points that repeat the first point."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate([[True], step > least])] if len(points) else points
     while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= least:
@@ -91,7 +93,7 @@ def _crossing_segments(points: Float, closed: bool) -> Float:
 
 @njit(cache=True, nogil=True)
 def _crossing_kernel(starts, ends, closed):
-    """Kernel of :func:`_crossing_segments`. Segments that share an end do not cross."""
+    """Finds the pairs for :func:`_crossing_segments` (kernel). Segments that share an end do not cross."""
     crossings = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]
     for i in range(count):
@@ -113,7 +115,7 @@ def _crossing_kernel(starts, ends, closed):
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:
-    """Returns the stroke between its two passages through the point where its ends cross."""
+    """Returns the part of the stroke between its two passages through the point at which its ends cross."""
     count = len(points) - 1
     near_ends = (crossings[:, 0] < _MAX_OVERSHOOT_FRACTION * count) & (
         crossings[:, 1] > (1 - _MAX_OVERSHOOT_FRACTION) * count
@@ -121,7 +123,7 @@ def _without_ends(points: Float, crossings: Float) -> Float:
     if not near_ends.any():
         crossing_point = points[int(crossings[0, 0])]
         problem = f"it crosses itself at ({crossing_point[0]:.3g}, {crossing_point[1]:.3g})"
-        raise InputError(problem, where=_ERROR_PLACE, mend="Draw an outline that does not cross itself.")
+        raise InputError(problem, where=_ERROR_PLACE, remedy="Draw an outline that does not cross itself.")
     # Cut at the innermost crossing of the two ends, because this removes all of their other crossings too.
     pick = crossings[near_ends]
     start, end = pick[np.argmin(pick[:, 1] - pick[:, 0])]

@@ -17,13 +17,14 @@ from enliven.arrays import Float, Int
 from enliven.document import Shape, Skeleton, skeleton_of, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import signed_area, triangulate_loops
+from enliven.meshes.planar import triangulate_loops
+from enliven.modeling.mesh.cut_loops import signed_area
 from enliven.modeling.sketching.axis import Axis
 from enliven.modeling.sketching.axis_bones import bones_of_axis, root_of
 from enliven.modeling.sketching.chordal import axis_of
 from enliven.modeling.sketching.inflate import inflate_outline
 from enliven.modeling.sketching.outline import outline_of
-from enliven.modeling.skinning import bone_heat
+from enliven.modeling.skinning.heat_diffusion import bone_heat
 from enliven.settings import setting
 
 
@@ -56,12 +57,14 @@ class SketchPlane:
     up: Float
 
     def axes(self) -> Float:
-        """Returns (3, 3) rows right, up and towards the viewer, orthonormal."""
+        """Returns (3, 3) orthonormal rows: right, up, and towards the viewer."""
         right, up = np.array(self.right, np.float64), np.array(self.up, np.float64)
         right = right / max(float(np.linalg.norm(right)), 1e-300)
         up = up - (up @ right) * right
         if not (np.isfinite(right).all() and np.linalg.norm(up) > 1e-9 and np.linalg.norm(right) > 0.5):
-            raise InputError("the plane's right and up must be two different directions", where="stroke")
+            raise InputError(
+                "the right and up vectors of the plane must have different directions", where="stroke"
+            )
         up = up / np.linalg.norm(up)
         return np.stack([right, up, np.cross(right, up)])
 
@@ -97,8 +100,8 @@ def shape_from_stroke(
 
 
 def _outline_point_count(outline: Float, vertices: int) -> int:
-    """Returns the number of outline points that gives about ``vertices``: triangle edges are as long as its
-    steps."""
+    """Returns the number of outline points for which the mesh has about ``vertices`` vertices. Its triangles'
+    edges are as long as the outline's steps."""
     step = np.sqrt(7.5 * signed_area(outline) / vertices)
     length = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).sum())
     return max(48, int(length / step))
@@ -111,7 +114,7 @@ def flat_axis(outline: Float) -> tuple[Int, Axis]:
 
 
 def _inner_circles(axis: Axis) -> tuple[Float, Float]:
-    """Returns the inner points of the axis' chains and their radii: the circles to inflate."""
+    """Returns the inner points of the axis' chains, and their radii. They are the circles to inflate."""
     inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
     if len(inner) == 0:
         inner = np.arange(len(axis.points))

@@ -1,14 +1,15 @@
-"""Skin weights by bone heat: bounded, smooth, at most four per vertex, with sum one.
+"""Skin weights by bone heat. They are bounded and smooth, with at most four per vertex, and their sum is one.
 
     bone_heat(mesh, skeleton) -> SkinWeights                       bones numbered as in the skeleton
     heat_weights(mesh, segments, owners, bones, ...) -> (V, B)     dense, for any segments
 
 Method: I. Baran and J. Popovic, "Automatic rigging and animation of 3D characters", 2007, section 4. The
-weights of bone i are the heat equilibrium on the surface, -laplace(w_i) + H w_i = H p_i. Here p_i is one
-where i is the nearest visible bone of a vertex, and H = c / d^2 with the distance d to that bone. The
-cotangent Laplacian omits negative weights, so that the matrix is an M-matrix and weights lie within 0..1. The
-rows of both sides agree, so the weights of all bones sum to one. A bone occluded by other parts of the
-surface gives a vertex no heat. A part that sees no bone takes the nearest.
+weights of bone i are the heat equilibrium on the surface, -laplace(w_i) + H w_i = H p_i. Here p_i is one at
+the vertices with i as their nearest visible bone, and zero elsewhere. H = c / d^2, with the distance d to
+that bone. The cotangent Laplacian omits negative weights, so that the matrix is an M-matrix, and weights are
+between 0 and 1. The sums over all bones of both sides agree, so the weights of all bones sum to one. A bone
+that is occluded by other parts of the surface gives a vertex no heat. A part of the mesh without a visible
+bone follows the nearest bone.
 """
 
 from __future__ import annotations
@@ -58,8 +59,8 @@ def bone_heat(mesh: Mesh, skeleton: Skeleton, settings: HeatSettings | None = No
 
 
 def segments_of(skeleton: Skeleton) -> tuple[Float, Int]:
-    """Returns (S, 2, 3) the two ends of each bone, and (S,) their numbers. A root without bones gives a
-    point."""
+    """Returns (S, 2, 3) the two ends of each bone in metres, and (S,) the number of each bone. A root without
+    bones gives a single point."""
     bones = np.arange(1, len(skeleton)) if len(skeleton) > 1 else np.zeros(1, np.int64)
     starts = skeleton.positions[np.maximum(skeleton.parents[bones], 0)]
     return np.stack([starts, skeleton.positions[bones]], 1), bones
@@ -77,20 +78,21 @@ def heat_weights(
     """Computes the weights (V, bones) of all bones.
 
     Args:
-        segments: (S, 2, 3) metres; a bone may own several.
+        segments: (S, 2, 3) metres, the ends of each segment. A bone may have several segments.
         owners: (S,) the bone of each segment.
-        known: (V, bones) weights where ``free`` (V,) is false. They stay, and the others continue them
-            smoothly.
+        known: (V, bones) weights of the vertices with ``free`` (V,) False. They do not change, and the other
+        weights
+            continue them smoothly.
     """
     settings = settings or HeatSettings()
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        raise InputError("it has no faces, or positions that are not finite", where=mesh.name)
+        raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
     welded, of = weld(mesh)
     chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, settings.tie)
     laplacian, mass = cotangents(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
-    # Limit the distance from below, because a vertex on a bone would get infinite heat.
+    # Use a minimum distance, because a vertex on a bone would get infinite heat.
     near = np.maximum(distance, 1e-4 * extent)
     heat = np.where(np.isfinite(near), settings.heat / near**2, 0.0) * mass
     source = np.zeros((len(welded.vertices), bones))
@@ -113,7 +115,7 @@ def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
     """
     count = len(vertices)
     area = face_areas(vertices, faces)
-    # Clamp the angles to at least half a degree, because degenerate faces would have unbounded weights.
+    # Raise the angles to at least half a degree, because degenerate faces would have unbounded weights.
     longest = np.zeros(len(faces))
     halves = []
     for k in range(3):
@@ -144,7 +146,7 @@ def outward(welded: Mesh) -> Float:
 def _take_nearest_where_hidden(
     welded: Mesh, laplacian: csc_matrix, segments: Float, chosen: Int32, distance: Float
 ) -> None:
-    """Assigns the nearest bone, occluded or not, to vertices of parts that see no bone."""
+    """Assigns the nearest bone, occluded or not, to the vertices of parts without a visible bone."""
     part = connected_components(laplacian, directed=False)[1]
     lit = np.zeros(part.max() + 1, bool)
     lit[part[np.isfinite(distance)]] = True

@@ -23,8 +23,8 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
     """Keeps the four largest weights in each row of (V, B), largest first, scaled to sum one.
 
     Args:
-        smooth: subtract the fifth largest weight from each, so that weights stay continuous where the set of
-            four changes.
+        smooth: True to subtract the fifth largest weight from each, so that weights stay continuous if the
+            set of four changes.
     """
     count, bones = weights.shape
     some = min(4, bones)
@@ -36,7 +36,7 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
         chosen = np.where(less.sum(1, keepdims=True) > 0, less, chosen)
     chosen = np.maximum(chosen, 0.0)
     total = chosen.sum(1, keepdims=True)
-    # Let a vertex without weights follow its first bone.
+    # A vertex without weights follows its first bone.
     chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, some))
     indices, kept_weights = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
     indices[:, :some], kept_weights[:, :some] = np.where(chosen > 0, order, 0), chosen

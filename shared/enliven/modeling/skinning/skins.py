@@ -24,8 +24,8 @@ class InsertSettings:
 
 
 def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
-    """Returns the skin with bone j renumbered to ``numbers[j]``. Weights of bones that become one are
-    added."""
+    """Returns the skin with bone j renumbered to ``numbers[j]``. If several bones become one, their weights
+    are added."""
     indices = numbers[skin.indices].astype(np.uint16)
     weights = skin.weights.copy()
     for slot in range(1, 4):
@@ -38,11 +38,11 @@ def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
 
 
 def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
-    """Gives the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
+    """Moves the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
-    A vertex that already follows four bones keeps the one with the larger part. The two weights add up to the
-    old one exactly, since one is rounded and the other is the difference. Removing an inserted node therefore
-    restores the old weights.
+    A vertex that already follows four bones keeps only the bone with the larger part. The two weights add up
+    to the old weight exactly, because one is rounded, and the other is the difference. So removing an
+    inserted node restores the old weights.
     """
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
@@ -94,5 +94,5 @@ def nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
 
 
 def follows(skin: SkinWeights, bone: int) -> Bool:
-    """Returns (V,) true for vertices that follow a bone."""
+    """Returns (V,) True for vertices that follow a bone."""
     return np.asarray(((skin.indices == bone) & (skin.weights > 0)).any(1))

@@ -8,11 +8,11 @@ from enliven.arrays import Float, Int, Int32
 from enliven.kernels import njit
 
 _MAX_OUTWARD_COSINE = 0.2
-"""Maximum cosine between the outward normal and the direction to a bone inside the surface. A bone with a
-larger cosine is outside."""
+"""Maximum cosine between the outward normal of a vertex and the direction to a bone inside the surface. With
+a larger cosine the bone is outside."""
 _FADE_EXPONENT = 4
-"""Exponent by which the heat of a bone that replaces an occluded one fades. Of the tested values, this one
-came nearest to weights that artists painted on ten rigs."""
+"""If a bone replaces an occluded one, its heat falls with this power of the distance. Of the tested
+exponents, this one gave weights nearest to those that artists painted on ten rigs."""
 MOST = 6
 """Maximum number of bones tested per vertex, the nearest first."""
 
@@ -70,8 +70,8 @@ def _line_triangle_hit(p, d, a, b, c):
 
 @njit(cache=True, nogil=True)
 def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
-    """Returns True if a point lies outside vertex v's own surface, or if a face that does not touch v
-    occludes it."""
+    """Returns True if a point is outside vertex v's own surface, or if a face that does not touch v occludes
+    it."""
     p = vertices[v]
     d = target - p
     if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _MAX_OUTWARD_COSINE * np.sqrt((d * d).sum()):
@@ -87,7 +87,7 @@ def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, s
         else:
             border = low[a] + (at[a] + (1 if d[a] > 0 else 0)) * cell
             ahead[a], each[a] = (border - p[a]) / d[a], cell / abs(d[a])
-    # Test the faces of each cell on the segment, then step to the next cell.
+    # Test the faces of each cell along the segment, then step to the next cell.
     while True:
         c = (at[0] * size[1] + at[1]) * size[2] + at[2]
         for m in range(offsets[c], offsets[c + 1]):
@@ -110,13 +110,13 @@ def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, s
 
 @njit(cache=True, nogil=True)
 def _nearest_seen_kernel(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):
-    """Kernel of :func:`nearest_seen`."""
+    """Finds the segments and distances of :func:`nearest_seen` (kernel)."""
     count, some = vertices.shape[0], min(MOST, segments.shape[0])
     chosen = np.full((count, some), -1, np.int32)
     distance = np.full(count, np.inf)
     near, who, points = np.empty(some), np.empty(some, np.int64), np.empty((some, 3))
     for v in range(count):
-        # Find the nearest segments by insertion into a sorted list.
+        # Find the nearest segments: insert each into a short sorted list.
         near_count = 0
         for s in range(segments.shape[0]):
             a, b = segments[s, 0], segments[s, 1]
@@ -163,14 +163,14 @@ def nearest_seen(
 ) -> tuple[Int32, Float]:
     """Finds the nearest visible bones of each vertex.
 
-    If the nearest bone is occluded, a farther one replaces it, with an increased distance.
+    If the nearest bone is occluded, a bone that is farther away replaces it, and its distance is increased.
 
     Args:
         vertices: (V, 3) metres, welded.
-        normals: (V, 3) outward; zero if either side is acceptable.
+        normals: (V, 3) outward normals; zero if bones on both sides are acceptable.
         faces: (F, 3).
         segments: (S, 2, 3) metres, the ends of the bones.
-        tie: relative difference in distance up to which bones count as equally near.
+        tie: maximum relative difference in distance of bones that count as equally near.
 
     Returns:
         (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, increased to

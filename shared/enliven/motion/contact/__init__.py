@@ -1,5 +1,3 @@
-"""Foot contacts with the floor (foot lock): detected by height and speed, and kept by inverse kinematics."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Foot lock: detects floor contacts of feet by height and speed, and keeps the feet in place by inverse
+kinematics.
+"""

@@ -1,12 +1,12 @@
-"""Contact detection: finds when a foot stands, from its height and speed, and the position at which it is
-held.
+"""Contact detection: finds when a foot stands, from its height and speed, and the position to which it is
+locked.
 
     Pin(joint, start, settings)              # stored on a Shape, by joint name; not baked
     find_contacts(places (F, 3), step, size, settings) -> Contacts
 
 A foot touches the floor while it is low and slow. It is released when it is clearly higher or faster
-(hysteresis). During a contact, it is held at the median of its positions. It may rise there, as a heel does,
-but not sink.
+(hysteresis). During a contact, it is locked to the median of its positions. There it may rise, as a heel
+does, but not sink.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from enliven.kernels import njit
 AUTO, ALWAYS, _, GROUND = range(len(FEET))
 """The indices of the foot modes."""
 _MAX_HELD_DRIFT_LIMBS = 0.25
-"""Maximum drift of a foot that is always held, as a fraction of its limb's length. A larger drift counts as a
-step."""
+"""Maximum drift of a foot in the mode "always", as a fraction of its limb's length. A larger drift counts as
+a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +31,9 @@ class Contacts:
     """The contacts of one joint.
 
     Attributes:
-        starts: (C,) seconds since the first sample, ascending; -inf for a contact at the start.
-        ends: (C,) seconds; inf for a contact at the end.
-        places: (C, 3) metres, the positions at which the joint is held.
+        starts: (C,) start times, seconds since the first sample, ascending; -inf for a contact at the start.
+        ends: (C,) end times, seconds; inf for a contact at the end.
+        places: (C, 3) positions to which the joint is locked, metres.
     """
 
     starts: Float
@@ -44,12 +44,12 @@ class Contacts:
 def find_contacts(
     places: Float, step: float, size: float, how: ContactSettings, modes: Int | None = None
 ) -> Contacts:
-    """Returns the contacts of a joint that moves through ``places``.
+    """Finds the contacts of a joint from its positions.
 
     Args:
-        places: (F, 3) metres, +Y up.
-        step: seconds between them.
-        size: metres, the length of the limb.
+        places: (F, 3) positions of the joint, metres, +Y up.
+        step: seconds between two positions.
+        size: length of the limb, metres.
         how: the contact thresholds.
         modes: (F,) indices into :data:`enliven.document.FEET` of the foot mode in each frame; None: by height
             and speed.
@@ -76,20 +76,20 @@ def find_contacts(
 
 
 def _split_steps(places: Float, first: int, last: int, max_drift: float) -> list[tuple[int, int]]:
-    """Splits a run of frames where the foot takes a step: it drifts over the ground by more than
-    ``max_drift`` metres.
+    """Splits a run of contact frames at steps. A step is a drift over the ground by more than ``max_drift``
+    metres.
     """
-    parts, begin = list[tuple[int, int]](), first
+    runs, begin = list[tuple[int, int]](), first
     for frame in range(first, last + 1):
         drift = places[frame, [0, 2]] - places[begin, [0, 2]]
         if drift @ drift > max_drift * max_drift:
-            parts.append((begin, frame - 1))
+            runs.append((begin, frame - 1))
             begin = frame
-    return [*parts, (begin, last)]
+    return [*runs, (begin, last)]
 
 
 def find_runs(flags: Bool) -> list[tuple[int, int]]:
-    """Returns the first and the last frame of every run of true values in (F,)."""
+    """Returns the first and the last frame of every run of True values in ``flags`` (F,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -107,12 +107,12 @@ def touching(height, speed, low, slow, release, down):
 
 @njit(cache=True, nogil=True)
 def hold(times, starts, ends, places, blend, weights, goals):
-    """Computes the weight, ``weights`` (T,) in [0, 1], and the position, ``goals`` (T, 3), with which a joint
-    is held at ``times`` (T,).
+    """Computes the weights (T,), in [0, 1], and the target positions ``goals`` (T, 3) of a locked joint at
+    ``times`` (T,).
 
-    Within a contact, the weight is 1. Outside, it falls by smoothstep over ``blend`` seconds. Between two
-    contacts, each attracts by w / (1 - w). So the position never jumps, and a contact with full weight is not
-    affected by the other.
+    Within a contact, the weight is 1. Outside, it decreases to 0 by smoothstep over ``blend`` seconds.
+    Between two contacts, the position is the mean of both, weighted by w / (1 - w). So the position never
+    jumps, and a contact with full weight is not affected by the other contact.
     """
     for t in range(len(times)):
         x, y, z, total = 0.0, 0.0, 0.0, 0.0

@@ -1,4 +1,5 @@
-"""Finds the times at which the pinned feet of a shape stand, and keeps them in place then (foot lock).
+"""Foot lock: finds the times at which the pinned feet of a shape stand, and keeps them in place at these
+times.
 
     find_analysis_window(layers, takes) -> AnalysisWindow        # the time that is analysed
     compute_foot_lock(pins, window, free) -> FootLock            # contacts, and the lowering of the root
@@ -23,20 +24,20 @@ from enliven.motion.contact.pin import HeldPin, pin_limb
 _ANALYSIS_RATE_HZ = 60.0
 """Samples per second at which feet are analysed."""
 _MAX_LOOPED_ANALYSIS_S = 120.0
-"""Longest time that is analysed if layers of different lengths are looped, in seconds. No foot is pinned
-after this time."""
+"""Maximum duration, in seconds, that is analysed if layers of different lengths are looped. No foot is pinned
+after it."""
 _MAX_STRETCH_FRACTION = 0.998
-"""A limb is stretched to at most this fraction of its length. If it would have to stretch more, the root is
+"""Maximum extension of a limb, as a fraction of its length. If the foot is farther away, the root is
 lowered."""
 
 
 @dataclass(frozen=True)
 class AnalysisWindow:
-    """The seconds of the project that contain all of a shape's motion.
+    """The time range of the project that contains all motion of a shape, in seconds.
 
     Attributes:
         start: start of the first layer.
-        end: end of the last one.
+        end: end of the last layer.
         looped: True if all layers restart together at the end.
     """
 
@@ -45,7 +46,7 @@ class AnalysisWindow:
     looped: bool
 
     def fold_times(self, times: Float) -> Float:
-        """Maps times (T,) to the equivalent times within the window, if all layers are looped."""
+        """Maps times (T,) to the equivalent times within the window if all layers are looped."""
         if not self.looped or self.end <= self.start:
             return times
         return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
@@ -54,7 +55,9 @@ class AnalysisWindow:
 def find_analysis_window(
     layers: Sequence[LayerBase], takes: Mapping[str, Clip | PoseStream]
 ) -> AnalysisWindow:
-    """Returns the window of layers that are played together. Without layers, the window is empty."""
+    """Returns the window that contains the motion of all given layers. Without layers, the window is
+    empty.
+    """
     if not layers:
         return AnalysisWindow(0.0, 0.0, False)
     lengths = [layer.lasting(takes[layer.take].duration) for layer in layers]
@@ -74,9 +77,9 @@ class FootLock:
         pins: every pinned foot with its contacts, in seconds of the project.
         grounds: (P, ...) for each pin, the times at which its foot is only kept above the floor. Empty if no
             layer requests this.
-        window: the seconds that were analysed.
-        times: (F,) seconds.
-        drops: (F,) metres, the lowering of the root at these times.
+        window: the time range that was analysed.
+        times: (F,) times of ``drops``, seconds.
+        drops: (F,) lowering of the root at these times, metres.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
@@ -88,10 +91,11 @@ class FootLock:
     def hold(
         self, times: Float, travelled: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
     ) -> None:
-        """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
+        """Pins the feet at times (T,) in the window. Changes turns (T, N, 4) and joints (T, N, 3) in place.
 
-        ``tree`` contains the joints' parents, and (T or 1, N, 3) metres from each parent to its joint,
-        unrotated. ``travelled`` (T, 3) metres is the distance that the shape travelled in earlier loops.
+        ``tree`` contains the parents of the joints, and the unrotated vectors (T or 1, N, 3), metres, from
+        each parent to its joint. ``travelled`` (T, 3) is the displacement of the shape in earlier loops,
+        metres.
         """
         drops = np.interp(times, self.times, self.drops)
         joints[:, :, 1] -= drops[:, None]
@@ -112,7 +116,7 @@ def compute_foot_lock(
     free: Callable[[Float], tuple[Float, Float]],
     modes: Callable[[Float], Int] | None = None,
 ) -> FootLock:
-    """Returns the contacts of the pinned feet, found by playing the whole window once.
+    """Finds the contacts of the pinned feet by playing the whole window once.
 
     Args:
         free: returns rotations and joints (T, N, 3) at times (T,), with no foot pinned.
@@ -126,11 +130,11 @@ def compute_foot_lock(
     contacts, drops, grounds = [], np.zeros(count), []
     foot_modes = None if modes is None else modes(times)
     for number, pin in enumerate(pins):
-        mode, most = None, np.full(count, pin.settings.drop)
+        mode, max_fractions = None, np.full(count, pin.settings.drop)
         if foot_modes is not None:
             mode = foot_modes[number]
-            # A foot that is always held must be reached, however deep the knees bend.
-            most[mode == ALWAYS] = 1.0
+            # A foot in the mode "always" must reach its position, even if the root has to be lowered far.
+            max_fractions[mode == ALWAYS] = 1.0
             grounds.append(_contacts_from_runs(mode == GROUND, times))
         foot_contacts = find_contacts(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         foot_contacts = replace(
@@ -140,7 +144,7 @@ def compute_foot_lock(
             foot_contacts.places[:, 1] = np.maximum(foot_contacts.places[:, 1], pin.ground + pin.stance)
         contacts.append((pin, foot_contacts))
         drops = np.maximum(
-            drops, _compute_drops(pin, joints, *_contact_weights(pin, foot_contacts, times), most)
+            drops, _compute_drops(pin, joints, *_contact_weights(pin, foot_contacts, times), max_fractions)
         )
     blend = max((pin.settings.blend for pin in pins), default=0.0)
     return FootLock(
@@ -153,10 +157,12 @@ def compute_foot_lock(
 
 
 def _contacts_from_runs(flags: Bool, times: Float) -> Contacts:
-    """Returns the seconds of runs of true values; unbounded if the first or the last frame is included."""
-    runs, last = find_runs(flags), len(flags) - 1
+    """Returns the contacts, in seconds, for runs of True values. A run with the first or last frame extends
+    to infinity.
+    """
+    runs, last_frame = find_runs(flags), len(flags) - 1
     starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
-    ends = np.array([np.inf if b == last else times[b] for _, b in runs])
+    ends = np.array([np.inf if b == last_frame else times[b] for _, b in runs])
     return Contacts(starts, ends, np.zeros((len(runs), 3)))
 
 
@@ -172,47 +178,49 @@ def _lift_sole(
         return
     goals = joints[:, pin.chain[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
     limb = (pin.chain, pin.middle, pin.side, pin.kept)
-    up = np.asarray(lift > 0.0, np.float64)
-    pin_limb(*tree, *limb, 0.0, 0.0, up, goals, np.zeros(len(lift)), turns, joints)
+    is_raised = np.asarray(lift > 0.0, np.float64)
+    pin_limb(*tree, *limb, 0.0, 0.0, is_raised, goals, np.zeros(len(lift)), turns, joints)
 
 
 def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
-    """Returns the weights (T,) of a foot's contacts at times (T,), and their positions (T, 3)."""
+    """Returns the lock weights (T,) of a foot at times (T,), and its target positions (T, 3)."""
     weights, goals = np.empty(len(times)), np.empty((len(times), 3))
     hold(times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals)
     return weights, goals
 
 
 def _compute_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, max_fraction: Float) -> Float:
-    """Returns (F,) metres, the lowering of the root that a limb needs to reach its contact.
+    """Returns (F,) the lowering of the root, metres, that is needed for a limb to reach its contact.
 
     The result is at most ``max_fraction`` (F,) lengths of the limb. A hip above the goal at height
-    sqrt(reach^2 - across^2) just reaches it. The reach is slightly less than the limb, so that a knee does
-    not snap straight. A limb that is not held needs no lowering.
+    sqrt(reach^2 - across^2) just reaches it. The reach is slightly less than the length of the limb, so that
+    a knee does not snap straight. A limb without contact needs no lowering.
     """
     start, middle, end = (joints[:, pin.chain[i]] for i in (0, pin.middle, -1))
-    now = np.linalg.norm(end - start, axis=1)
+    distance = np.linalg.norm(end - start, axis=1)
     limb = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(end - middle, axis=1)
     goal = goals.copy()
-    above = end[:, 1] - goals[:, 1]
-    goal[:, 1] += pin.settings.rise * np.maximum(above, 0.0) + pin.settings.sink * np.minimum(above, 0.0)
+    height_above_goal = end[:, 1] - goals[:, 1]
+    goal[:, 1] += pin.settings.rise * np.maximum(height_above_goal, 0.0) + pin.settings.sink * np.minimum(
+        height_above_goal, 0.0
+    )
     goal = end + weights[:, None] * (goal - end)
     reach = limb * _MAX_STRETCH_FRACTION
-    reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)
-    across = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
-    needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - across**2)
+    reach = reach + (1.0 - weights) * np.maximum(distance - reach, 0.0)
+    horizontal_distance = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
+    needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - horizontal_distance**2)
     return np.asarray(np.clip(needed, 0.0, max_fraction * pin.size))
 
 
 def _smooth_drops(drops: Float, width: int, looped: bool) -> Float:
     """Returns (F,) a smooth curve that is at least as large as ``drops`` everywhere.
 
-    It is the maximum over a window, then averaged with the same smooth window.
+    It is the moving maximum over a window, averaged with a smooth window of the same width.
     """
     if width < 1 or not drops.any():
         return drops
     mode = "wrap" if looped else "nearest"
     size = 2 * width + 1
     window = np.hanning(size + 2)[1:-1]
-    high = scipy.ndimage.maximum_filter1d(drops, size, mode=mode)
-    return np.asarray(scipy.ndimage.convolve1d(high, window / window.sum(), mode=mode))
+    maximum = scipy.ndimage.maximum_filter1d(drops, size, mode=mode)
+    return np.asarray(scipy.ndimage.convolve1d(maximum, window / window.sum(), mode=mode))

@@ -7,7 +7,7 @@
 A limb of more than two bones is treated as two rigid halves. The foot and its descendants keep their world
 rotations, so a flat sole stays flat. If a stretched limb would not reach, the root is lowered as far as
 allowed, smoothly over time (Kovar, Schreiner & Gleicher, "Footskate cleanup for motion capture editing",
-2002). A position that is still out of reach is approached as nearly as possible.
+2002). If the position is still out of reach, the foot comes as near to it as possible.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.document import ContactSettings, Pin, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.motion.kinematics import conj, load, mul, row, store, turn, two_bone
+from enliven.motion.kinematics.ik import two_bone
+from enliven.motion.kinematics.quaternions import conj, load, mul, store, turn
+from enliven.motion.kinematics.vectors import row
 
 _MIN_BULGE_FRACTION = 1e-3
-"""Fraction of a limb's length below which its bulge at rest does not define a bend direction."""
+"""Minimum bulge of a limb at rest, as a fraction of its length, that defines a bend direction."""
 _DEFAULT_BEND_DIRECTION = np.array([0.0, 0.0, 1.0])
 """(3,) bend direction of knees that are straight at rest, if the foot does not define a front."""
 _MIN_TOE_EXTENT_FRACTION = 0.05
@@ -33,19 +35,19 @@ _MIN_TOE_EXTENT_FRACTION = 0.05
 
 @dataclass(frozen=True, eq=False)
 class HeldPin:
-    """A pin with its joints resolved: chain[middle] bends, chain[-1] is held.
+    """A pin with resolved joint numbers: joint chain[middle] bends, and chain[-1] is locked.
 
     Attributes:
         chain: (K,) int32 joints from the limb's start to the foot.
         middle: index in the chain of the joint that bends.
-        side: (3,) the direction in which it bulges at rest.
-        size: metres, the limb's length.
-        kept: (N,) True for each bone that keeps its world rotation: the bones that begin at the foot.
+        side: (3,) the direction in which the limb bulges at rest.
+        size: length of the limb, metres.
+        kept: (N,) True for the bones that keep their world rotation: those that begin at the foot.
         settings: the contact thresholds.
         below: (B,) int32 the foot's joint and all its descendants.
-        sole: metres, height of the lowest of these joints above the sole of the mesh, at rest.
-        ground: metres, height of the floor under the shape at rest, at its place in the project.
-        stance: metres, height of the foot's joint above that floor, at rest.
+        sole: height of the lowest of these joints above the sole of the mesh at rest, metres.
+        ground: height of the floor under the shape at rest, at its position in the project, metres.
+        stance: height of the foot's joint above this floor at rest, metres.
     """
 
     chain: Int32
@@ -68,11 +70,12 @@ def pin_feet(
     start: int | str | None = None,
     settings: ContactSettings | None = None,
 ) -> Project:
-    """Returns a project in which these joints of a shape stay in place while they are in contact.
+    """Adds pins to joints of a shape, so that they stay in place while they touch the floor. Returns the
+    edited project.
 
     Args:
-        joints: the feet (ankles, or toes with a ``start``), numbers or names.
-        start: the joint at which the limb begins; None takes two bones.
+        joints: the feet, by number or name. They are ankles, or toes if a ``start`` is given.
+        start: the joint at which the limb begins; None uses a limb of two bones.
         settings: the contact thresholds; None for the defaults.
 
     Raises:
@@ -88,7 +91,7 @@ def pin_feet(
         if len(chain) < 3 or hip not in chain[:1] or min(chain) != hip:
             problem = f"no limb of two bones ends in {skeleton.names[foot]!r}"
             raise InputError(
-                problem, where=f"shape {shape_id!r}", mend="Name the joint where the limb begins."
+                problem, where=f"shape {shape_id!r}", remedy="Name the joint where the limb begins."
             )
         name = skeleton.names[foot]
         pins[name] = Pin(name, skeleton.names[hip], settings or ContactSettings())
@@ -96,7 +99,7 @@ def pin_feet(
 
 
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
-    """Returns a project without the pins of these joints of a shape (None: of all joints)."""
+    """Removes the pins of joints of a shape (None: of all joints). Returns the edited project."""
     shape = project.shape(shape_id)
     names = (
         None if joints is None else {shape.skeleton.names[_joint_index(shape.skeleton, j)] for j in joints}
@@ -129,15 +132,15 @@ def resolve_pins(shape: Shape) -> list[HeldPin]:
 
 
 def find_bend(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
-    """Returns the index in a chain of the joint nearest to its middle, and (3,) its bulge direction at
-    rest.
+    """Returns the index of the joint nearest to the middle of a chain, and (3,) the direction in which the
+    chain bulges there at rest.
     """
-    at = skeleton.positions[list(chain)]
-    arc_length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))])
+    positions = skeleton.positions[list(chain)]
+    arc_length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
     middle = 1 + int(np.abs(arc_length[1:-1] - arc_length[-1] / 2).argmin())
-    line = at[-1] - at[0]
-    fraction = line @ (at[middle] - at[0]) / max(float(line @ line), 1e-300)
-    side = at[middle] - at[0] - fraction * line
+    line = positions[-1] - positions[0]
+    fraction = line @ (positions[middle] - positions[0]) / max(float(line @ line), 1e-300)
+    side = positions[middle] - positions[0] - fraction * line
     straight = float(np.linalg.norm(side)) < _MIN_BULGE_FRACTION * arc_length[-1]
     return middle, _toe_direction(skeleton, chain[-1], line) if straight else np.asarray(side)
 
@@ -146,11 +149,13 @@ def _toe_direction(skeleton: Skeleton, foot: int, limb: Float) -> Float:
     """Returns (3,) the direction of a foot's toes, perpendicular to its limb (3,); forward for a limb
     without a foot.
     """
-    ahead = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
+    toe_vectors = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
     length = max(float(np.linalg.norm(limb)), 1e-300)
-    across = [direction - (direction @ limb) / length**2 * limb for direction in ahead]
+    perpendiculars = [direction - (direction @ limb) / length**2 * limb for direction in toe_vectors]
     longest = max(
-        across, key=lambda direction: float(np.linalg.norm(direction)), default=_DEFAULT_BEND_DIRECTION
+        perpendiculars,
+        key=lambda direction: float(np.linalg.norm(direction)),
+        default=_DEFAULT_BEND_DIRECTION,
     )
     return longest if np.linalg.norm(longest) > _MIN_TOE_EXTENT_FRACTION * length else _DEFAULT_BEND_DIRECTION
 
@@ -165,8 +170,8 @@ def _joint_index(skeleton: Skeleton, joint: int | str) -> int:
 
 def _grandparent_joint(skeleton: Skeleton, joint: int) -> int:
     """Returns the joint two bones above, or -1."""
-    above = int(skeleton.parents[joint])
-    return int(skeleton.parents[above]) if above >= 0 else -1
+    parent = int(skeleton.parents[joint])
+    return int(skeleton.parents[parent]) if parent >= 0 else -1
 
 
 @njit(cache=True, nogil=True)
@@ -174,13 +179,13 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
     """Moves the end of a limb to its goal, with the weight ``weights`` (T,), and updates its descendants.
 
     Args:
-        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone rotates.
+        vectors: (T or 1, N, 3) vector from each parent to its joint before the bone rotates, metres.
         chain: (K,) joints of the limb.
         kept: (N,) True for each bone that keeps its world rotation.
-        rise: fraction of its own rise above the goal that the foot keeps.
-        sink: fraction of its own sinking below the goal that the foot keeps.
-        goals: (T, 3) metres, the target positions.
-        drops: (T,) metres, the lowering of the root. A foot without contact returns to its position before
+        rise: fraction of its rise above the goal that the foot keeps.
+        sink: fraction of its sinking below the goal that the foot keeps.
+        goals: (T, 3) target positions, metres.
+        drops: (T,) lowering of the root, metres. A foot without contact is moved back to its position before
             the lowering.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
@@ -212,7 +217,7 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
 
 @njit(cache=True, nogil=True)
 def local_turns(parents, turns, local):
-    """Computes ``local`` (N, 4), each bone's rotation relative to its parent's."""
+    """Computes ``local`` (N, 4), the rotation of each bone relative to its parent bone."""
     for j in range(len(parents)):
         q = load(turns, j)
         store(local, j, q if parents[j] < 0 else mul(conj(load(turns, parents[j])), q))

@@ -1,4 +1,6 @@
-"""Compiled quaternions for the loops of this package: tuples (w, x, y, z) in and out, nothing allocated."""
+"""Compiled quaternion operations for the loops of this package. They take and return tuples (w, x, y, z), and
+allocate no memory.
+"""
 
 from __future__ import annotations
 

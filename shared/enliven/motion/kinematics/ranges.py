@@ -1,4 +1,4 @@
-"""Joint limits: how far a bone may swing and twist, with soft limits.
+"""Soft joint limits: limits the swing and twist of a bone.
 
     joint = fit_joint_range(bone, turns)    # computed from plausible rotations of the bone
     limit_turns(joint, turns)               # (T, 4) the rotations, limited to the range
@@ -6,13 +6,13 @@
 A rotation is split into a swing, which changes the direction of the bone, and a twist about the bone. A swing
 is a vector perpendicular to the bone: its length is the angle, and its direction the axis. The range of the
 swing is the convex hull of the known swings and the rest pose. The range of the twist is an interval. Both
-are widened by free angles, which a rotation shares: a bone that is twisted far beyond the known range may
-swing less far beyond it. Rotations within the range do not change.
+are extended by free angles. Swing and twist share the extension: a bone that is twisted far beyond the known
+range may swing less far beyond it. Rotations within the range do not change.
 
 A rotation beyond the range moves to the nearest known swing and twist, and then outwards by less than its
-former distance: at most by the free angle and a soft margin. Close to a rotation of 180 degrees, the
-direction of a swing is undefined. There the result approaches one fixed swing. So the limited rotation is a
-continuous function of the input.
+former distance: at most by the free angle and a soft margin. At a swing of 180 degrees, its direction is
+undefined. Close to it, the result approaches a fixed swing. So the limited rotation is a continuous function
+of the input.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from enliven.arrays import Float
 from enliven.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector, unit
 
 FREE_SWING = np.radians(30.0)
-"""Swing that is allowed beyond the known swings, radians. Clips do not show every pose that a body can
-take."""
+"""Additional swing beyond the known swings, radians. It is needed because clips do not show every possible
+pose of a body."""
 FREE_TWIST = np.radians(30.0)
-"""Twist that is allowed beyond the known twists, radians."""
+"""Additional twist beyond the known twists, radians."""
 MAX_UNKNOWN_SWING = np.radians(75.0)
 """Maximum swing from the rest pose, radians, if no rotations are known."""
 MAX_UNKNOWN_TWIST = np.radians(45.0)
@@ -50,12 +50,12 @@ class JointRange:
     """The range of a bone relative to its parent bone.
 
     Attributes:
-        bone: (3,) unit vector, its direction at rest.
+        bone: (3,) direction of the bone at rest, unit vector.
         axes: (2, 3) unit vectors perpendicular to the bone and to each other.
-        hull: (K, 2) radians along the axes, corners of the convex hull of the known swings, in order.
-        twists: radians, the smallest and the largest known twist.
-        free_swing, free_twist: radians, the extension of the known range.
-        soft: radians, maximum excess beyond that extension.
+        hull: (K, 2) corners of the convex hull of the known swings in order, radians along the axes.
+        twists: the smallest and the largest known twist, radians.
+        free_swing, free_twist: extension of the known range, radians.
+        soft: maximum excess beyond this extension, radians.
     """
 
     bone: Float
@@ -78,35 +78,34 @@ class JointRange:
 
 
 def fit_joint_range(bone: Float, turns: Float | None = None, share: float = 1.0) -> JointRange:
-    """Returns the range of a bone.
+    """Computes the range of a bone from known rotations.
 
     Args:
-        bone: (3,) its direction at rest, of any non-zero length.
+        bone: (3,) direction of the bone at rest, of any non-zero length.
         turns: (F, 4) rotations relative to the parent bone that are known to be plausible; None if none are
             known.
-        share: fraction above 0 that multiplies the free angles and the soft margin. The bones of a spine
-            divide these angles among themselves.
+        share: factor, above 0, on the free angles and the soft margin. The bones of a spine share these
+            angles.
     """
     bone = unit(bone)
-    first = unit(np.cross(bone, np.eye(3)[int(np.abs(bone).argmin())]))
-    axes = np.stack([first, np.cross(bone, first)])
-    free = (MAX_UNKNOWN_SWING, MAX_UNKNOWN_TWIST) if turns is None else (FREE_SWING, FREE_TWIST)
-    widened = float(share * free[0]), float(share * free[1]), float(share * SOFT_MARGIN)
+    first_axis = unit(np.cross(bone, np.eye(3)[int(np.abs(bone).argmin())]))
+    axes = np.stack([first_axis, np.cross(bone, first_axis)])
+    free_angles = (MAX_UNKNOWN_SWING, MAX_UNKNOWN_TWIST) if turns is None else (FREE_SWING, FREE_TWIST)
+    widened = float(share * free_angles[0]), float(share * free_angles[1]), float(share * SOFT_MARGIN)
     if turns is None:
         return JointRange(bone, axes, np.zeros((1, 2)), (0.0, 0.0), *widened)
     swings, twists = _decompose_swing_twist(bone, axes, turns)
     hull = _convex_hull(np.concatenate([np.zeros((1, 2)), swings]))
-    ends = float(min(twists.min(), 0.0)), float(max(twists.max(), 0.0))
-    return JointRange(bone, axes, hull, ends, *widened)
+    twist_interval = float(min(twists.min(), 0.0)), float(max(twists.max(), 0.0))
+    return JointRange(bone, axes, hull, twist_interval, *widened)
 
 
 def limit_turns(joint: JointRange, turns: Float) -> Float:
-    """Returns (T, 4) rotations of a bone, softly limited to its range; those within it are returned
-    unchanged.
+    """Limits rotations (T, 4) of a bone softly to its range. Rotations within the range do not change.
 
     Args:
-        turns: (T, 4) relative to the parent bone. Their swings close to 180 degrees determine the fixed swing
-            there.
+        turns: (T, 4) rotations relative to the parent bone. Those with a swing close to 180 degrees determine
+            the fixed swing there.
     """
     swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
     return limit_turns_towards(joint, turns, _fixed_swing(joint, swings), swings, twists)
@@ -115,17 +114,17 @@ def limit_turns(joint: JointRange, turns: Float) -> Float:
 def limit_turns_towards(
     joint: JointRange, turns: Float, far: Float, swings: Float | None = None, twists: Float | None = None
 ) -> Float:
-    """Returns (T, 4) rotations of a bone, softly limited to its range; those within it are returned
-    unchanged.
+    """Limits rotations (T, 4) of a bone softly to its range, with a given fixed swing. Rotations within the
+    range do not change.
 
     Args:
         turns: (T, 4) relative to the parent bone.
-        far: (2,) radians along the joint's axes, the fixed swing at 180 degrees.
-        swings, twists: of the rotations, if they are known already.
+        far: (2,) the fixed swing at 180 degrees, radians along the joint's axes.
+        swings, twists: the swings and twists of the rotations, if they were already computed.
     """
     if swings is None or twists is None:
         swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
-    nearest, off = _nearest_known_swings(joint, swings)
+    nearest, differences = _nearest_known_swings(joint, swings)
     nearest_twists = np.clip(twists, *joint.twists)
     limited_swings, limited_twists, kept_share, none = (
         swings,
@@ -133,12 +132,12 @@ def limit_turns_towards(
         np.ones(len(turns)),
         np.zeros(len(turns)),
     )
-    swing_off = np.linalg.norm(off, axis=1) if joint.swing_reach < _UNLIMITED_ANGLE else none
+    swing_off = np.linalg.norm(differences, axis=1) if joint.swing_reach < _UNLIMITED_ANGLE else none
     if joint.swing_reach < _UNLIMITED_ANGLE:
-        around = (
+        twist_differences = (
             _distance_to_interval(twists, *joint.twists) if joint.twist_reach < _UNLIMITED_ANGLE else none
         )
-        limited_swings = nearest + _kept_fraction(joint, swing_off, around)[:, None] * off
+        limited_swings = nearest + _kept_fraction(joint, swing_off, twist_differences)[:, None] * differences
         kept_share = 1.0 - _smooth_rise(
             np.linalg.norm(swings, axis=1), max(float(_FOLD_ANGLE), joint.swing_reach)
         )
@@ -164,86 +163,94 @@ def limit_turns_towards(
 
 
 def _fixed_swing(joint: JointRange, swings: Float) -> Float:
-    """Returns (2,) radians, the fixed swing of a bone for rotations close to 180 degrees.
+    """Returns (2,) the fixed swing of a bone for rotations close to 180 degrees, radians.
 
     It is the limit in the mean direction of those swings (T, 2) that are close to 180 degrees.
     """
-    far = swings[np.linalg.norm(swings, axis=1) > _FOLD_ANGLE]
-    if not len(far):
+    far_swings = swings[np.linalg.norm(swings, axis=1) > _FOLD_ANGLE]
+    if not len(far_swings):
         return np.zeros(2)
-    nearest, off = _nearest_known_swings(joint, _FOLD_ANGLE * unit(far.mean(0))[None])
-    factor = _kept_fraction(joint, np.linalg.norm(off, axis=1), np.zeros(1))
-    return np.asarray(nearest[0] + factor[0] * off[0])
+    nearest, difference = _nearest_known_swings(joint, _FOLD_ANGLE * unit(far_swings.mean(0))[None])
+    factor = _kept_fraction(joint, np.linalg.norm(difference, axis=1), np.zeros(1))
+    return np.asarray(nearest[0] + factor[0] * difference[0])
 
 
 def _nearest_known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
-    """Returns (T, 2) radians, the nearest known swings, and (T, 2) the differences from them."""
+    """Returns (T, 2) the nearest known swings, and (T, 2) the differences from them, radians."""
     nearest = _project_onto_hull(joint.hull, swings)
     return nearest, np.asarray(swings - nearest)
 
 
 def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
-    """Returns (T,) the fraction of a rotation's distance from the known ones that is kept.
+    """Returns (T,) the fraction of the distance to the known rotations that is kept.
 
     Args:
-        swing_off, twist_off: (T,) radians from the known swings and twists. The free angle in their common
-            direction is that of an ellipse: a bone that is twisted far swings less far.
+        swing_off, twist_off: (T,) distances to the known swings and twists, radians. The free angle in their
+            combined direction is the radius of an ellipse, so that a bone that is twisted far swings less
+            far.
     """
-    off = np.hypot(swing_off, twist_off)
+    distance = np.hypot(swing_off, twist_off)
     free_angle = np.hypot(swing_off / joint.free_swing, twist_off / joint.free_twist)
-    free = off / np.maximum(free_angle, 1e-300)
-    return np.where(free_angle > 1.0, _soft_limit(off, free, joint.soft) / np.maximum(off, 1e-300), 1.0)
+    relative_distance = distance / np.maximum(free_angle, 1e-300)
+    return np.where(
+        free_angle > 1.0,
+        _soft_limit(distance, relative_distance, joint.soft) / np.maximum(distance, 1e-300),
+        1.0,
+    )
 
 
 def _distance_to_interval(twists: Float, least: float, most: float) -> Float:
-    """Returns (T,) radians from twists to the nearer end of an interval, in either direction; 0 within it.
+    """Returns (T,) the distances, radians, from twists to the nearer end of an interval, in either direction;
+    0 within it.
 
-    180 degrees to one side equals 180 degrees to the other, so functions of the result do not jump there.
+    A twist of 180 degrees to one side equals one to the other side, so the result is continuous there.
     """
-    above = np.minimum(twists - most, 2.0 * np.pi + least - twists)
-    below = np.minimum(least - twists, 2.0 * np.pi + twists - most)
-    return np.asarray(np.maximum(np.maximum(above, below), 0.0))
+    above_interval = np.minimum(twists - most, 2.0 * np.pi + least - twists)
+    below_interval = np.minimum(least - twists, 2.0 * np.pi + twists - most)
+    return np.asarray(np.maximum(np.maximum(above_interval, below_interval), 0.0))
 
 
 def _soft_limit(far: Float, free: Float, soft: float) -> Float:
-    """Returns (T,) distances, unchanged up to ``free``, then compressed to less than ``soft`` beyond it."""
-    beyond = np.maximum(far - free, 0.0)
-    return np.asarray(np.minimum(far, free) - soft * np.expm1(-beyond / soft))
+    """Limits distances (T,) softly: they are unchanged up to ``free``, and the excess is compressed to less
+    than ``soft``.
+    """
+    excess = np.maximum(far - free, 0.0)
+    return np.asarray(np.minimum(far, free) - soft * np.expm1(-excess / soft))
 
 
 def _smooth_rise(angles: Float, start: float) -> Float:
-    """Returns (T,) 0 up to ``start`` radians, 1 at 180 degrees, and a smooth transition between."""
-    part = np.clip((angles - start) / (np.pi - start), 0.0, 1.0)
-    return np.asarray(part**2 * (3.0 - 2.0 * part))
+    """Returns (T,) a smooth step: 0 up to ``start`` radians, and 1 at 180 degrees."""
+    fraction = np.clip((angles - start) / (np.pi - start), 0.0, 1.0)
+    return np.asarray(fraction**2 * (3.0 - 2.0 * fraction))
 
 
 def _decompose_swing_twist(bone: Float, axes: Float, turns: Float) -> tuple[Float, Float]:
-    """Returns (T, 2) the swings of rotations (T, 4) along the axes and (T,) their twists, in radians.
+    """Decomposes rotations (T, 4). Returns (T, 2) swings along the axes, and (T,) twists, in radians.
 
-    A rotation is the twist first, and then the swing.
+    A rotation applies the twist first, and then the swing.
     """
-    half = np.arctan2(turns[:, 1:] @ bone, turns[:, 0])
-    swings = multiply(turns, conjugate(from_rotation_vector(2.0 * half[:, None] * bone)))
-    twists = np.mod(2.0 * half + np.pi, 2.0 * np.pi) - np.pi
+    half_twist = np.arctan2(turns[:, 1:] @ bone, turns[:, 0])
+    swings = multiply(turns, conjugate(from_rotation_vector(2.0 * half_twist[:, None] * bone)))
+    twists = np.mod(2.0 * half_twist + np.pi, 2.0 * np.pi) - np.pi
     return np.asarray(to_rotation_vector(swings) @ axes.T), np.asarray(twists)
 
 
 def _convex_hull(points: Float) -> Float:
     """Returns (K, 2) the corners of the convex hull of points (P, 2), counter-clockwise (monotone chain)."""
-    ordered = np.unique(points, axis=0)
+    sorted_points = np.unique(points, axis=0)
     corners = list[Float]()
-    for side in (ordered, ordered[::-1]):
+    for side_points in (sorted_points, sorted_points[::-1]):
         chain = list[Float]()
-        for point in side:
+        for point in side_points:
             while len(chain) > 1 and _is_right_turn(chain[-2], chain[-1], point):
                 chain.pop()
             chain.append(point)
         corners += chain[:-1]
-    return np.array(corners) if corners else ordered
+    return np.array(corners) if corners else sorted_points
 
 
 def _is_right_turn(a: Float, b: Float, c: Float) -> bool:
-    """Returns True if the path (2,) from a over b to c does not turn left."""
+    """Returns True if the path through the points a, b, c (2,) does not turn left at b."""
     to_b, to_c = b - a, c - a
     return bool(to_b[0] * to_c[1] - to_b[1] * to_c[0] <= 0.0)
 
@@ -255,9 +262,9 @@ def _project_onto_hull(hull: Float, points: Float) -> Float:
     squared = np.maximum(np.sum(edges**2, axis=1), 1e-300)
     fraction = np.clip(np.sum(offsets * edges, axis=2) / squared, 0.0, 1.0)
     on_edge = hull + fraction[..., None] * edges
-    best = np.argmin(np.sum((points[:, None] - on_edge) ** 2, axis=2), axis=1)
-    nearest = on_edge[np.arange(len(points)), best]
+    nearest_edge = np.argmin(np.sum((points[:, None] - on_edge) ** 2, axis=2), axis=1)
+    nearest = on_edge[np.arange(len(points)), nearest_edge]
     if len(hull) < 3:
         return np.asarray(nearest)
-    left = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
-    return np.where((left >= 0.0).all(axis=1, keepdims=True), points, nearest)
+    side_of_edge = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
+    return np.where((side_of_edge >= 0.0).all(axis=1, keepdims=True), points, nearest)

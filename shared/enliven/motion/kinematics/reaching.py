@@ -1,8 +1,9 @@
-"""Compiled inverse kinematics (IK) of a chain of any number of bones: FABRIK (Aristidou & Lasenby 2011), made
-exact.
+"""Compiled inverse kinematics (IK) of a chain of any number of bones: FABRIK (Aristidou & Lasenby 2011), with
+an exact final step.
 
-FABRIK's iterations spread the bend over the chain. Then its two halves, each rigid, act as two bones that
-meet the goal in closed form. For a goal out of reach, the chain ends as near to it as possible.
+FABRIK's iterations spread the bend over the chain. Then its two halves are treated as two rigid bones, and
+their end is moved exactly to the goal in closed form. If the goal is out of reach, the chain ends as near to
+it as possible.
 """
 
 from __future__ import annotations
@@ -15,20 +16,23 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 from enliven.motion.kinematics.vectors import length, minus, row, swing_to
 
 _FABRIK_ITERATIONS = 8
-"""Number of FABRIK iterations. They spread the bend over the chain; the closed form then makes it exact."""
+"""Number of FABRIK iterations. They only spread the bend over the chain. The closed form then reaches the
+goal exactly."""
 _MAX_REPETITIONS = 4
-"""Maximum repetitions if one half alone cannot be folded enough."""
+"""Maximum number of repetitions if the closed form cannot reach the goal because one half cannot be folded
+enough."""
 
 
 @njit(cache=True, nogil=True)
 def reach(points, goal, side, turns):
-    """Moves the end of a chain of points (K, 3) to ``goal``; bones keep their length, the first point stays.
+    """Moves the end of a chain of points (K, 3) to ``goal``. Bones keep their lengths, and the first point
+    stays in place.
 
     Args:
-        points: (K, 3) metres; they are moved.
+        points: (K, 3) metres; moved in place.
         goal: triple, metres.
-        side: triple, the direction in which a straight chain bulges.
-        turns: (K - 1, 4) output: the shortest rotation of each bone since before.
+        side: triple, the direction in which a straight chain bends.
+        turns: (K - 1, 4) output: the shortest rotation of each bone from its old to its new direction.
     """
     count = len(points)
     before = points.copy()
@@ -56,7 +60,7 @@ def reach(points, goal, side, turns):
 
 @njit(cache=True, nogil=True)
 def straighten(points, goal, sizes):
-    """Stretches a chain (K, 3) of ``sizes`` (K - 1,) straight towards the goal."""
+    """Straightens a chain (K, 3) with bone lengths ``sizes`` (K - 1,) towards the goal."""
     way = minus(goal, row(points, 0))
     far = length(way)
     if far < 1e-12:
@@ -68,7 +72,9 @@ def straighten(points, goal, sizes):
 
 @njit(cache=True, nogil=True)
 def spread(points, goal, sizes):
-    """Runs FABRIK iterations, backwards from the goal and forwards from the first point (K, 3)."""
+    """Runs FABRIK iterations on points (K, 3): backwards from the goal, then forwards from the first
+    point.
+    """
     count = len(points)
     first = row(points, 0)
     for _ in range(_FABRIK_ITERATIONS):
@@ -84,7 +90,7 @@ def spread(points, goal, sizes):
 def unbend(points, goal, far, sizes):
     """Reduces every bend of a chain (K, 3) by the same fraction until its end is ``far`` from its start.
 
-    Then points the chain at the goal. This is used if the halves are too bent to reach the goal.
+    It then rotates the chain towards the goal. This is used if the halves are too bent to reach the goal.
     """
     count = len(points)
     bends, unbent = np.empty((count - 1, 4)), points.copy()
@@ -99,7 +105,8 @@ def unbend(points, goal, far, sizes):
         link = (link[0] * scale, link[1] * scale, link[2] * scale)
         for i in range(count - 1):
             if i > 0:
-                # Apply a fraction of the bend. The less bent bones before this one carry it along.
+                # Apply a fraction of the bend. The bones before this one were already rotated, and they move
+                # this one along.
                 q = between((1.0, 0.0, 0.0, 0.0), load(bends, i), part)
                 old = minus(row(points, i), row(points, i - 1))
                 q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))
@@ -130,7 +137,7 @@ def pulled(points, fixed, moved, size):
 
 @njit(cache=True, nogil=True)
 def settle(points, goal, side):
-    """Moves the end of (K, 3) to the goal, with the two rigid halves as two bones."""
+    """Moves the end of the points (K, 3) to the goal by rotating the two rigid halves like two bones."""
     count = len(points)
     middle = count // 2
     upper, lower = two_bone(row(points, 0), row(points, middle), row(points, count - 1), goal, side)

@@ -1,4 +1,6 @@
-"""Compiled vectors for the loops of this package: triples (x, y, z) in and out, nothing allocated."""
+"""Compiled vector operations for the loops of this package. They take and return triples (x, y, z), and
+allocate no memory.
+"""
 
 from __future__ import annotations
 

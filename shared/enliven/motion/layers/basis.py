@@ -1,4 +1,5 @@
-"""The view-dependent basis of a polyline (AniMesh, sections 5.1 and 5.2): up stays up from source to target.
+"""The view-dependent basis of a polyline (AniMesh, sections 5.1 and 5.2). It maps up in the source view to up
+in the target view.
 
     layer.basis = basis_from_views(source_first, target_first, view, up, flip=False)
 
@@ -6,10 +7,12 @@ z points along the first bone at rest; y is perpendicular to z and to the viewin
 the camera's up; x = y x z. The paper leaves two cases open:
 
 - A bone along the viewing direction: every y perpendicular to the bone is perpendicular to both. The y
-  nearest to up is used. If the bone is along up as well, the y nearest to the world's x is used, else z.
+  nearest to up is used. If the bone is also along up, the y nearest to the world's x axis is used, or else
+  that nearest to the z axis.
 - A bone that is vertical on the screen: y is horizontal on the screen, and the slightest tilt would flip it
-  and mirror the motion. If up does not determine the side at all, x points away from the viewer. If one bone
-  of a pair is nearly vertical, the target's y uses the side that rotates the source's basis least.
+and mirror the motion. If up does not determine the side of y at all, x points away from the viewer. If one of
+the two bones is nearly vertical, the target's y is chosen on the side with the smallest rotation from the
+source's basis.
 """
 
 from __future__ import annotations
@@ -29,11 +32,12 @@ VIEW = np.array([0.0, 0.0, -1.0])
 UP = np.array([0.0, 1.0, 0.0])
 """(3,) the up direction of that camera."""
 MAX_VERTICAL_SINE = math.sin(math.radians(15.0))
-"""Sine of the tilt on the screen within which a bone counts as vertical."""
+"""Sine of the maximum tilt on the screen (15 degrees) of a bone that counts as vertical."""
 HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 """(4,) a rotation by 180 degrees about z, which flips y."""
 _END_ON_SINE = 1e-4
-"""Sine between a bone and the viewing direction below which the bone is end-on and does not define a side."""
+"""Minimum sine of the angle between a bone and the viewing direction. Below it, the bone is seen end-on and
+does not define the side of y."""
 
 
 def basis_from_views(
@@ -51,12 +55,13 @@ def basis_from_views(
 
     Args:
         source: (3,) the first bone of the source polyline at rest.
-        target: (3,) that of the target.
-        view: (3,) the viewing direction onto the target, and onto the source unless that has its own.
-        up: (3,) the camera's up.
+        target: (3,) the first bone of the target polyline at rest.
+        view: (3,) the viewing direction of the camera onto the target. It also applies to the source, unless
+            ``source_view`` is given.
+        up: (3,) the up direction of this camera.
         flip: flips the y axis (rotates by 180 degrees about z first).
-        source_view: (3,) the capture device's viewing direction.
-        source_up: (3,) its up.
+        source_view: (3,) the viewing direction of the capture device.
+        source_up: (3,) the up direction of the capture device.
     """
     view, up = _unit_vector(view, "view"), _unit_vector(up, "up")
     own_view = view if source_view is None else _unit_vector(source_view, "source view")
@@ -66,14 +71,14 @@ def basis_from_views(
     )
     target_basis, is_target_sure = _view_basis(_unit_vector(target, "first bone of the target"), view, up)
     basis = multiply(target_basis, conjugate(source_basis))
-    turned = multiply(multiply(target_basis, HALF_TURN), conjugate(source_basis))
-    if not (is_source_sure and is_target_sure) and abs(turned[0]) > abs(basis[0]) + 1e-9:
-        basis, turned = turned, basis
-    return canonical(turned if flip else basis)
+    flipped = multiply(multiply(target_basis, HALF_TURN), conjugate(source_basis))
+    if not (is_source_sure and is_target_sure) and abs(flipped[0]) > abs(basis[0]) + 1e-9:
+        basis, flipped = flipped, basis
+    return canonical(flipped if flip else basis)
 
 
 def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """Returns (3,) the first bone of a chain at rest that has a length; up if no bone has one.
+    """Returns (3,) the first bone of a chain at rest that has a non-zero length; +Y if there is none.
 
     For a chain of one joint, it is the bone that ends there.
     """
@@ -87,7 +92,7 @@ def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
 
 
 def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
-    """Returns the basis for unit vectors, and True if ``up`` determined the side of y."""
+    """Returns the basis for unit vectors, and True if ``up`` determines the side of y."""
     y = np.cross(z, view)
     is_sure = True
     if np.linalg.norm(y) < _END_ON_SINE:
@@ -117,5 +122,7 @@ def _unit_vector(vector: AnyArray, name: str) -> Float:
     vector = np.asarray(vector, np.float64)
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
     if not (math.isfinite(length) and length > 0.0):
-        raise InputError(f"{vector} is not a direction", where=name, mend="Give three numbers, not all zero.")
+        raise InputError(
+            f"{vector} is not a direction", where=name, remedy="Give three numbers, not all zero."
+        )
     return np.asarray(vector / length)

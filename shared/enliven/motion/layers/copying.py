@@ -22,7 +22,7 @@ from enliven.motion.layers.retarget import check_downward_chain, clear_chain
 from enliven.rotation import canonical, multiply
 
 _EMPTY_PART_FRACTION = 1e-9
-"""Fraction of a bone below which a part counts as empty."""
+"""A part that is shorter than this fraction of a bone counts as empty."""
 
 
 def copy_motion(
@@ -39,18 +39,19 @@ def copy_motion(
     delay: float = 0.0,
     replaced: bool = False,
 ) -> Project:
-    """Returns a project in which one chain moves like another chain, in addition to its present motion.
+    """Copies the motion of one chain to another chain, in addition to its present motion. Returns the edited
+    project.
 
-    The total rotation along the chain is the same at every time. Each span of the source falls on the same
-    arc length of the target. Modeling rotations stay unchanged.
+    The total rotation along the chain is the same at every time. Each span of the source is mapped to the
+    same arc length interval of the target. Modeling rotations stay unchanged.
 
     Args:
         view: (3,) the viewing direction in which the two chains are alike (5.1).
         up: (3,) the camera's up.
-        basis: (4,) to_from, instead of the basis from the view.
-        flip: flips the y axis; not with a ``basis``.
+        basis: (4,) rotation from the source to the target axes. It replaces the basis from the view.
+        flip: flips the y axis. It cannot be combined with ``basis``.
         delay: seconds of delay of the copy.
-        replaced: removes the present motion of the target chain instead of adding to it.
+        replaced: True removes the present motion of the target chain.
 
     Raises:
         InputError: if a shape or a chain does not exist, or the chain runs up the tree.
@@ -59,15 +60,15 @@ def copy_motion(
     pieces = _chain_pieces(source, from_chain)
     check_downward_chain(target, to_chain)
     if basis is None:
-        first = first_bone(source.skeleton, tuple(from_chain))
-        other = first_bone(target.skeleton, tuple(to_chain))
-        basis = basis_from_views(first, other, view, up, flip=flip)
+        source_bone = first_bone(source.skeleton, tuple(from_chain))
+        target_bone = first_bone(target.skeleton, tuple(to_chain))
+        basis = basis_from_views(source_bone, target_bone, view, up, flip=flip)
     new_layers: dict[str, Layer] = {}
     for name in dict.fromkeys(ref.layer for _, _, refs in pieces for ref in refs):
         used_names = {**project.layer_names, **{layer.id: None for layer in new_layers.values()}}
         layer = source.layer(name)
-        turned = canonical(multiply(basis, layer.basis))
-        new_layers[name] = replace(layer, id=unused(name, used_names), basis=turned).later(delay)
+        target_basis = canonical(multiply(basis, layer.basis))
+        new_layers[name] = replace(layer, id=unused(name, used_names), basis=target_basis).later(delay)
     if replaced:
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)
@@ -80,7 +81,7 @@ _Piece = tuple[float, float, tuple[Ref, ...]]
 
 
 def _chain_pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
-    """Returns the spans of a chain's bones in order, each with its interval on the chain."""
+    """Returns the spans of a chain's bones in order, each with its interval of the chain's arc length."""
     pieces: list[_Piece] = []
     for bone, (start, end) in _bone_intervals(shape, chain):
         for a, b, span in _span_intervals(shape.spans[bone]):
@@ -97,28 +98,28 @@ def _bone_intervals(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple
 
 def _span_intervals(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
     """Returns every span with its interval of the bone."""
-    ends = np.cumsum([0.0, *(span.share for span in spans)])
-    ends = ends / ends[-1]
-    return [(a, b, span) for (a, b), span in zip(pairwise(ends.tolist()), spans, strict=True)]
+    bounds = np.cumsum([0.0, *(span.share for span in spans)])
+    bounds = bounds / bounds[-1]
+    return [(a, b, span) for (a, b), span in zip(pairwise(bounds.tolist()), spans, strict=True)]
 
 
 def _apply_along_chain(
     shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]
 ) -> Shape:
-    """Returns the shape with ``pieces`` of ``layers`` applied along a chain, as the innermost layers.
+    """Applies ``pieces`` of ``layers`` along a chain of a shape, as the innermost layers.
 
     The shape's spans are split at the ends of the pieces.
     """
     spans = list(shape.spans)
     for bone, (start, end) in _bone_intervals(shape, chain):
         width = end - start
-        inside = [((a - start) / width, (b - start) / width, refs) for a, b, refs in pieces if refs]
-        spans[bone] = _overlay_spans(spans[bone], inside)
+        bone_pieces = [((a - start) / width, (b - start) / width, refs) for a, b, refs in pieces if refs]
+        spans[bone] = _overlay_spans(spans[bone], bone_pieces)
     return shape.with_changes(spans=tuple(spans), layers=(*shape.layers, *layers))
 
 
 def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
-    """Returns the spans of a bone combined with the parts of the pieces on [0, 1]; pieces may extend
+    """Combines the spans of a bone with those parts of the pieces that lie within [0, 1]. Pieces may extend
     beyond.
     """
     own_spans = _span_intervals(spans)
@@ -126,8 +127,8 @@ def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span,
     cuts = _distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
     overlaid: list[Span] = []
     for i, low in enumerate(cuts):
-        # Copy the pieces without length at this end. A piece without length lies at the joint itself, and a
-        # piece at the end of a bone belongs to the next bone.
+        # Copy the pieces of zero length at this end. Such a piece lies at the joint itself. At the end of a
+        # bone, it belongs to the next bone.
         overlaid += [
             replace(span, share=0.0)
             for a, b, span in own_spans
@@ -152,8 +153,9 @@ def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span,
 
 
 def _cut_reference(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:
-    """Cuts a reference on [start, end] to the interval [low, high]. Returns it unchanged if both are
-    equal."""
+    """Cuts a reference on the interval [start, end] to [low, high]. Returns it unchanged if both intervals
+    are equal.
+    """
     width = (ref.end - ref.start) / (end - start)
     first = ref.start if _are_equal(start, low) else ref.start + (low - start) * width
     last = ref.end if _are_equal(end, high) else ref.start + (high - start) * width
@@ -161,11 +163,13 @@ def _cut_reference(ref: Ref, start: float, end: float, low: float, high: float) 
 
 
 def _distinct_places(places: list[float]) -> list[float]:
-    """Returns the places in order, without duplicates within rounding; 0 and 1 are exact."""
+    """Returns the positions in ascending order, without duplicates within the rounding tolerance. 0 and 1 are
+    exact.
+    """
     distinct = [0.0]
-    for place in sorted(places):
-        if place - distinct[-1] > _EMPTY_PART_FRACTION and place < 1.0 - _EMPTY_PART_FRACTION:
-            distinct.append(place)
+    for position in sorted(places):
+        if position - distinct[-1] > _EMPTY_PART_FRACTION and position < 1.0 - _EMPTY_PART_FRACTION:
+            distinct.append(position)
     return [*distinct, 1.0]
 
 

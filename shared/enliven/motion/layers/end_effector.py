@@ -3,14 +3,14 @@
     bind_chain(..., mode="end")                              # or change the mode of a layer
     end_effector_chains(shape, layer, line) -> list[EndEffectorChain]    # input of the player
 
-First the bones rotate as in the mode "turns". Then the end of their chain is moved, by the smallest
-rotations, to
+First the bones rotate as in the mode "turns". Then the smallest additional rotations move the end of their
+chain to
 
     start + D (curve(b) - curve(a)) length / source length
 
 D is the rotation of the chain's parent. curve(s) is the take's posed polyline relative to its parent, in the
-layer's basis. [a, b] is the interval of the layer on this chain, so a chain that was cut follows its own
-part. A weight below 1 moves the end by that fraction from its rotated position.
+layer's basis. [a, b] is the interval of the layer on this chain, so a chain that was cut follows the
+corresponding part of the take's chain. A weight below 1 moves the end only by this fraction of the way.
 """
 
 from __future__ import annotations
@@ -22,13 +22,16 @@ import numpy as np
 from enliven.arrays import Float, Int32
 from enliven.document import Layer, Shape
 from enliven.kernels import njit
-from enliven.motion.contact import find_bend, local_turns, rebuild
-from enliven.motion.kinematics import between, conj, load, mul, reach, row, store, turn
+from enliven.motion.contact.pin import find_bend, local_turns, rebuild
+from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
+from enliven.motion.kinematics.reaching import reach
+from enliven.motion.kinematics.vectors import row
 from enliven.motion.layers.polyline import Polyline, locate_on_knots
 from enliven.rotation import rotate
 
 _ZERO_LENGTH = 1e-9
-"""Rounding tolerance: shorter lengths, in metres, count as zero, and closer fractions of an arc as equal."""
+"""Rounding tolerance. Lengths below it, in metres, count as zero, and arc fractions that differ by less count
+as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +40,12 @@ class EndEffectorChain:
 
     Attributes:
         joints: (K,) int32 from the fixed joint to the end effector.
-        side: (3,) the direction of its bulge at rest.
-        links: (S, 3) metres, the take's polyline at rest, bone by bone, in the target's axes.
+        side: (3,) the direction in which the chain bulges at rest.
+        links: (S, 3) bones of the take's polyline at rest, in the target's axes, metres.
         knots: (2,) int32 knots at which the chain begins and ends on that polyline.
         parts: (2,) the fractions of the bones after these knots.
         scale: target length divided by source length.
-        weight: of the layer.
+        weight: weight of the layer.
     """
 
     joints: Int32
@@ -55,7 +58,7 @@ class EndEffectorChain:
 
 
 def end_effector_chains(shape: Shape, layer: Layer, line: Polyline) -> list[EndEffectorChain]:
-    """Returns the chains of a shape that a layer in the mode "end" drives. Returns none if the take's chain
+    """Returns the chains of a shape that a layer in the mode "end" drives. There are none if the take's chain
     has only one joint.
     """
     if layer.mode != "end" or len(layer.chain) < 2:
@@ -89,8 +92,8 @@ def _make_chain(
 
 
 def _layer_chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
-    """Returns the chains of joints with bones that refer to a layer, each with the first start and the
-    last end.
+    """Returns the chains of joints that refer to a layer, each with the start and end of its interval of the
+    layer.
     """
     intervals: dict[int, tuple[float, float]] = {}
     for bone, spans in enumerate(shape.spans):
@@ -106,15 +109,15 @@ def _layer_chains(shape: Shape, layer: str) -> list[tuple[list[int], float, floa
         end = intervals[bone][1]
         while True:
             # A chain continues in the child that has an interval starting where this interval ends.
-            after = [
+            continuations = [
                 c
                 for c in shape.skeleton.children[chain[-1]]
                 if c in intervals and c not in used and abs(intervals[c][0] - end) < _ZERO_LENGTH
             ]
-            if not after:
+            if not continuations:
                 break
-            chain.append(after[0])
-            end = intervals[after[0]][1]
+            chain.append(continuations[0])
+            end = intervals[continuations[0]][1]
         used.update(chain[1:])
         chains.append((chain, intervals[bone][0], end))
     return chains
@@ -136,7 +139,7 @@ def move_chain_end(
     """
     weights = chain.weight * layer_weights
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
-    # Copy to a contiguous array, so that numba compiles the kernel only once.
+    # Copy to a contiguous array, so that Numba compiles the kernel only once.
     contiguous_knots = np.ascontiguousarray(knots)
     lead_end(parents, vectors, *fixed, contiguous_knots, turns, joints)
 
@@ -146,13 +149,13 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
     """Moves the end of a chain to the position of the take's end, and updates its descendants.
 
     Args:
-        vectors: (T or 1, N, 3) metres from each parent to its joint before the bone rotates.
+        vectors: (T or 1, N, 3) vector from each parent to its joint before the bone rotates, metres.
         chain: (K,) joints.
         links: (S, 3) the take's bones at rest in the target's axes.
         ends: (2,) the knots at which the chain begins and ends on the take's polyline.
         parts: (2,) the fractions of the bones after these knots.
         knots: (T, S + 1, 4) the take's rotations at its joints.
-        weights: (T,) fraction of the way to the target that the end moves. 0 changes nothing.
+        weights: (T,) moves the end by this fraction of the way to the target. 0 changes nothing.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

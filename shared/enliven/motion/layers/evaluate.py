@@ -30,8 +30,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Pose, Project, Shape, stretched
 from enliven.errors import InputError
-from enliven.motion.contact import Contacts, FootLock, compute_foot_lock, find_analysis_window, resolve_pins
-from enliven.motion.kinematics import compose, upright
+from enliven.motion.contact.contacts import Contacts
+from enliven.motion.contact.foot_lock import FootLock, compute_foot_lock, find_analysis_window
+from enliven.motion.contact.pin import resolve_pins
+from enliven.motion.kinematics.composing import compose, upright
 from enliven.motion.layers.end_effector import end_effector_chains, move_chain_end
 from enliven.motion.layers.footing import foot_modes
 from enliven.motion.layers.sampling import Sampler
@@ -42,11 +44,11 @@ from enliven.rotation import to_matrix
 
 @dataclass(frozen=True, eq=False)
 class ShapePose:
-    """A shape at one time.
+    """The pose of a shape at one time.
 
     Attributes:
         turns: (N, 4) unit quaternions D_j, w >= 0: the rotation of bone j since rest, in world axes.
-        joints: (N, 3) float64 metres.
+        joints: (N, 3) float64 joint positions, metres.
         stretch: (N, 3, 3) U_j, the stretch of each bone before its rotation; None without stretches.
     """
 
@@ -56,13 +58,13 @@ class ShapePose:
 
     @property
     def linear(self) -> Float:
-        """(N, 3, 3) the map of the vertices of each bone: D_j U_j."""
+        """(N, 3, 3) the linear map of the vertices of each bone: D_j U_j."""
         maps = to_matrix(self.turns)
         return maps if self.stretch is None else np.asarray(maps @ self.stretch)
 
 
 def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
-    """Returns the shape at a time of the project. For many times, a :class:`Player` is faster.
+    """Returns the pose of a shape at a time of the project. For many times, a :class:`Player` is faster.
 
     Raises:
         InputError: if the shape does not exist.
@@ -71,16 +73,18 @@ def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
 
 
 def pose_from(shape: Shape, at: ShapePose, seconds: float) -> Pose:
-    """Returns the transforms of ``character_of``: bone j about the rest position of its parent."""
-    above = np.maximum(shape.skeleton.parents, 0)
-    positions: Float32 = at.joints[above].astype(np.float32)
+    """Converts a pose to the transforms of ``character_of``. Transform j is bone j, about the rest position
+    of its parent.
+    """
+    parent_joints = np.maximum(shape.skeleton.parents, 0)
+    positions: Float32 = at.joints[parent_joints].astype(np.float32)
     return Pose(shape.id, round(seconds * 1e9), at.linear.astype(np.float32), positions)
 
 
 class Player:
     """A player that evaluates a shape of a project at any time.
 
-    It keeps a snapshot of the project. After an edit, create another.
+    It keeps the given version of the project. After an edit, create a new player.
     """
 
     def __init__(self, project: Project, shape_id: str) -> None:
@@ -101,7 +105,7 @@ class Player:
         self._window = find_analysis_window([*parts.layers, *travelling], project.takes)
 
     def at(self, seconds: float) -> ShapePose:
-        """Returns the shape at a time of the project."""
+        """Returns the pose of the shape at a time of the project."""
         times = np.array([seconds], np.float64)
         turns, joints = self.sample(times)
         stretch = self._bone_stretch(times)
@@ -117,32 +121,36 @@ class Player:
         turns, joints = self._unpinned_pose(times)
         standing = self.foot_lock()
         if standing is not None:
-            first = standing.window.fold_times(times)
-            travelled = joints[:, 0] - self._travel.at(first)
+            window_times = standing.window.fold_times(times)
+            travelled = joints[:, 0] - self._travel.at(window_times)
             tree = (self.shape.skeleton.parents, self._link_offsets(times))
-            standing.hold(first, travelled, tree, turns, joints)
+            standing.hold(window_times, travelled, tree, turns, joints)
         return turns, joints
 
     def linear(self, times: AnyArray, turns: Float) -> Float:
-        """Returns (T, N, 3, 3) D_j U_j at times (T,), for the rotations D_j (T, N, 4) of :meth:`sample`."""
+        """Returns the linear maps D_j U_j (T, N, 3, 3) at times (T,), for the rotations D_j (T, N, 4) of
+        :meth:`sample`.
+        """
         maps, stretch = to_matrix(turns), self._bone_stretch(_checked_times(times))
         return maps if stretch is None else np.asarray(maps @ stretch)
 
     def _bone_stretch(self, times: Float) -> Float | None:
-        """Returns (T, N, 3, 3) U_j at times (T,); None if no bone is stretched."""
+        """Returns the stretches U_j (T, N, 3, 3) at times (T,); None if no bone is stretched."""
         if self._stretching is None:
             return None
         return self._stretching.stretch(times, self._stretching.at(times)[1])
 
     def _link_offsets(self, times: Float) -> Float:
-        """Returns (T or 1, N, 3) metres from each joint's parent to the joint before its bone rotates."""
+        """Returns (T or 1, N, 3) the vectors from each joint's parent to the joint before its bone rotates,
+        metres.
+        """
         links = self.shape.skeleton.vectors[None]
         if self._stretching is not None:
             offsets, strains = self._stretching.at(times)
             links = links + offsets
             stretch = self._stretching.stretch(times, strains)
             links = links if stretch is None else stretched(stretch, links)
-            # Make the array read-only like a skeleton's arrays, so that numba compiles the kernels only once.
+            # Make the array read-only like a skeleton's arrays, so that Numba compiles the kernels only once.
             links.setflags(write=False)
         return links
 
@@ -164,8 +172,8 @@ class Player:
         return turns, joints
 
     def animation_rotations(self, times: AnyArray) -> Float:
-        """Returns (T, N, 4) the animation rotations a_j at times (T,): those of the layers, without the
-        modeling.
+        """Returns (T, N, 4) the animation rotations a_j at times (T,): the rotations by the layers, without
+        modeling rotations.
         """
         return self._sampler.animation_rotations(self._sampler.knots(_checked_times(times)))
 
@@ -174,7 +182,7 @@ class Player:
         return self._travel.at(_checked_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:
-        """Plays a live frame instead of a take at all times. The take's layers stay unchanged.
+        """Replaces a take by a live frame at all times. The layers of the take stay unchanged.
 
         While a live frame is played, no foot is pinned, because pinning needs the duration of each contact.
 
@@ -190,7 +198,7 @@ class Player:
         turns, root = np.array(turns, np.float64)[None], np.array(root, np.float64)[None]
         if clip is None or turns.shape != (1, len(clip.skeleton), 4) or root.shape != (1, 3):
             raise InputError(f"turns {turns.shape[1:]} cannot be played", where=f"take {take!r}")
-        # The arrays of a clip are read-only. Make these arrays read-only too, so that numba compiles the
+        # The arrays of a clip are read-only. Make these arrays read-only too, so that Numba compiles the
         # kernels only once.
         for array in (turns, root):
             array.setflags(write=False)
@@ -199,8 +207,8 @@ class Player:
         self._live = True
 
     def foot_lock(self) -> FootLock | None:
-        """Returns the foot lock of the shape, computed once by playing all of its motion. None without pins,
-        or while a live frame is played.
+        """Returns the foot lock of the shape. It is computed once by playing the whole motion. None without
+        pins, or while a live frame is played.
         """
         if not self._pins or self._live:
             return None
@@ -210,9 +218,9 @@ class Player:
         return self._standing
 
     def contacts(self) -> dict[str, Contacts]:
-        """Returns the contacts of the pinned joints, by name; seconds of the project."""
+        """Returns the contacts of the pinned joints by name, in seconds of the project."""
         standing, names = self.foot_lock(), self.shape.skeleton.names
-        return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
+        return {names[pin.chain[-1]]: contacts for pin, contacts in (standing.pins if standing else ())}
 
 
 def _checked_times(times: AnyArray) -> Float:

@@ -1,12 +1,12 @@
-"""Foot modes: the rules for holding the pinned feet of a shape. Each layer may set the mode of its legs.
+"""Foot modes: determines how the pinned feet of a shape are locked. Each layer may set the mode of its legs.
 
     modes = foot_modes(project, shape, pins)        # None if all use detected contacts
     modes(times) -> (P, T)                          # indices into enliven.document.FEET
 
-"auto": a foot is held while it is low and slow. "always": whenever it is low; the root is lowered as far as
-necessary, so that the foot does not slide. "never": no foot is held. "ground": no foot is held, and none is
-below the floor. If several layers play on one leg, the last one with a mode other than "auto" decides. The
-layer that moves the root applies to all legs, with lower priority.
+"auto": a foot is locked while it is low and slow. "always": a foot is locked whenever it is low, and the root
+is lowered as far as necessary, so that the foot does not slide. "never": no foot is locked. "ground": no foot
+is locked, but all are kept above the floor. If several layers affect the same leg, the last one with a mode
+other than "auto" determines the mode. The layer that moves the root affects all legs, with lower priority.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.document import FEET, Layer, Project, Shape
-from enliven.motion.contact import HeldPin
+from enliven.motion.contact.pin import HeldPin
 from enliven.motion.layers.timing import Clocks
 
 _MIN_ACTIVE_WEIGHT = 0.5
-"""Minimum weight of a fading layer for its foot mode to apply."""
+"""The foot mode of a fading layer applies while its weight is at least this value."""
 
 
 def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Callable[[Float], Int] | None:

@@ -4,8 +4,9 @@
     line.knots                                # (K,) arc length s of the joints, 0..1
     knot_turns(...)                           # (T, K, 4) P at the knots, at frame numbers (fractions too)
 
-Between two frames, the take has the slerp of their world rotations. Everything else is derived from these. So
-a polyline that is retargeted to itself reproduces the take, between frames as well as at them.
+Between two frames, the world rotations of the take are interpolated by slerp. All other rotations are derived
+from these. So a polyline that is retargeted to itself reproduces the take exactly, at frames and between
+them.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from enliven.arrays import AnyArray, Float, Int32
 from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.motion.kinematics import between, conj, load, mul, store
+from enliven.motion.kinematics.quaternions import between, conj, load, mul, store
 
 MIN_LENGTH_FRACTION = 1e-6
-"""Minimum fraction of a polyline that a bone occupies. It gives the rotation of a bone of zero length its own
-interval."""
+"""Minimum fraction of a polyline that a bone occupies. So even a bone of zero length has an interval for its
+rotation."""
 _ZERO_LENGTH_FRACTION = 1e-9
-"""Fraction of a polyline below which a bone has zero length."""
+"""A bone that is shorter than this fraction of the polyline counts as having zero length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,11 @@ class Polyline:
 
     Attributes:
         clip: the take.
-        chain: joints, neighbours in its tree.
+        chain: consecutive joints of the take's skeleton.
         knots: (K,) float64 arc length at the joints, from 0 to 1. A chain of one joint has knots 0 and 1.
         bones: (K - 1,) int32 the bone of the take that provides the rotation at knots 1, 2, ...
-        base: the bone that the other rotations are relative to: the one that ends at the first joint, or the
-            root (0) for a chain that goes up the tree; -1 for none.
+        base: the bone to which the other rotations are relative. It is the bone that ends at the first joint,
+            or the root (0) for a chain that goes up the tree; -1 for none.
     """
 
     clip: Clip
@@ -70,12 +71,12 @@ def bones_along(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[in
         InputError: if a joint does not exist, occurs twice, or is not a neighbour of the previous one.
     """
     if not chain:
-        raise InputError("the chain has no joint", where=where, mend="Name one at least.")
+        raise InputError("the chain has no joint", where=where, remedy="Name one at least.")
     for joint in chain:
         if not 0 <= joint < len(skeleton):
             raise InputError(f"joint {joint} does not exist; the skeleton has {len(skeleton)}", where=where)
     if len(set(chain)) != len(chain):
-        raise InputError("the chain contains a joint twice", where=where, mend="List each joint once.")
+        raise InputError("the chain contains a joint twice", where=where, remedy="List each joint once.")
     bones = []
     for a, b in itertools.pairwise(chain):
         if skeleton.parents[b] == a:
@@ -84,7 +85,7 @@ def bones_along(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[in
             bones.append(a)
         else:
             problem = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are not neighbours"
-            raise InputError(problem, where=where, mend="Skeleton.path gives the joints between two ends.")
+            raise InputError(problem, where=where, remedy="Skeleton.path gives the joints between two ends.")
     return bones
 
 
@@ -112,8 +113,8 @@ def locate_on_knots(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
     s = np.clip(np.asarray(s, np.float64), 0.0, 1.0)
     knot = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
     width = knots[knot + 1] - knots[knot]
-    part = np.where(width > 0.0, (s - knots[knot]) / np.where(width > 0.0, width, 1.0), 0.0)
-    return knot.astype(np.int32), np.clip(part, 0.0, 1.0)
+    fraction = np.where(width > 0.0, (s - knots[knot]) / np.where(width > 0.0, width, 1.0), 0.0)
+    return knot.astype(np.int32), np.clip(fraction, 0.0, 1.0)
 
 
 @njit(cache=True, nogil=True)
@@ -124,11 +125,13 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
     Each polyline has the identity and then one rotation for each of its bones.
 
     Args:
-        turns: (F, N, 4) the take's.
-        bones: (B,) of all polylines, of polyline i from ``first[i]`` to ``first[i + 1]``.
-        bases: (L,) the bone that each is relative to, or -1.
+        turns: (F, N, 4) world rotations of the take.
+        bones: (B,) bones of all polylines; those of polyline i are from ``first[i]`` to ``first[i + 1]``.
+        bases: (L,) the bone to which each polyline is relative, or -1.
         at: (T, L) frame numbers.
-        weights: (T, L); basis: (L, 4); mirrored: (L,).
+        weights: (T, L) weights of the layers.
+        basis: (L, 4) bases of the layers.
+        mirrored: (L,) True for mirrored layers.
     """
     for t in range(len(at)):
         knot = begin
@@ -195,7 +198,9 @@ def blend_knots(others, share, weight, first, begin, out):
 
 @njit(cache=True, nogil=True)
 def turn_at(turns, frame, part, entry):
-    """Returns the rotation of ``entry`` of (F, N, 4) ``turns`` between ``frame`` and the next."""
+    """Returns the rotation of bone ``entry`` of ``turns`` (F, N, 4), at fraction ``part`` from ``frame`` to
+    the next.
+    """
     if part == 0.0:
         return load(turns[frame], entry)
     return between(load(turns[frame], entry), load(turns[frame + 1], entry), part)

@@ -1,5 +1,5 @@
-"""Retargeting edits: give a shape the motion of a take, chain by chain (AniMesh, section 5.2): Project ->
-Project.
+"""Retargeting edits (Project -> Project): apply the motion of a take to a shape, chain by chain (AniMesh,
+section 5.2).
 
     bind_chain(project, shape_id, target, take_id, source, *, view=VIEW, up=UP, source_view=None,
                source_up=None, basis=None, flip=False, offset=0, speed=1, loop=False, weight=1,
@@ -46,17 +46,17 @@ def bind_chain(
     layer_id: str | None = None,
     **played: Any,
 ) -> Project:
-    """Returns a project in which a chain of a shape moves like a chain of a take, on top of its present
-    motion.
+    """Binds a chain of a shape to a chain of a take, on top of the present motion. Returns the edited
+    project.
 
     Args:
-        target: joints of the shape, each the child of the one before.
-        source: joints of the take's skeleton, neighbours.
+        target: joints of the shape, each the child of the previous one.
+        source: consecutive joints of the take's skeleton.
         view: (3,) the viewing direction onto the target (and the source, unless ``source_view`` is given).
         up: (3,) the camera's up.
-        basis: (4,) target_from_source, instead of the basis from the view; the identity rotates in world
+        basis: (4,) rotation target_from_source. It replaces the basis from the view. The identity uses world
             axes.
-        flip: flips the y axis; not with a ``basis``.
+        flip: flips the y axis. It cannot be combined with ``basis``.
         layer_id: the new layer's name. None chooses an unused name.
         played: further fields of the :class:`Layer`: offset, speed, loop, weight, muted, mirrored, stretch.
             By default, bones use the stretches of a clip if its skeleton equals the shape's.
@@ -66,18 +66,18 @@ def bind_chain(
     """
     shape = project.shape(shape_id)
     if take_id not in project.takes:
-        mend = f"Known: {', '.join(project.takes)}." if project.takes else "Record or import one first."
-        raise InputError(f"the take {take_id!r} does not exist", where="project", mend=mend)
+        advice = f"Known: {', '.join(project.takes)}." if project.takes else "Record or import one first."
+        raise InputError(f"the take {take_id!r} does not exist", where="project", remedy=advice)
     take = project.takes[take_id].skeleton
     source = tuple(int(joint) for joint in source)
     bones_along(take, source, where=f"take {take_id!r}")
     bones = check_downward_chain(shape, target)
     if basis is None:
-        first = first_bone(take, source)
+        source_bone = first_bone(take, source)
         if played.get("mirrored"):
-            first = first * [-1.0, 1.0, 1.0]
+            source_bone = source_bone * [-1.0, 1.0, 1.0]
         basis = basis_from_views(
-            first,
+            source_bone,
             first_bone(shape.skeleton, tuple(target)),
             view,
             up,
@@ -87,7 +87,9 @@ def bind_chain(
         )
     name = unused(take_id, project.layer_names) if layer_id is None else layer_id
     if any(layer.id == name for layer in shape.layers):
-        raise InputError(f"there is a layer {name!r} already", where=shape.where, mend="Choose another name.")
+        raise InputError(
+            f"there is a layer {name!r} already", where=shape.where, remedy="Choose another name."
+        )
     played.setdefault("stretch", _is_own_clip(shape.skeleton, project.takes[take_id]))
     layer = Layer(name, take_id, source, basis, **played)
     arc = arc_lengths(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
@@ -100,16 +102,18 @@ def bind_chain(
 def _is_own_clip(skeleton: Skeleton, take: Clip) -> bool:
     """Returns True if a take is a clip of this skeleton that moves or stretches its bones."""
     take_skeleton = take.skeleton
-    alike = skeleton.names == take_skeleton.names and np.array_equal(skeleton.parents, take_skeleton.parents)
-    return alike and take.deforms
+    is_same_skeleton = skeleton.names == take_skeleton.names and np.array_equal(
+        skeleton.parents, take_skeleton.parents
+    )
+    return is_same_skeleton and take.deforms
 
 
 def clear_chain(
     project: Project, shape_id: str, chain: Sequence[int], layer_id: str | None = None
 ) -> Project:
-    """Returns a project without this layer (None: without any layer) on the bones of a chain of a shape.
+    """Removes a layer (None: all layers) from the bones of a chain of a shape. Returns the edited project.
 
-    Layers without any remaining reference are removed too; the take stays.
+    Layers without any remaining reference are deleted. Takes stay in the project.
     """
     shape = project.shape(shape_id)
     spans = list(shape.spans)
@@ -122,11 +126,13 @@ def clear_chain(
 
 
 def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: float | None = None) -> Project:
-    """Returns a project in which the root of a shape follows the root of a layer's take, or stays (None).
+    """Makes the root of a shape follow the root of a layer's take. If the layer is None, the root stays in
+    place.
+    Returns the edited project.
 
     Args:
-        scale: metres per metre of the take; None keeps the present ratio of the sizes, so that cutting the
-            shape later does not change its path.
+        scale: metres of the shape per metre of the take. None stores the current ratio of the sizes, so that
+            cutting the shape later does not change its path.
     """
     shape = project.shape(shape_id)
     if layer_id is None:
@@ -141,27 +147,27 @@ def extend_to_leaf(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     """Returns the joints from ``joint``, included, along the longest branch down to a leaf (Figure 5,
     right).
     """
-    reach = [0.0] * len(skeleton)
+    depths = [0.0] * len(skeleton)
     for child in range(len(skeleton) - 1, 0, -1):
         parent = int(skeleton.parents[child])
-        reach[parent] = max(reach[parent], reach[child] + float(skeleton.lengths[child]))
+        depths[parent] = max(depths[parent], depths[child] + float(skeleton.lengths[child]))
     chain = [int(joint)]
     while skeleton.children[chain[-1]]:
-        chain.append(max(skeleton.children[chain[-1]], key=lambda j: reach[j] + float(skeleton.lengths[j])))
+        chain.append(max(skeleton.children[chain[-1]], key=lambda j: depths[j] + float(skeleton.lengths[j])))
     return tuple(chain)
 
 
 def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
-    """Returns the chain from ``start`` to ``end``, continued along the longest branch below it if
-    ``extend``.
+    """Returns the chain from ``start`` to ``end``. If ``extend`` is True, it continues along the longest
+    branch below ``end``.
     """
     path = skeleton.path(start, end)
     return (*path, *extend_to_leaf(skeleton, end)[1:]) if extend and is_downward(skeleton, path) else path
 
 
 def check_downward_chain(shape: Shape, chain: Sequence[int]) -> list[int]:
-    """Returns the bones of a chain that runs down the tree of a shape. For a chain of one joint, returns that
-    entry.
+    """Checks that a chain runs down the tree of a shape, and returns its bones. For a chain of one joint,
+    returns this entry.
 
     Raises:
         InputError: if the chain goes up the tree, or is not a chain.
@@ -171,18 +177,22 @@ def check_downward_chain(shape: Shape, chain: Sequence[int]) -> list[int]:
     if len(chain) == 1:
         return [int(chain[0])]
     if not is_downward(skeleton, chain):
-        first, last = skeleton.names[chain[0]], skeleton.names[chain[-1]]
+        first_name, last_name = skeleton.names[chain[0]], skeleton.names[chain[-1]]
         if is_downward(skeleton, chain[::-1]):
-            mend = f"Give it from {last!r} to {first!r}: motion runs from the root outwards."
+            advice = f"Give it from {last_name!r} to {first_name!r}: motion runs from the root outwards."
         else:
             top = skeleton.names[min(chain)]
-            mend = f"Give it as two chains, from {top!r} to each end."
-        raise InputError(f"the chain from {first!r} to {last!r} goes up the tree", where=where, mend=mend)
+            advice = f"Give it as two chains, from {top!r} to each end."
+        raise InputError(
+            f"the chain from {first_name!r} to {last_name!r} goes up the tree", where=where, remedy=advice
+        )
     return bones
 
 
 def _with_layer(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
-    """Returns the spans of a bone with [start, end] of an additional layer, each with its part."""
+    """Adds the interval [start, end] of a layer to the spans of a bone. Each span gets its part of the
+    interval.
+    """
     layered, fraction = [], 0.0
     for i, span in enumerate(spans):
         a = start + fraction * (end - start)

@@ -1,12 +1,12 @@
-"""Samples all the layers of a shape at once, for the player of ``evaluate``.
+"""Samples all layers of a shape at once, for :class:`enliven.motion.layers.evaluate.Player`.
 
     sampler = Sampler(project, shape)
     sampler.knots(times) -> (T, K, 4)        # rotations at the joints of every layer's chain, target's basis
     sampler.animation_rotations(knots) -> (T, N, 4)     # a_j of every bone
     sampler.feed(take, turns)                # a live frame instead of a take
 
-Values that do not change with time are computed once: the knots around a place on a bone, and the fraction
-between them.
+Values that do not change with time are computed once, such as the knots around a position on a bone and the
+fraction between them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.document import Layer, Project, Shape, smoothed
-from enliven.motion.kinematics import own_turns
+from enliven.motion.kinematics.composing import own_turns
 from enliven.motion.layers.polyline import Polyline, blend_knots, knot_turns, locate_on_knots
 from enliven.motion.layers.timing import Clocks
 
@@ -26,61 +26,61 @@ class Sampler:
     """The active layers of a shape, arranged for compiled loops.
 
     Attributes:
-        layers: those that rotate a bone, neither muted nor of weight 0, grouped by take.
-        lines: the polyline of each.
-        parts: the slice of each among all the knots (K,).
+        layers: the layers that rotate a bone, without muted layers and zero weights, grouped by take.
+        lines: the polyline of each layer.
+        parts: the slice of each layer in the K knots of all layers.
     """
 
     def __init__(self, project: Project, shape: Shape) -> None:
         self.layers: list[Layer] = sorted(active_layers(shape), key=_sampling_group)
         takes = [smoothed(project.takes[layer.take], layer.smooth) for layer in self.layers]
         self.lines = [Polyline.of(take, layer.chain) for take, layer in zip(takes, self.layers, strict=True)]
-        ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
-        self.parts = [slice(a, b) for a, b in pairwise(ends)]
+        knot_bounds = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
+        self.parts = [slice(a, b) for a, b in pairwise(knot_bounds)]
         self._takes = [
-            _TakeLayers(some, self.layers, self.lines, ends[some[0]])
+            _TakeLayers(some, self.layers, self.lines, knot_bounds[some[0]])
             for _, group in groupby(range(len(self.layers)), key=lambda i: _sampling_group(self.layers[i]))
             for some in [list(group)]
         ]
-        self._count = ends[-1]
+        self._count = knot_bounds[-1]
         self._lay_out(shape)
 
     def knots(self, times: Float) -> Float:
-        """Returns (T, K, 4) the rotations at all the knots of all the layers at times (T,), in the
-        target's basis.
-        """
-        out = np.empty((len(times), self._count, 4))
+        """Returns the rotations (T, K, 4) at all knots of all layers at times (T,), in the target's basis."""
+        rotations = np.empty((len(times), self._count, 4))
         for take in self._takes:
-            take.sample(times, out)
-        return out
+            take.sample(times, rotations)
+        return rotations
 
     def weights(self, times: Float) -> Float:
         """Returns (T, L) the fade weight of each layer at times (T,): below 1 while a layer fades in or
         out.
         """
-        out = np.empty((len(times), len(self.layers)))
+        fade_weights = np.empty((len(times), len(self.layers)))
         for take in self._takes:
-            out[:, take.numbers] = take.weights(times)
-        return out
+            fade_weights[:, take.numbers] = take.weights(times)
+        return fade_weights
 
     def animation_rotations(self, knots: Float) -> Float:
         """Returns (T, N, 4) the animation rotations a_j of the bones."""
-        out = np.empty((len(knots), len(self._first) - 1, 4))
-        own_turns(knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, out)
-        return out
+        rotations = np.empty((len(knots), len(self._first) - 1, 4))
+        own_turns(
+            knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, rotations
+        )
+        return rotations
 
     def feed(self, take: str, turns: Float) -> None:
-        """Plays ``turns`` (1, N, 4) instead of a take from now on, at all times."""
-        for each in self._takes:
-            if each.id == take:
-                each.fed = turns
+        """Replaces a take by the live frame ``turns`` (1, N, 4) at all times."""
+        for take_layers in self._takes:
+            if take_layers.id == take:
+                take_layers.fed = turns
 
     def _lay_out(self, shape: Shape) -> None:
         """Arranges every bone's spans as a row of terms: samples of q, or their inverses, to be multiplied.
 
         A span with layers 1 and 2 is C(0)^-1 C(1) = q2(a2)^-1 q1(a1)^-1 q1(b1) q2(b2). A sample that is used
-        twice, at the end of a bone and the start of the next, is computed once. A fixed rotation before a
-        span is numbered from -1 down.
+        twice, at the end of a bone and at the start of the next one, is computed only once. Fixed rotations
+        before spans get the numbers -1, -2, ...
         """
         number = {layer.id: i for i, layer in enumerate(self.layers)}
         samples: dict[tuple[int, float], int] = {}
@@ -104,21 +104,23 @@ class Sampler:
         self._knot, self._part = self._knots_and_fractions(list(samples))
 
     def _knots_and_fractions(self, samples: list[tuple[int, float]]) -> tuple[Int32, Float]:
-        """Returns the knot (M,) among all layers' and the fraction (M,) of the way to the next, for each
-        sample.
+        """Returns the knot (M,) of each sample in the knots of all layers, and the fraction (M,) of the way
+        to the next knot.
         """
-        knot, part = np.empty(len(samples), np.int32), np.empty(len(samples))
-        which = np.array([layer for layer, _ in samples], np.int32)
-        s = np.array([place for _, place in samples], np.float64)
-        for layer in set(which.tolist()):
-            is_layer = which == layer
-            at, part[is_layer] = locate_on_knots(self.lines[layer].knots, s[is_layer])
-            knot[is_layer] = self.parts[layer].start + at
-        return knot, part
+        knot, fraction = np.empty(len(samples), np.int32), np.empty(len(samples))
+        layer_numbers = np.array([layer for layer, _ in samples], np.int32)
+        s = np.array([position for _, position in samples], np.float64)
+        for layer in set(layer_numbers.tolist()):
+            is_layer = layer_numbers == layer
+            local_knot, fraction[is_layer] = locate_on_knots(self.lines[layer].knots, s[is_layer])
+            knot[is_layer] = self.parts[layer].start + local_knot
+        return knot, fraction
 
 
 class _TakeLayers:
-    """The layers of one take, their indices ``numbers`` among all, and the start of their knots among all."""
+    """The layers of one take, with their indices ``numbers`` in all layers, and the index ``begin`` of their
+    first knot in all knots.
+    """
 
     def __init__(
         self, numbers: list[int], all_layers: list[Layer], all_lines: list[Polyline], begin: int
@@ -136,7 +138,9 @@ class _TakeLayers:
         self._mirrored = np.array([layer.mirrored for layer in layers])
 
     def sample(self, times: Float, out: Float) -> None:
-        """Writes the rotations at the knots of these layers into ``out`` (T, K, 4) of all."""
+        """Writes the rotations at the knots of these layers into ``out`` (T, K, 4), which contains all
+        layers.
+        """
         if self.fed is not None:
             still = np.zeros((len(times), len(self._bases)))
             self._write_knot_turns(self.fed, still, still + self._weights, out)

@@ -1,12 +1,12 @@
-"""The lengths and stretches that layers give the bones of a shape, in addition to their rotations.
+"""Bone lengths and stretches from the layers of a shape, in addition to the rotations.
 
     stretching = StretchLayers.of(sampler, shape)           # None if no layer's take stretches anything
     offsets, strains = stretching.at(times)                 # (T, N, 3) metres, (T, N, 6)
 
-A bone of the take passes its strain to all bones of the shape on its interval. It passes its offset in
-proportion to their arc length there, scaled to the size of the receiving bone. So a bone that is divided by a
-node keeps its stretch on both sides. The offsets of its two halves add up to that of the whole. Several
-layers on a bone add up, because strains are logarithms.
+The strain of a take bone applies to all bones of the shape on its interval. Its offset is distributed to
+these bones in proportion to their arc length on the interval, scaled to their size. So if a node divides a
+bone, both halves keep its stretch, and their offsets sum to that of the whole bone. The strains of several
+layers on a bone are summed, because strains are logarithms.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from enliven.motion.layers.timing import Clocks
 from enliven.rotation import rotate, rotate_strain, stretch_from_strain
 
 _MIN_BONE_FRACTION = 1e-9
-"""Fraction of the shape's longest bone below which a bone has no usable length."""
+"""A bone that is shorter than this fraction of the shape's longest bone has no usable length."""
 _FRAME_ROUNDING = 1e-6
-"""Fraction of a frame within which a time counts as exactly at a frame."""
+"""Tolerance, as a fraction of a frame, within which a time counts as exactly at a frame."""
 _STRAIN_REFLECTION_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
-"""(6,) the effect of the reflection in the plane x = 0 on a strain."""
+"""(6,) sign changes of the components of a strain under reflection in the plane x = 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,10 @@ class _StretchLayer:
     """One layer that stretches bones.
 
     Attributes:
-        bones: (B,) of the take, along the layer's chain.
-        signs: (B,) -1 for a bone that the chain goes up.
-        offsets: (N, B) the factor on each take bone's offset for each bone of the shape.
-        strains: (N, B) the same for its strain.
+        bones: (B,) bones of the take along the layer's chain.
+        signs: (B,) 1, or -1 for a bone that the chain traverses upwards.
+        offsets: (N, B) for each bone of the shape, the factor on each take bone's offset.
+        strains: (N, B) for each bone of the shape, the factor on each take bone's strain.
     """
 
     layer: Layer
@@ -72,16 +72,18 @@ class _StretchLayer:
         )
 
     def mirrors(self, times: Float) -> Float | None:
-        """Returns (T, N) 1, or -1 for a bone that is mirrored at a time; None if none is at any time."""
+        """Returns (T, N) -1 for bones that are mirrored at a time and 1 for all others; None if no bone is
+        ever mirrored.
+        """
         track = self.clip.finest.mirrors
         if track is None:
             return None
-        played, most = self.clock.frames_at(times), self.strains.argmax(1)
+        played, main_bone = self.clock.frames_at(times), self.strains.argmax(1)
         frames = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
-        # Between two frames, the first frame applies, because a mirroring cannot be interpolated.
+        # Between two frames, use the first frame, because mirroring cannot be interpolated.
         rows = track[np.floor(frames + _FRAME_ROUNDING).astype(int)][:, self.bones]
         is_active = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
-        return np.where(is_active, rows[:, most], 1.0)
+        return np.where(is_active, rows[:, main_bone], 1.0)
 
 
 class StretchLayers:
@@ -92,11 +94,13 @@ class StretchLayers:
 
     @staticmethod
     def of(sampler: Sampler, shape: Shape) -> StretchLayers | None:
-        """Returns the layers of a shape that use the lengths and stretches of their takes. None if there are
-        none.
+        """Collects the layers of a shape that use the lengths and stretches of their takes. Returns None if
+        there are none.
         """
-        both = zip(sampler.layers, sampler.lines, strict=True)
-        stretching_layers = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
+        layers_and_lines = zip(sampler.layers, sampler.lines, strict=True)
+        stretching_layers = [
+            (layer, line) for layer, line in layers_and_lines if layer.stretch and line.clip.deforms
+        ]
         ratios = [_length_ratios(layer, line, shape) for layer, line in stretching_layers]
         finite_ratios = [ratio[np.isfinite(ratio)] for ratio in ratios]
         usual = (
@@ -111,13 +115,15 @@ class StretchLayers:
         return StretchLayers(stretched) if stretched else None
 
     def at(self, times: Float) -> tuple[Float, Float]:
-        """Returns (T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains in the form of a clip."""
+        """Returns offsets (T, N, 3), metres, and strains (T, N, 6) at times (T,), in the same format as a
+        clip.
+        """
         sampled = [layer.at(times) for layer in self._layers]
         return sum(offsets for offsets, _ in sampled), sum(strains for _, strains in sampled)  # type: ignore[return-value]
 
     def stretch(self, times: Float, strains: Float) -> Float | None:
-        """Returns (T, N, 3, 3) stretches from strains (T, N, 6) at times (T,), including reflections. None if
-        all are the identity.
+        """Converts strains (T, N, 6) at times (T,) to stretches (T, N, 3, 3), including reflections. Returns
+        None if all are the identity.
         """
         matrices = stretch_from_strain(strains) if strains.any() else None
         for layer in self._layers:
@@ -128,7 +134,7 @@ class StretchLayers:
 
 
 def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
-    """Returns one layer, prepared; ``ratios`` (N,) are metres of each bone per metre of the take."""
+    """Prepares one layer. ``ratios`` (N,) are metres of each bone of the shape per metre of the take."""
     skeleton, count = line.clip.skeleton, len(line.bones)
     upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
     factors = np.zeros((2, len(shape.skeleton), count))
@@ -137,8 +143,8 @@ def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) ->
         for fraction, ref in _layer_parts(spans, layer):
             low, high = min(ref.start, ref.end), max(ref.start, ref.end)
             if low == high:
-                # If a reference has no length, it follows the bone before it, in proportion to the lengths of
-                # both bones.
+                # If a reference has no length, the bone follows the bone before it, in proportion to the
+                # lengths of both bones.
                 knot = int(locate_on_knots(line.knots, np.array([low]))[0][0])
                 take_length = float(skeleton.lengths[line.bones[knot]])
                 factors[0, j, knot] += (
@@ -156,7 +162,7 @@ def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) ->
 
 
 def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
-    """Returns (N,) metres of each bone of a shape per metre of a layer's take on it.
+    """Returns (N,) the metres of each bone of a shape per metre of a layer's take.
 
     NaN for a bone of zero length, and for all bones if the chain has zero length.
     """
@@ -165,19 +171,19 @@ def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
     take_positions = float(np.linalg.norm(np.diff(take_positions, axis=0), axis=1).sum())
     for j, spans in enumerate(shape.spans):
         refs = _layer_parts(spans, layer)
-        part = sum(abs(ref.end - ref.start) for _, ref in refs)
-        if refs and part * take_positions > 0.0 and lengths[j] > _MIN_BONE_FRACTION * lengths.max():
-            ratios[j] = lengths[j] * sum(fraction for fraction, _ in refs) / (part * take_positions)
+        layer_length = sum(abs(ref.end - ref.start) for _, ref in refs)
+        if refs and layer_length * take_positions > 0.0 and lengths[j] > _MIN_BONE_FRACTION * lengths.max():
+            ratios[j] = lengths[j] * sum(fraction for fraction, _ in refs) / (layer_length * take_positions)
     return ratios
 
 
 def _layer_parts(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
-    """Returns the parts of a layer on a bone, each with the fraction of its span."""
+    """Returns a bone's references to a layer, each with the fraction of its span."""
     return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
 
 
 def _interpolate_track(track: Float, at: Float) -> Float:
-    """Returns (T, ...) the values of (F, ...) at frame numbers (T,)."""
+    """Interpolates a track (F, ...) at frame numbers (T,). Returns (T, ...)."""
     frame = np.clip(at.astype(int), 0, max(len(track) - 2, 0))
-    part = np.clip(at - frame, 0.0, 1.0).reshape(-1, *(1,) * (track.ndim - 1))
-    return np.asarray(track[frame] + part * (track[np.minimum(frame + 1, len(track) - 1)] - track[frame]))
+    fraction = np.clip(at - frame, 0.0, 1.0).reshape(-1, *(1,) * (track.ndim - 1))
+    return np.asarray(track[frame] + fraction * (track[np.minimum(frame + 1, len(track) - 1)] - track[frame]))

@@ -1,8 +1,8 @@
-"""The time maps of many layers, compiled: they map many times to the frames of the layers' takes in one call.
+"""Compiled time maps of many layers: one call maps many times to the frames of all layers' takes.
 
     Clocks.of(layers, clips).frames_at(seconds) -> Times
 
-Frame numbers may be fractional, and are never beyond the first or the last.
+Frame numbers may be fractional. They are limited to the first and last frame.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from enliven.kernels import njit
 
 
 class Times(NamedTuple):
-    """The frames that L layers play at T times, (T, L) each: :class:`enliven.document.Moment` in frames.
+    """The frames that L layers play at T times: arrays (T, L) like :class:`enliven.document.Moment`, in
+    frames.
 
-    The pose is ``(1 - share)`` of ``frame`` and ``share`` of ``other``, after ``rounds`` loops, weighted by
-    ``weight``.
+    The pose at ``frame`` has the weight 1 - ``share``, and that at ``other`` has the weight ``share``.
+    ``rounds`` is the number of completed loops, and ``weight`` the weight of the layer.
     """
 
     frame: Float
@@ -43,12 +44,14 @@ class Clocks:
     """The playback parameters of layers.
 
     Attributes:
-        rows: (L, 8) float64: offset, speed, looped, step, frames, extent, held, ease; seconds, and 0 or 1.
-        lanes: (S, 6) float64 the segments of all: begin, end, first, speed, and the ends of the run that
-            contains them.
+        rows: (L, 8) float64: offset, speed, looped, step, frames, extent, held, ease. Times are in seconds,
+            and flags are 0 or 1.
+        lanes: (S, 6) float64 the segments of all layers: begin, end, first, speed, and the ends of the
+            gapless run that contains the segment.
         first: (L + 1,) the index at which the segments of each layer begin.
-        layers: the same layers, used for the curves of their weights and speeds.
-        fine: for each layer the seconds (K,) of its take's fine frames, or None if its frames are even.
+        layers: the layers, for the curves of their weights and speeds.
+        fine: for each layer, the times (K,) of its take's fine frames, or None if its frames are evenly
+            spaced.
     """
 
     rows: Float
@@ -59,15 +62,15 @@ class Clocks:
 
     @staticmethod
     def of(layers: Sequence[TimeMap], clips: Sequence[Clip]) -> Clocks:
-        """Returns the clocks of layers that play these takes."""
+        """Builds the clocks of layers that play these takes."""
         rows, lanes, counts = [], list[tuple[float, ...]](), [0]
         for layer, clip in zip(layers, clips, strict=True):
             lane, clip_values = (
                 layer.lane(clip.duration),
                 (float(layer.loop), clip.step, float(len(clip.turns))),
             )
-            held = (layer.extent(clip.duration), float(layer.hold), layer.ease)
-            rows.append((layer.offset, layer.speed, *clip_values, *held))
+            lane_values = (layer.extent(clip.duration), float(layer.hold), layer.ease)
+            rows.append((layer.offset, layer.speed, *clip_values, *lane_values))
             lanes += [_lane_row(lane, number) for number in range(len(lane))]
             counts.append(len(lane))
         first = np.array(list(accumulate(counts)), np.int64)
@@ -78,25 +81,25 @@ class Clocks:
     def frames_at(self, seconds: Float) -> Times:
         """Returns the frames at times (T,) of the project. The weights do not include
         :meth:`weight_curves`."""
-        out = np.empty((5, len(seconds), len(self.rows)))
+        played = np.empty((5, len(seconds), len(self.rows)))
         even = np.repeat(seconds[:, None], len(self.rows), 1)
         for number, layer in enumerate(self.layers):
             if layer.speeds:
                 even[:, number] = layer.offset + curve_of(layer.speeds).area(seconds - layer.offset)
-        _play_layers(even, self.rows, self.lanes, self.first, out)
+        _play_layers(even, self.rows, self.lanes, self.first, played)
         for number, moments in enumerate(self.fine):
             if moments is not None:
-                second, frames = out[:2, :, number] * self.rows[number, 3], np.arange(float(len(moments)))
-                out[:2, :, number] = np.interp(second, moments, frames)
-        return Times(*out)
+                second, frames = played[:2, :, number] * self.rows[number, 3], np.arange(float(len(moments)))
+                played[:2, :, number] = np.interp(second, moments, frames)
+        return Times(*played)
 
     def weight_curves(self, seconds: Float) -> Float:
         """Returns (T, L) the weight curves of the layers at times (T,), 1 for a layer without a curve."""
-        out = np.ones((len(seconds), len(self.layers)))
+        curves = np.ones((len(seconds), len(self.layers)))
         for number, layer in enumerate(self.layers):
             if layer.weights:
-                out[:, number] = curve_of(layer.weights)(seconds - layer.offset)
-        return out
+                curves[:, number] = curve_of(layer.weights)(seconds - layer.offset)
+        return curves
 
 
 def _lane_row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
@@ -137,7 +140,7 @@ def _play_layers(seconds, rows, lanes, first, out):
 
 @njit(cache=True, nogil=True)
 def _fade_weight(at, rounds, row, now, end_of_lane):
-    """Returns the fade weight of a layer that does not hold, equal to that of ``TimeMap``."""
+    """Returns the fade weight of a layer without hold. It equals that of ``TimeMap``."""
     speed, looped, ease = row[1], row[2], row[7]
     begin, end = now[4], now[5]
     if looped > 0.0:

@@ -4,8 +4,8 @@
     travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
     Travel(project, shape).at(times)     # (T, 3) the position of the root joint
 
-A looped take continues from the position at which it ended: a looped walk of two steps moves on over the
-ground, at constant height.
+Each loop of a take continues from the position at which the previous one ended. So a looped walk of two steps
+moves on over the ground, at constant height.
 """
 
 from __future__ import annotations
@@ -15,32 +15,34 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Shape, Skeleton, smoothed
 from enliven.kernels import njit
-from enliven.motion.kinematics import turn
+from enliven.motion.kinematics.quaternions import turn
 from enliven.motion.layers.timing import Clocks
 
 _MIN_ROOT_HEIGHT_FRACTION = 0.15
-"""Minimum height of a root over the lowest joint, as a fraction of the whole extent, for standing on legs."""
+"""Minimum height of the root above the lowest joint, as a fraction of the whole extent, of a skeleton that
+stands on legs."""
 
 
 def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
-    """Returns metres at rest: the height of the root over the lowest joint (the legs), and the whole extent.
+    """Returns two sizes at rest, metres: the height of the root above the lowest joint (leg length), and the
+    whole extent.
 
     The extent does not depend on the rotation about the vertical.
     """
-    at, height = skeleton.positions, skeleton.positions[:, 1]
+    positions, height = skeleton.positions, skeleton.positions[:, 1]
     # Use the two joints that are farthest apart horizontally. Neither a rotation about the vertical nor a new
     # node within a bone changes their distance.
-    across = at[:, None, [0, 2]] - at[None, :, [0, 2]]
-    extent = float(np.linalg.norm(across, axis=2).max())
+    horizontal = positions[:, None, [0, 2]] - positions[None, :, [0, 2]]
+    extent = float(np.linalg.norm(horizontal, axis=2).max())
     return float(height[0] - height.min()), float(np.hypot(np.ptp(height), extent))
 
 
 def travel_scale(shape: Shape, clip: Clip) -> float:
     """Returns the metres that the shape's root travels per metre of the take's root.
 
-    It is the shape's own ``travel_scale`` if set. Otherwise it is the ratio of the legs (root over lowest
-    joint), so that feet that step at the same angle reach the same place. If one of the two does not stand on
-    legs, it is the ratio of the whole extents.
+    It is the shape's own ``travel_scale`` if it is set. Otherwise it is the ratio of the leg lengths, so that
+    legs that swing by the same angle make correspondingly long steps. If one of the two skeletons does not
+    stand on legs, it is the ratio of the whole extents.
     """
     if shape.travel_scale is not None:
         return shape.travel_scale
@@ -70,37 +72,65 @@ class Travel:
             self._fed = False
 
     def at(self, times: Float) -> Float:
-        """Returns (T, 3) metres, the position of the root joint at times (T,): its rest, its place and the
-        take's path.
+        """Returns (T, 3) the position of the root joint at times (T,), metres: the sum of its rest position,
+        the shape's displacement and the take's path.
 
-        The path is that of the take's root since its rest, mirrored, rotated by the basis, scaled and
-        weighted.
+        The path is the displacement of the take's root from its rest position, mirrored, rotated by the
+        basis, scaled and weighted.
         """
-        out = np.empty((len(times), 3))
+        root_positions = np.empty((len(times), 3))
         if self.layer is None:
-            out[:] = self._still
-            return out
-        rest, layer = self._clip.skeleton.positions[0], self.layer
+            root_positions[:] = self._still
+            return root_positions
+        rest_position, layer = self._clip.skeleton.positions[0], self.layer
         parameters = (layer.basis, layer.mirrored, self._factor, self._still)
         if self._fed:
-            travelled(self._root, rest, self._round, *np.zeros((2, len(times), 1)), *parameters, out)
-            return out
-        at = self._clocks.frames_at(times)
-        travelled(self._root, rest, self._round, at.frame, at.rounds, *parameters, out)
-        if not at.is_plain or layer.weights:
-            other, weights = np.empty_like(out), at.weight * self._clocks.weight_curves(times)
-            travelled(self._root, rest, self._round, at.other, at.rounds, *parameters, other)
-            out = self._still + weights * ((1.0 - at.share) * out + at.share * other - self._still)
-        return out
+            travelled(
+                self._root,
+                rest_position,
+                self._round,
+                *np.zeros((2, len(times), 1)),
+                *parameters,
+                root_positions,
+            )
+            return root_positions
+        played_frames = self._clocks.frames_at(times)
+        travelled(
+            self._root,
+            rest_position,
+            self._round,
+            played_frames.frame,
+            played_frames.rounds,
+            *parameters,
+            root_positions,
+        )
+        if not played_frames.is_plain or layer.weights:
+            other, weights = (
+                np.empty_like(root_positions),
+                played_frames.weight * self._clocks.weight_curves(times),
+            )
+            travelled(
+                self._root,
+                rest_position,
+                self._round,
+                played_frames.other,
+                played_frames.rounds,
+                *parameters,
+                other,
+            )
+            root_positions = self._still + weights * (
+                (1.0 - played_frames.share) * root_positions + played_frames.share * other - self._still
+            )
+        return root_positions
 
     def feed(self, take: str, root: Float) -> None:
-        """Plays the root position ``root`` (1, 3) instead of a take's from now on, at all times."""
+        """Replaces the root positions of a take by the live position ``root`` (1, 3) at all times."""
         if self.layer is not None and self._clip.id == take:
             self._root, self._fed = root, True
 
 
 def _root_position(clip: Clip, second: float) -> Float:
-    """Returns (3,) metres, the position of a take's root at a second of it."""
+    """Returns (3,) the position of a take's root at a time of the take, metres."""
     frames = np.arange(len(clip.root)) * clip.step
     return np.array([np.interp(second, frames, clip.root[:, axis]) for axis in range(3)])
 
@@ -109,7 +139,8 @@ def _root_position(clip: Clip, second: float) -> Float:
 def travelled(root, rest, each, frames, rounds, basis, mirrored, factor, still, out):
     """Computes ``out`` (T, 3): ``still`` plus the path from ``rest`` to ``root`` (F, 3) at frames (T, 1).
 
-    ``rounds`` (T, 1) is the number of earlier loops: each adds the path ``each`` (3,) over the ground.
+    ``rounds`` (T, 1) is the number of earlier loops. Each loop adds the displacement ``each`` (3,) over the
+    ground.
     """
     turned = (basis[0], basis[1], basis[2], basis[3])
     for t in range(len(frames)):

@@ -1,9 +1,9 @@
 """A person's joints in an arbitrary mesh: its extremities are interpreted as head, hands and feet.
 
-The extremities are the farthest points along the surface (AniMesh's skeletons end in such points too). The
-limbs are the parts around them. A limb's joints lie in the middle of its rings of equal geodesic distance
-from the tip. A horse's hind legs become legs, its forelegs arms and its neck the head, and the same holds for
-a chair. A lamp consists of a spine and an arm only.
+An extremity (tip) is a local maximum of the geodesic distance from the middle (AniMesh's skeletons end in
+such points too). A limb is the part of the mesh around a tip. A limb's joints lie in the middle of its rings
+of equal geodesic distance from the tip. A horse's hind legs become legs, its forelegs arms and its neck the
+head, and the same holds for a chair. A lamp gets only a spine and an arm.
 """
 
 from __future__ import annotations
@@ -13,29 +13,29 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph import DeformationGraph
+from enliven.deformation.graph.graph import DeformationGraph
 from enliven.person import J, Joint
 from enliven.possession.likeness.skeleton import BodyInMesh
 
 _MAX_TIPS = 8
-"""Maximum number of tips."""
+"""Maximum number of tips (extremities) of a mesh."""
 _MIN_LIMB_LENGTH = 0.08
 """Minimum length of a limb, as a fraction of the longest geodesic distance from the middle."""
 _MAX_FOOT_HEIGHT = 0.15
 """Maximum height of a tip that counts as a foot, as a fraction of the mesh's height."""
 _MIN_LONG_RATIO = 1.5
-"""Ratio of length to width above which the front of a mesh is at its head."""
+"""If length divided by width is above this ratio, the front of a mesh is where its head is."""
 _MIN_HEAD_LEAD = 0.15
-"""The head determines the front only if it is ahead by more than this fraction of the height, as in a body
-that is not upright."""
+"""The head determines the front only if its horizontal distance from the middle is more than this fraction of
+the height. This is so in a body that is not upright."""
 _LEG_JOINTS = (
     (Joint.HIP_LEFT, 0.95),
     (Joint.KNEE_LEFT, 0.5),
     (Joint.ANKLE_LEFT, 0.12),
     (Joint.FOOT_LEFT, 0.0),
 )
-"""Joints of a leg, and their distance from the tip as a fraction of the limb's length, about as in a
-person."""
+"""Joints of a leg, and their distance from the tip as a fraction of the limb's length, approximately those of
+a person."""
 _ARM_JOINTS = (
     (Joint.SHOULDER_LEFT, 0.95),
     (Joint.ELBOW_LEFT, 0.5),
@@ -44,11 +44,11 @@ _ARM_JOINTS = (
 )
 """Joints of an arm, and their distance from the tip as a fraction of the limb's length."""
 _RIGHT_JOINT_OFFSET = 4
-"""Offset from a left joint's number to the right joint's."""
+"""Difference between the numbers of a right joint and the corresponding left joint."""
 
 
 def body_from_extremities(graph: DeformationGraph) -> BodyInMesh:
-    """Returns the skeleton of a person in the mesh of a graph, from its extremities."""
+    """Finds the skeleton of a person in the mesh of a graph, based on its extremities."""
     limbs = _Limbs(graph.positions, *find_extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
     level = (limbs.at[:, 1] - floor) / height
@@ -72,48 +72,50 @@ def body_from_extremities(graph: DeformationGraph) -> BodyInMesh:
 
 
 def find_extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
-    """Returns the mesh's tips, the length of the limb that ends in each, and geodesic distances from them.
+    """Finds the tips of the mesh, the lengths of their limbs, and the geodesic distances from them.
 
     A tip is a local maximum of the geodesic distance from the middle. Its limb extends down to a saddle that
     is much nearer to the middle (persistence of the superlevel sets).
 
     Returns:
-        (T,) nodes, the farthest first; (T,) metres; (T, N) metres along the graph from each.
+        (T,) tip nodes, the farthest first; (T,) limb lengths, metres; (T, N) geodesic distances from each
+        tip, metres.
     """
     distances = _GeodesicDistances(graph)
     count = len(graph.positions)
-    spread, near = [0], distances.of(0)
+    spread_nodes, nearest_distances = [0], distances.of(0)
     for _ in range(min(count, 48) - 1):
-        spread.append(int(np.argmax(near)))
-        near = np.minimum(near, distances.of(spread[-1]))
-    middle = int(np.argmin(np.mean([distances.of(node) for node in spread], axis=0)))
-    tips, lengths = _prominent_peaks(distances.of(middle), graph.edges)
+        spread_nodes.append(int(np.argmax(nearest_distances)))
+        nearest_distances = np.minimum(nearest_distances, distances.of(spread_nodes[-1]))
+    middle_node = int(np.argmin(np.mean([distances.of(node) for node in spread_nodes], axis=0)))
+    tips, lengths = _prominent_peaks(distances.of(middle_node), graph.edges)
     return tips, lengths, np.stack([distances.of(int(tip)) for tip in tips])
 
 
 def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     """Returns (T,) the prominent peaks, highest first, and (T,) the prominence of each.
 
-    The prominence is the height of a peak above the saddle at which its group merges into a higher one.
+    The prominence is the height of a peak above the saddle at which its group merges with that of a higher
+    peak.
     """
-    least = _MIN_LIMB_LENGTH * float(height.max())
+    min_prominence = _MIN_LIMB_LENGTH * float(height.max())
     neighbours: list[list[int]] = [[] for _ in height]
     for a, b in edges.tolist():
         neighbours[a].append(b)
         neighbours[b].append(a)
-    # peak holds the union-find parent of each processed node. The root of a group is its highest node.
+    # peak contains the union-find parent of each processed node. The root of a group is its highest node.
     peak: dict[int, int] = {}
     length: dict[int, float] = {}
     for node in np.argsort(-height, kind="stable").tolist():
-        around = sorted(
+        neighbour_peaks = sorted(
             {_highest_node(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n]
         )
-        peak[node] = around[0] if around else node
-        for top in around[1:]:
-            if height[top] - height[node] >= least:
+        peak[node] = neighbour_peaks[0] if neighbour_peaks else node
+        for top in neighbour_peaks[1:]:
+            if height[top] - height[node] >= min_prominence:
                 length[top] = height[top] - height[node]
-                length.setdefault(around[0], height[around[0]] - height[node])
-            peak[top] = around[0]
+                length.setdefault(neighbour_peaks[0], height[neighbour_peaks[0]] - height[node])
+            peak[top] = neighbour_peaks[0]
     highest = int(np.argmax(height))
     length.setdefault(highest, float(height[highest]))
     tips = np.array(sorted(length, key=lambda n: -height[n])[:_MAX_TIPS])
@@ -129,7 +131,7 @@ def _highest_node(peak: dict[int, int], node: int) -> int:
 
 
 class _GeodesicDistances:
-    """Geodesic distances along the graph from a node to all others, metres, each computed once."""
+    """A cache of geodesic distances along the graph from a node to all others, metres."""
 
     def __init__(self, graph: DeformationGraph) -> None:
         a, b = graph.edges[:, 0], graph.edges[:, 1]
@@ -139,7 +141,7 @@ class _GeodesicDistances:
         self._known: dict[int, Float] = {}
 
     def of(self, node: int) -> Float:
-        """Returns (N,) metres."""
+        """Returns (N,) the distances from a node, metres."""
         if node not in self._known:
             self._known[node] = dijkstra(self._matrix, directed=False, indices=node)
         return self._known[node]
@@ -149,10 +151,10 @@ class _Limbs:
     """The parts of a mesh around its tips.
 
     Attributes:
-        at: (T, 3) the tips.
-        out: (T,) metres, the prominence of each tip.
-        length: (T,) metres from each tip to the end of its limb: half-way to the nearest other tip, or the
-            saddle to another limb, whichever is farther.
+        at: (T, 3) positions of the tips, metres.
+        out: (T,) prominence of each tip, metres.
+        length: (T,) length of each limb, metres: from its tip half-way to the nearest other tip, or to the
+            saddle to another limb if that is farther.
     """
 
     def __init__(self, positions: Float, tips: Int, lengths: Float, ways: Float) -> None:
@@ -168,23 +170,30 @@ class _Limbs:
         self.length = np.maximum(lengths, np.where(np.isfinite(half), half, 0.0))
         self._owner = ways.argmin(0)
 
-    def ring(self, tip: int, share: float) -> Float:
-        """Returns (3,) the centre of the limb at a fraction of its length from the tip: a local linear
-        fit.
+    def ring(self, tip: int, fraction: float) -> Float:
+        """Returns (3,) the centre of the limb's cross section at a fraction of its length from the tip, by a
+        local linear fit.
         """
         is_own = self._owner == tip
-        offset, where = self._distances[tip][is_own] - share * self.length[tip], self.positions[is_own]
+        offset, ring_points = (
+            self._distances[tip][is_own] - fraction * self.length[tip],
+            self.positions[is_own],
+        )
         width = max(0.25 * self.length[tip], float(np.sort(np.abs(offset))[:6][-1]))
         weights = np.exp(-0.5 * (offset / max(0.5 * width, 1e-9)) ** 2) + 1e-9
-        mean_way, middle = weights @ offset / weights.sum(), weights @ where / weights.sum()
+        mean_way, centre = weights @ offset / weights.sum(), weights @ ring_points / weights.sum()
         spread = weights @ (offset - mean_way) ** 2
-        slope = (weights * (offset - mean_way)) @ (where - middle) / spread if spread > 1e-12 else np.zeros(3)
+        slope = (
+            (weights * (offset - mean_way)) @ (ring_points - centre) / spread
+            if spread > 1e-12
+            else np.zeros(3)
+        )
         step = float(np.clip(-mean_way, -width, width))
-        return np.asarray(middle + slope * step)
+        return np.asarray(centre + slope * step)
 
 
 def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
-    """Returns the radians about +Y from +Z to the front.
+    """Returns the heading of the front: radians about +Y from +Z.
 
     A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces across
     the line between the legs, towards the head or else the toes. All other meshes face +Z. If the two
@@ -196,27 +205,27 @@ def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
     sizes, axes = np.linalg.eigh(flat.T @ flat)
     if len(feet) == 2:
         knees = np.array([limbs.ring(int(t), 0.4) for t in feet])
-        along = np.array([-(knees[1] - knees[0])[2], (knees[1] - knees[0])[0]])
+        front = np.array([-(knees[1] - knees[0])[2], (knees[1] - knees[0])[0]])
         toes = (limbs.at[feet] - knees).mean(0)
-        leans = abs(head[[0, 2]] @ along) > _MIN_HEAD_LEAD * np.ptp(limbs.positions[:, 1]) * np.linalg.norm(
-            along
+        leans = abs(head[[0, 2]] @ front) > _MIN_HEAD_LEAD * np.ptp(limbs.positions[:, 1]) * np.linalg.norm(
+            front
         )
         ahead = head if leans else toes
     elif len(feet) >= 4 and sizes[1] > _MIN_LONG_RATIO**2 * max(sizes[0], 1e-12):
-        along, ahead = axes[:, 1], head
+        front, ahead = axes[:, 1], head
     else:
         return 0.0
-    share = float(along @ ahead[[0, 2]]) / max(float(np.linalg.norm(along)), 1e-12)
-    small = abs(share) < 0.02 * np.ptp(limbs.positions[:, 1])
-    if (along[1] if small else share) < 0:
-        along = -along
-    return float(np.arctan2(along[0], along[1]))
+    lead = float(front @ ahead[[0, 2]]) / max(float(np.linalg.norm(front)), 1e-12)
+    is_small = abs(lead) < 0.02 * np.ptp(limbs.positions[:, 1])
+    if (front[1] if is_small else lead) < 0:
+        front = -front
+    return float(np.arctan2(front[0], front[1]))
 
 
 def _assign_limbs(
     at: Float, feet: Int, others: list[int], left: Float, ahead: Float
 ) -> tuple[list[int], list[int]]:
-    """Returns the tips at which the (left, right) legs and the (left, right) arms end."""
+    """Assigns tips to limbs. Returns pairs (left, right) of the tips of legs and of arms."""
     by_depth = sorted((int(t) for t in feet), key=lambda t: float(at[t] @ ahead))
 
     def sides(pair: list[int]) -> list[int]:
@@ -234,12 +243,14 @@ def _write_limb_joints(
 ) -> None:
     """Writes the joints of a pair of limbs, the left tip first."""
     for side, tip in enumerate(pair):
-        for joint, share in chain:
-            joints[joint + _RIGHT_JOINT_OFFSET * side] = limbs.ring(tip, share)
+        for joint, fraction in chain:
+            joints[joint + _RIGHT_JOINT_OFFSET * side] = limbs.ring(tip, fraction)
 
 
 def _write_trunk_joints(joints: Float, limbs: _Limbs, heads: Int, floor: float, height: float) -> None:
-    """Writes hip, spine, shoulders and head between the limbs; without limbs, from the floor to the head."""
+    """Writes hip, spine, shoulders and head: between the limbs or, without limbs, from the floor to the
+    head.
+    """
     hips, shoulders = (
         joints[[j, j + _RIGHT_JOINT_OFFSET]].mean(0) for j in (Joint.HIP_LEFT, Joint.SHOULDER_LEFT)
     )
@@ -252,10 +263,10 @@ def _write_trunk_joints(joints: Float, limbs: _Limbs, heads: Int, floor: float, 
         neck = np.mean([limbs.ring(t, 1.0) for t in heads], axis=0)
     if not np.isfinite(shoulders).all():
         shoulders = neck
-        for joint, where in zip(
+        for joint, position in zip(
             (j for j, _ in _ARM_JOINTS), (hips, (hips + head) / 2, head, head), strict=True
         ):
-            joints[[joint, joint + _RIGHT_JOINT_OFFSET]] = where
+            joints[[joint, joint + _RIGHT_JOINT_OFFSET]] = position
         if np.isfinite(joints[Joint.KNEE_LEFT]).all():
             joints[[j + s for j, _ in _ARM_JOINTS for s in (0, _RIGHT_JOINT_OFFSET)]] = np.nan
     joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD] = hips, shoulders, head

@@ -1,10 +1,10 @@
 """The five ends of a human-like mesh: decides which of its limb ends are the head, the hands and the feet.
 
-Geodesic distances along the surface hardly change with the pose. In a body they are those of a tree: arms and
-head branch at the chest, legs at the pelvis, and the limbs of a pair have equal length. Every choice of a
-head and two pairs is tried, as Pinocchio tries embeddings (I. Baran and J. Popović, 2007). The cost of a
-choice has four parts: the deviation of its distances from the nearest such tree, unusual proportions, the
-limbs that it leaves out, and an unlikely stance.
+Geodesic distances along the surface hardly change with the pose. In a body they approximate distances in a
+tree: arms and head branch at the chest, legs branch at the pelvis, and both limbs of a pair have equal
+length. Every choice of a head and two pairs is tried, as Pinocchio tries embeddings (I. Baran and J. Popović,
+2007). The cost of a choice has four terms: the deviation of its distances from the nearest such tree, unusual
+proportions, limbs that are left out, and an unlikely stance.
 """
 
 from __future__ import annotations
@@ -14,44 +14,46 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.graph import LimbEnds
+from enliven.deformation.graph.surface_ends import LimbEnds
 from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, point_at_distances, tree_misfit
 from enliven.rotation import unit
 
 _SAME_LIMB_DISTANCE = 0.12
-"""Ends nearer than this fraction of the longest geodesic distance belong to one limb: fingers, toes,
-horns."""
+"""Two ends nearer than this fraction of the longest geodesic distance belong to the same limb, like fingers,
+toes or horns."""
 _EAR_DISTANCE = 0.8
-"""Two ends nearer than this fraction of the longest geodesic distance may be ears or horns, with the head
+"""Two ends nearer than this fraction of the longest geodesic distance may be ears or horns. The head is then
 between them."""
 _OMITTED_LIMB_COST = 60.0
 """Cost of a limb that belongs to no chosen end. It is multiplied by the limb's length divided by the longest
 geodesic distance."""
 _OWN_END_DISTANCE = 0.15
-"""Other ends within this fraction of the longest geodesic distance around a chosen end belong to it."""
+"""Other ends within this distance of a chosen end, as a fraction of the longest geodesic distance, belong to
+the same limb."""
 _OMITTED_LEG_COST = 25.0
 """Cost of a limb that is left out although it stands on the floor: other legs of a chair or a horse."""
 _MIN_LEG_LENGTH = 0.08
 """Minimum length of a limb that counts as a leg, as a fraction of the longest geodesic distance."""
 _MAX_COSTED_LENGTH = 0.3
-"""Fraction of the longest geodesic distance beyond which a limb that is left out costs no more."""
+"""The cost of a limb that is left out grows with its length up to this fraction of the longest geodesic
+distance."""
 _MIN_UPPER_HEIGHT = 0.4
 """Minimum height of head and hands above the feet, as a fraction of body height, if a body stands or sits."""
 _LOW_COST = 60.0
-"""Cost per body height below that minimum."""
+"""Cost of head or hands below the minimum height, per body height of the difference."""
 _RAISED_HANDS_COST = 8.0
 """Cost of both hands above the head. Such ends are more likely ears or horns."""
 _MAX_FOOT_HEIGHT = 0.15
-"""Fraction of the height below which feet are expected."""
+"""Maximum height of feet, as a fraction of body height, that has no cost."""
 _HIGH_FOOT_COST = 60.0
-"""Cost per body height of a foot above that."""
+"""Cost of a foot above that height, per body height of the difference."""
 _TILTED_HEAD_COST = 4.0
 """Cost of a head at a right angle to the trunk."""
 _TILTED_TRUNK_COST = 6.0
 """Cost of a trunk at a right angle to the vertical."""
 _EVALUATED_CHOICES = 60
-"""Number of choices for which trunk and head are evaluated too: those with the lowest cost from geodesic
-distances."""
+"""Number of choices, those with the lowest cost from geodesic distances, for which trunk and head are
+evaluated too."""
 _OTHER_END_DISTANCE = 0.2
 """Minimum distance between two ends that count as different places, as a fraction of the longest geodesic
 distance."""
@@ -63,10 +65,10 @@ class FiveEnds:
 
     Attributes:
         points: (5, 3) metres: head, two hands, two feet; the order within a pair has no meaning.
-        distances: (5, C) metres along the surface from each end to all points of the net. If the head has two
-            ends, its distances begin where the two ends separate.
+        distances: (5, C) geodesic distances from each end to all points of the net, metres. If the head has
+            two ends (such as ears), its distances start where the two ends separate.
         tree: the lengths of the limbs.
-        chest, pelvis: (3,) metres, where limbs branch.
+        chest, pelvis: (3,) points at which the limbs branch, metres.
         cost: 0 for a person of usual proportions that stands upright.
         margin: cost of the next best choice with other limbs, minus this cost.
     """
@@ -81,67 +83,69 @@ class FiveEnds:
 
 
 def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None:
-    """Returns the choice with the lowest cost. None if the mesh has fewer than five ends, or all choices
-    cost more than ``most``.
+    """Finds the choice with the lowest cost. Returns None if the mesh has fewer than five ends, or if all
+    choices cost more than ``most``.
     """
-    ways = limb_ends.distances_from(limb_ends.ends)
-    between = ways[:, limb_ends.ends]
-    heads, chosen = _enumerate_choices(between, limb_ends.longest)
+    geodesics = limb_ends.distances_from(limb_ends.ends)
+    end_distances = geodesics[:, limb_ends.ends]
+    heads, chosen = _enumerate_choices(end_distances, limb_ends.longest)
     if not len(chosen):
         return None
     first, second = heads[chosen[:, 0]].T
-    of_head = (between[first] + between[second] - between[first, second][:, None]) / 2
+    of_head = (end_distances[first] + end_distances[second] - end_distances[first, second][:, None]) / 2
     rows = np.arange(len(chosen))
     distances = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
-    distances += [between[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
+    distances += [end_distances[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
     cost, trees = tree_misfit(np.stack(distances, 1))
-    cost += _omitted_limb_cost(limb_ends, between, np.column_stack([first, second, chosen[:, 1:]]))
+    cost += _omitted_limb_cost(limb_ends, end_distances, np.column_stack([first, second, chosen[:, 1:]]))
     cost += _stance_cost(limb_ends, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_EVALUATED_CHOICES]
     if cost[cheapest[0]] > most:
         return None
-    best, candidates, total = None, list[FiveEnds](), list[float]()
+    best_choice, candidates, total = None, list[FiveEnds](), list[float]()
     for k in cheapest:
-        if best is not None and cost[k] > best.cost + best.margin:
+        if best_choice is not None and cost[k] > best_choice.cost + best_choice.margin:
             break
         head, *others = chosen[k]
         candidate, posture_cost = _evaluate_posture(
-            limb_ends, ways, heads[head], np.array(others), LimbTree(*trees[k])
+            limb_ends, geodesics, heads[head], np.array(others), LimbTree(*trees[k])
         )
         candidates.append(candidate)
         total.append(float(cost[k]) + posture_cost)
-        best = _with_margin(candidates, np.array(total), _OTHER_END_DISTANCE * limb_ends.longest)
-    return best if best is not None and best.cost <= most else None
+        best_choice = _with_margin(candidates, np.array(total), _OTHER_END_DISTANCE * limb_ends.longest)
+    return best_choice if best_choice is not None and best_choice.cost <= most else None
 
 
 def five_ends_from_points(limb_ends: LimbEnds, points: Float) -> FiveEnds:
-    """Returns the choice with the given ends (5, 3) metres: head, two hands, two feet."""
+    """Returns the choice with given ends (5, 3), metres: head, two hands, two feet."""
     nearest = np.array([np.linalg.norm(limb_ends.points - point, axis=1).argmin() for point in points])
-    ways = limb_ends.distances_from(nearest)
-    between = ways[:, nearest]
-    distances = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
+    geodesics = limb_ends.distances_from(nearest)
+    end_distances = geodesics[:, nearest]
+    distances = [end_distances[a, b] for a in range(5) for b in range(a + 1, 5)]
     cost, trees = tree_misfit(np.array([distances]))
     tree = LimbTree(*trees[0])
     chest, pelvis = (
-        point_at_distances(limb_ends.points, ways, wanted_distances)
+        point_at_distances(limb_ends.points, geodesics, wanted_distances)
         for wanted_distances in (tree.from_chest, tree.from_pelvis)
     )
-    return FiveEnds(np.asarray(points, np.float64), ways, tree, chest, pelvis, float(cost[0]), np.inf)
+    return FiveEnds(np.asarray(points, np.float64), geodesics, tree, chest, pelvis, float(cost[0]), np.inf)
 
 
 def _enumerate_choices(between: Float, longest: float) -> tuple[Int, Int]:
     """Returns all candidate heads and all choices.
 
     Returns:
-        (H, 2) heads: one end twice, or two ends with the head between them; and (K, 5) choices: a head and
-        four ends.
+        (H, 2) the ends of each candidate head: one end twice, or two ends with the head between them; and (K,
+        5) choices: the index of a head, and four ends.
     """
     count, limbs = len(between), list[int]()
     for end in range(count):
         if all(between[end, other] > _SAME_LIMB_DISTANCE * longest for other in limbs):
             limbs.append(end)
-    both = [(a, b) for a in range(count) for b in range(a) if between[a, b] < _EAR_DISTANCE * longest]
-    heads = np.array([(end, end) for end in range(count)] + both).reshape(-1, 2)
+    two_end_heads = [
+        (a, b) for a in range(count) for b in range(a) if between[a, b] < _EAR_DISTANCE * longest
+    ]
+    heads = np.array([(end, end) for end in range(count)] + two_end_heads).reshape(-1, 2)
     pairs = np.array([(a, b) for n, a in enumerate(limbs) for b in limbs[:n]]).reshape(-1, 2)
     numbers = np.arange(len(pairs))
     head, arms, legs = (
@@ -168,9 +172,9 @@ def _enumerate_choices(between: Float, longest: float) -> tuple[Int, Int]:
 
 
 def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
-    """Returns (K,) the cost of limbs that belong to none of the chosen ends, (K, 6)."""
-    near = between < _OWN_END_DISTANCE * extremities.longest
-    is_near_chosen = near[chosen].any(1)
+    """Returns (K,) the cost of the limbs that belong to none of the chosen ends (K, 6)."""
+    is_near = between < _OWN_END_DISTANCE * extremities.longest
+    is_near_chosen = is_near[chosen].any(1)
     length = np.minimum(extremities.prominence / extremities.longest, _MAX_COSTED_LENGTH)
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
     leg = (level[extremities.ends] < _MAX_FOOT_HEIGHT * level.max()) & (length > _MIN_LEG_LENGTH)
@@ -180,9 +184,9 @@ def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Fl
 def _stance_cost(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
     """Returns (K,) the cost of standing on the head, of feet in the air, and of both hands above the head."""
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
-    at = level[extremities.ends] / max(float(level.max()), 1e-12)
-    head = at[heads].mean(1)[chosen[:, 0]]
-    hands, feet = at[chosen[:, 1:3]], at[chosen[:, 3:]]
+    relative_height = level[extremities.ends] / max(float(level.max()), 1e-12)
+    head = relative_height[heads].mean(1)[chosen[:, 0]]
+    hands, feet = relative_height[chosen[:, 1:3]], relative_height[chosen[:, 3:]]
     rise = (head + hands.mean(1)) / 2 - feet.mean(1)
     cost = _LOW_COST * np.maximum(_MIN_UPPER_HEIGHT - rise, 0.0) + _RAISED_HANDS_COST * (hands.min(1) > head)
     return np.asarray(cost + _HIGH_FOOT_COST * np.maximum(feet.max(1) - _MAX_FOOT_HEIGHT, 0.0))
@@ -191,39 +195,43 @@ def _stance_cost(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
 def _evaluate_posture(
     extremities: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
 ) -> tuple[FiveEnds, float]:
-    """Returns a choice with its chest and pelvis, and the cost of its trunk and head."""
+    """Evaluates the posture of a choice. Returns the choice with chest and pelvis, and the cost of its trunk
+    and head.
+    """
     first, second = head
     of_head = (ways[first] + ways[second] - ways[first, extremities.ends[second]]) / 2
     rows = np.vstack([of_head, ways[others]])
-    at = extremities.points[extremities.ends[others]]
+    end_points = extremities.points[extremities.ends[others]]
     crown = extremities.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
     chest, pelvis = (
         point_at_distances(extremities.points, rows, wanted_distances)
         for wanted_distances in (tree.from_chest, tree.from_pelvis)
     )
-    up, along = unit(chest - pelvis), unit(crown - chest)
-    posture_cost = _TILTED_HEAD_COST * (1.0 - float(along @ up)) + _TILTED_TRUNK_COST * (1.0 - float(up[1]))
-    return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), posture_cost
+    trunk_direction, head_direction = unit(chest - pelvis), unit(crown - chest)
+    posture_cost = _TILTED_HEAD_COST * (
+        1.0 - float(head_direction @ trunk_direction)
+    ) + _TILTED_TRUNK_COST * (1.0 - float(trunk_direction[1]))
+    return FiveEnds(np.vstack([crown, end_points]), rows, tree, chest, pelvis, 0.0, 0.0), posture_cost
 
 
 def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
-    """Returns the choice with the lowest cost, and its margin to the next choice with an end more than
-    ``far`` away.
+    """Returns the choice with the lowest cost. Its margin is set relative to the next choice that has an end
+    more than ``far`` away.
     """
-    first = int(total.argmin())
-    best, least = choices[first], float(total[first])
+    best_index = int(total.argmin())
+    best_choice, lowest_cost = choices[best_index], float(total[best_index])
     distances = np.linalg.norm(
-        np.array([choice.points for choice in choices])[:, :, None] - best.points, axis=3
+        np.array([choice.points for choice in choices])[:, :, None] - best_choice.points, axis=3
     )
     arms, legs = (_pair_distances(distances[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
     elsewhere = np.max([distances[:, HEAD, HEAD], arms, legs], axis=0) > far
-    margin = float(total[elsewhere].min(initial=np.inf)) - least
-    return replace(best, cost=least, margin=margin)
+    margin = float(total[elsewhere].min(initial=np.inf)) - lowest_cost
+    return replace(best_choice, cost=lowest_cost, margin=margin)
 
 
 def _pair_distances(distances: Float) -> Float:
-    """Returns (K,) the distance of the farther end of a pair from another pair, (K, 2, 2), under the
-    better assignment.
+    """Returns (K,) the distances between two pairs of ends. A distance is the larger of the two end-to-end
+    distances (K, 2, 2), under the better assignment.
     """
     straight, crossed = distances[:, [0, 1], [0, 1]], distances[:, [0, 1], [1, 0]]
     return np.asarray(np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1)))

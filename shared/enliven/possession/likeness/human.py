@@ -10,17 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph import LimbEnds
+from enliven.deformation.graph.surface_ends import LimbEnds
 from enliven.person import J, Joint
 from enliven.possession.likeness.five_ends import FiveEnds
 from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.rotation import unit
 
 _ARM_FRACTIONS = (0.86, 0.52, 0.2, 0.06)
-"""Shoulder, elbow, wrist and hand: distance from the end as a fraction of an arm's length, from randomly
-generated bodies."""
+"""Positions of shoulder, elbow, wrist and hand: distances from the limb's end as fractions of the arm's
+length. They were measured on randomly generated bodies."""
 _LEG_FRACTIONS = (1.03, 0.6, 0.21, 0.04)
-"""Hip, knee, ankle and foot: the same for a leg."""
+"""Positions of hip, knee, ankle and foot: distances from the limb's end as fractions of the leg's length."""
 _SKULL_FRACTION = 0.85
 """Length of the skull from the head's end, as a fraction of the head's length. The head joint is the mean
 over the skull."""
@@ -31,7 +31,8 @@ _WAIST_POSITION = 0.44
 _HIP_CENTRE_HEIGHT = 0.12
 """Height of the hip centre above the hip joints, as a fraction of the trunk."""
 _MAX_LIFTED_COSINE = 0.6
-"""Cosine between thigh and trunk below which a leg counts as lifted. Its rings then end in the lap."""
+"""If the cosine between thigh and trunk is below this value, the leg counts as lifted. The rings around it
+then end in the lap."""
 _MIN_FRONT_EVIDENCE = 0.015
 """Front/back evidence smaller than this fraction of body height is reported as uncertain."""
 _ELBOW_WEIGHT = 0.5
@@ -39,16 +40,16 @@ _ELBOW_WEIGHT = 0.5
 _HAND_WEIGHT = 0.1
 """Weight of the distance of the hands ahead of the shoulders. It is low, because hands may be anywhere."""
 _MODELLED_FRONT_BIAS = 0.03
-"""Bias, as a fraction of the height, towards +Z as the front, because most meshes are modelled so."""
+"""Bias, as a fraction of the height, towards +Z as the front. Most meshes are modelled facing +Z."""
 _MIN_COST_MARGIN = 2.0
-"""Minimum margin in cost to the next choice of ends for a choice to be certain."""
+"""If the cost margin to the next choice of ends is smaller than this, the choice is reported as uncertain."""
 
 
 def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
-    """Returns the skeleton of a person in a mesh with these five ends."""
+    """Computes the skeleton of a person in a mesh with these five ends."""
     limbs = _Limbs(limb_ends, ends)
-    arms = np.array([[limbs.ring(k, share, ends.tree.arm) for share in _ARM_FRACTIONS] for k in (1, 2)])
-    legs = np.array([[limbs.ring(k, share, ends.tree.leg) for share in _LEG_FRACTIONS] for k in (3, 4)])
+    arms = np.array([[limbs.ring(k, fraction, ends.tree.arm) for fraction in _ARM_FRACTIONS] for k in (1, 2)])
+    legs = np.array([[limbs.ring(k, fraction, ends.tree.leg) for fraction in _LEG_FRACTIONS] for k in (3, 4)])
     for leg in legs:
         leg[0] = _hip_at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.trunk())
     if (arms[0, 0] - arms[1, 0]) @ (legs[0, 0] - legs[1, 0]) < 0.0:
@@ -57,8 +58,8 @@ def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     up = arms[:, 0].mean(0) - legs[:, 0].mean(0)
     left = _perpendicular_unit(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
     ahead = np.cross(left, unit(up))
-    sure = _front_evidence(arms, legs, ahead) / height + _MODELLED_FRONT_BIAS * ahead[2]
-    if sure < 0.0:
+    front_evidence = _front_evidence(arms, legs, ahead) / height + _MODELLED_FRONT_BIAS * ahead[2]
+    if front_evidence < 0.0:
         arms, legs, ahead = arms[::-1], legs[::-1], -ahead
     joints = _all_joints(arms, legs, limbs.skull(_SKULL_FRACTION * ends.tree.head))
     order = _order_ends(ends.points, joints)
@@ -67,51 +68,57 @@ def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
         float(np.arctan2(ahead[0], ahead[2])),
         human=True,
         ends=ends.points[order],
-        doubts=_doubt_sentences(ends, abs(sure)),
+        doubts=_doubt_sentences(ends, abs(front_evidence)),
         strangeness=ends.cost,
     )
 
 
 class _Limbs:
-    """The limbs of five ends. Each point of the net belongs to the limb inside which it is deepest."""
+    """The limbs that end in the five ends. Each point of the net belongs to at most one limb, the one in
+    which it lies deepest.
+    """
 
     def __init__(self, limb_ends: LimbEnds, ends: FiveEnds) -> None:
         tree = ends.tree
         length = np.array([tree.head, tree.arm, tree.arm, tree.leg, tree.leg])
         self._points, self._distances = limb_ends.points, ends.distances
-        past = ends.distances - length[:, None]
-        self._owner, self._beyond = past.argmin(0), (past > 0).all(0)
+        overshoot = ends.distances - length[:, None]
+        self._owner, self._beyond = overshoot.argmin(0), (overshoot > 0).all(0)
 
     def ring(self, limb: int, share: float, length: float) -> Float:
-        """Returns (3,) metres: the centre of a limb at a fraction of its length from its end."""
+        """Returns (3,) the centre of a limb's cross section at a fraction of its length from its end,
+        metres.
+        """
         offset = self._distances[limb] - share * length
         is_own = self._owner == limb
         weights = np.exp(-0.5 * (offset[is_own] / (_RING_HALF_WIDTH * length)) ** 2) + 1e-12
         weights /= weights.sum()
-        mean, middle = float(weights @ offset[is_own]), weights @ self._points[is_own]
+        mean, centre = float(weights @ offset[is_own]), weights @ self._points[is_own]
         spread = float(weights @ (offset[is_own] - mean) ** 2)
-        slope = (weights * (offset[is_own] - mean)) @ (self._points[is_own] - middle) / max(spread, 1e-12)
+        slope = (weights * (offset[is_own] - mean)) @ (self._points[is_own] - centre) / max(spread, 1e-12)
         return np.asarray(
-            middle + slope * np.clip(-mean, -_RING_HALF_WIDTH * length, _RING_HALF_WIDTH * length)
+            centre + slope * np.clip(-mean, -_RING_HALF_WIDTH * length, _RING_HALF_WIDTH * length)
         )
 
     def trunk(self) -> Float:
-        """Returns (3,) metres: the centre of the points that belong to no limb. If every point belongs to a
-        limb, the centre of all points.
+        """Returns (3,) the centre of the points that belong to no limb, metres. If every point belongs to a
+        limb, returns the centre of all points.
         """
         is_trunk = self._beyond
         return np.asarray(self._points[is_trunk if is_trunk.any() else slice(None)].mean(0))
 
     def skull(self, deep: float) -> Float:
-        """Returns (3,) metres: the centre of the points within ``deep`` metres of the head's end."""
-        near = self._distances[0] < deep
+        """Returns (3,) the centre of the points within ``deep`` metres of the head's end, metres."""
+        in_skull = self._distances[0] < deep
         return np.asarray(
-            self._points[near].mean(0) if near.any() else self._points[self._distances[0].argmin()]
+            self._points[in_skull].mean(0) if in_skull.any() else self._points[self._distances[0].argmin()]
         )
 
 
 def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
-    """Returns (3,) metres: a hip joint. On a lifted leg it is moved along the thigh to the trunk's axis."""
+    """Returns (3,) the corrected hip joint, metres. If the leg is lifted, the joint is moved along the thigh
+    to the trunk's axis.
+    """
     thigh, trunk = unit(hip - knee), unit(middle - neck)
     along = float(thigh @ trunk)
     if abs(along) > _MAX_LIFTED_COSINE:
@@ -122,13 +129,17 @@ def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
 
 
 def _perpendicular_unit(vector: Float, up: Float) -> Float:
-    """Returns (3,) the unit vector of the part of ``vector`` that is perpendicular to ``up``."""
-    across = vector - up * float(vector @ up) / max(float(up @ up), 1e-12)
-    return unit(across)
+    """Returns (3,) the direction of the component of ``vector`` that is perpendicular to ``up``, as a unit
+    vector.
+    """
+    perpendicular = vector - up * float(vector @ up) / max(float(up @ up), 1e-12)
+    return unit(perpendicular)
 
 
 def _front_evidence(arms: Float, legs: Float, ahead: Float) -> float:
-    """Returns the evidence, metres, from toes, knees, elbows and hands that ``ahead`` is the front."""
+    """Returns the evidence, metres, that ``ahead`` is the front. It is positive if toes, knees and hands are
+    ahead and elbows behind.
+    """
     toes = (legs[:, 3] - legs[:, 2]).mean(0)
     knees = (legs[:, 1] - (legs[:, 0] + legs[:, 2]) / 2).mean(0)
     elbows = ((arms[:, 0] + arms[:, 2]) / 2 - arms[:, 1]).mean(0)
@@ -137,8 +148,8 @@ def _front_evidence(arms: Float, legs: Float, ahead: Float) -> float:
 
 
 def _all_joints(arms: Float, legs: Float, skull: Float) -> Float:
-    """Returns (20, 3) metres: all joints, from (2, 4, 3) arms and legs, left first, and the middle of the
-    skull.
+    """Returns all joints (20, 3), metres, from the joints of arms and legs (2, 4, 3 each, left first) and the
+    centre of the skull.
     """
     joints = np.empty((J, 3))
     joints[Joint.SHOULDER_LEFT : Joint.SHOULDER_RIGHT], joints[Joint.SHOULDER_RIGHT : Joint.HIP_LEFT] = arms

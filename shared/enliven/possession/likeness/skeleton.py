@@ -10,7 +10,8 @@ from enliven.arrays import Float
 from enliven.person import PARENTS, Joint
 
 _MAX_PERSON_COST = 45.0
-"""Cost of five ends below which a mesh is certainly a person: a bear has 35, a chair with arm rests 56."""
+"""Maximum cost of the five ends of a mesh that is certainly a person. A bear has a cost of 35, and a chair
+with arm rests 56."""
 
 
 @dataclass(frozen=True)
@@ -21,8 +22,8 @@ class BodyInMesh:
         joints: (20, 3) metres, rest space; NaN for joints that the mesh does not have.
         yaw: radians about +Y from +Z to the mesh's front.
         human: True if the mesh is built like a person: a head, two arms, two legs and an upright trunk.
-        ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human or not
-            searched for.
+        ends: (5, 3) the ends of head, left and right hand, left and right foot, metres; empty if the mesh is
+            not human-like or the ends were not searched.
         doubts: a sentence about each property that is uncertain.
         strangeness: 0 for a person of usual proportions that stands upright; higher for less human-like
             meshes.
@@ -37,7 +38,7 @@ class BodyInMesh:
 
     @classmethod
     def known(cls, joints: Float) -> BodyInMesh:
-        """Returns a person's skeleton from the joints (20, 3), metres, rest space."""
+        """Returns the skeleton of a person with known joints (20, 3); metres, rest space."""
         lefts = (
             joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]
         )
@@ -47,12 +48,12 @@ class BodyInMesh:
 
     @property
     def certain(self) -> bool:
-        """True if the mesh is certainly a person, so that it is treated as a person by default."""
+        """True if the mesh is certainly a person. It is then treated as a person by default."""
         return self.human and not self.doubts and self.strangeness < _MAX_PERSON_COST
 
     @property
     def leg(self) -> float:
-        """Distance from hip to ankle, metres, mean of both legs; NaN without legs."""
+        """Distance from hip to ankle, metres: the mean of both legs. NaN without legs."""
         lengths = [
             np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
             for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)

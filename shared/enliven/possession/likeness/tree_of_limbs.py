@@ -13,12 +13,13 @@ HEAD = 0
 _LIMBS_ON_PATH = np.array(
     [(1, 1, 0, 0)] * 2 + [(1, 0, 1, 1)] * 2 + [(0, 2, 0, 0)] + [(0, 1, 1, 1)] * 4 + [(0, 0, 0, 2)], float
 )
-"""(10, 4) number of heads, arms, trunks and legs on the path between each pair of the five ends."""
+"""(10, 4) for each pair of the five ends, the number of heads, arms, trunks and legs on the path between
+them."""
 _LIMB_SOLVER = np.linalg.pinv(_LIMBS_ON_PATH)
-"""(4, 10) matrix that computes the lengths of limbs from the distances, by least squares."""
+"""(4, 10) matrix that computes the four limb lengths from the ten distances, by least squares."""
 _USUAL_DEVIATION = 0.035
-"""Usual deviation of a distance from the tree's, as a fraction of arm plus trunk plus leg. Geodesic paths
-go around a thick body."""
+"""Usual deviation of a geodesic distance from the tree distance, as a fraction of arm plus trunk plus leg.
+The two differ because geodesic paths go around a thick body."""
 _HALF_WEIGHT_DEVIATION = 12.0
 """Squared deviation, in units of ``_USUAL_DEVIATION``, at which a distance has half its weight. A hand
 that touches a thigh shortens many distances."""
@@ -26,8 +27,8 @@ _PROPORTIONS = ((0, 1, 0.5, 0.5), (3, 1, 1.15, 0.4), (2, 1, 0.55, 0.5))
 """For head, leg and trunk (by index): the reference limb, the usual ratio to it, and the spread of the
 ratio's logarithm. The spread covers a child, a bear and a man made of boxes."""
 _DISTANCE_TOLERANCE = 0.06
-"""Tolerance, as a fraction of arm plus trunk plus leg, for a point's distances to match those of the chest
-or the pelvis."""
+"""Tolerance, as a fraction of arm plus trunk plus leg, when a point's distances are compared with those of
+the chest or the pelvis."""
 
 
 class LimbTree(NamedTuple):
@@ -47,19 +48,20 @@ class LimbTree(NamedTuple):
 
     @property
     def from_chest(self) -> tuple[float, ...]:
-        """Distances from the five ends to the chest, and the size, metres."""
+        """Distances from the five ends to the chest, then :attr:`size`, metres."""
         below = self.trunk + self.leg
         return (self.head, self.arm, self.arm, below, below, self.size)
 
     @property
     def from_pelvis(self) -> tuple[float, ...]:
-        """Distances from the five ends to the pelvis, and the size, metres."""
+        """Distances from the five ends to the pelvis, then :attr:`size`, metres."""
         arm = self.arm + self.trunk
         return (self.head + self.trunk, arm, arm, self.leg, self.leg, self.size)
 
 
 def tree_misfit(distances: Float) -> tuple[Float, Float]:
-    """Returns (K,) the cost of the deviation from a person's tree, and (K, 4) lengths of the nearest trees.
+    """Fits a limb tree to each of K choices. Returns (K,) the cost of the deviation from a person's tree, and
+    (K, 4) the limb lengths of the fitted trees.
 
     Args:
         distances: (K, 10) metres between each pair of head, two hands and two feet, in this order.
@@ -75,13 +77,13 @@ def tree_misfit(distances: Float) -> tuple[Float, Float]:
 
 
 def point_at_distances(points: Float, distances: Float, wanted: tuple[float, ...]) -> Float:
-    """Returns (3,) metres: the centre of the points at the given distances along the surface from the five
-    ends.
+    """Returns (3,) the centre of those points that have the given geodesic distances from the five ends,
+    metres.
 
     Args:
         points: (C, 3) metres.
         distances: (5, C) metres from each end.
-        wanted: the five distances, followed by the size that divides the errors.
+        wanted: the five target distances, followed by the size that normalizes the errors.
     """
     *five, size = wanted
     square = (((distances - np.array(five)[:, None]) / size) ** 2).sum(0)

@@ -15,7 +15,7 @@ from enliven.scanning.ground_plane import GroundPlane, cut_above_plane
 from enliven.scanning.settings import CutOutSettings
 
 _BELOW_FLOOR_M = 0.02
-"""If a box reaches at least this far below the floor, metres, it includes the floor."""
+"""A box that reaches at least this far (metres) below the floor includes the floor."""
 
 
 def upright_frame(ground: GroundPlane, focus: Float) -> Float:
@@ -24,9 +24,9 @@ def upright_frame(ground: GroundPlane, focus: Float) -> Float:
     +y is up, y = 0 is the floor, and the origin lies below ``focus`` (3,), the point that the cameras look
     at. Its heading about +y is that of the world.
     """
-    turn = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
+    rotation_matrix = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
     frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = turn, -(turn @ focus)
+    frame[:3, :3], frame[:3, 3] = rotation_matrix, -(rotation_matrix @ focus)
     frame[1, 3] = -ground.offset
     return frame
 
@@ -51,18 +51,18 @@ class CutBox:
         ):
             problem = "a box has two corners, the first one lower, farther left and farther back"
             raise InputError(
-                problem, where="box", mend="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1."
+                problem, where="box", remedy="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1."
             )
 
     def planes(self) -> list[tuple[Float, float]]:
         """Returns the six (normal (3,), offset) in the world; a point is inside if normal . x > offset for
-        all.
+        all six.
         """
-        turn, place = self.upright_from_world[:3, :3], self.upright_from_world[:3, 3]
+        rotation_matrix, translation = self.upright_from_world[:3, :3], self.upright_from_world[:3, 3]
         planes = []
         for axis in range(3):
-            planes.append((turn[axis], float(self.low[axis] - place[axis])))
-            planes.append((-turn[axis], float(place[axis] - self.high[axis])))
+            planes.append((rotation_matrix[axis], float(self.low[axis] - translation[axis])))
+            planes.append((-rotation_matrix[axis], float(translation[axis] - self.high[axis])))
         return planes
 
 
@@ -72,34 +72,34 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
     The part is closed along the lower side of the box, its base. Along the other sides it stays open.
 
     Args:
-        mesh: in the scan's world.
+        mesh: the scan, in its world frame.
 
     Raises:
         InputError: if no surface lies in the box; the message gives the extent of the surface.
     """
     s = settings or CutOutSettings()
-    low = box.low.copy()
-    if -_BELOW_FLOOR_M < low[1] < s.clearance:
-        low[1] = s.clearance
-    if low[1] >= box.high[1]:
+    cut_low = box.low.copy()
+    if -_BELOW_FLOOR_M < cut_low[1] < s.clearance:
+        cut_low[1] = s.clearance
+    if cut_low[1] >= box.high[1]:
         problem = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
-        raise InputError(problem, where="box", mend="Make it higher.")
-    inside = _faces_near_box(mesh, box)
-    for normal, offset in CutBox(low, box.high, box.upright_from_world).planes():
-        inside = cut_above_plane(inside, normal, offset)
-    if inside.area < s.least_area:
+        raise InputError(problem, where="box", remedy="Make it higher.")
+    part = _faces_near_box(mesh, box)
+    for normal, offset in CutBox(cut_low, box.high, box.upright_from_world).planes():
+        part = cut_above_plane(part, normal, offset)
+    if part.area < s.least_area:
         level_vertices = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
         problem = "no surface that was scanned lies in the box"
-        reach = " to ".join(
+        extent_text = " to ".join(
             ",".join(f"{x:.2f}" for x in corner) for corner in (level_vertices.min(0), level_vertices.max(0))
         )
-        raise InputError(problem, where="box", mend=f"The scanned surface reaches from {reach}.")
-    return place_on_floor(inside, box.upright_from_world, float(low[1]), s)
+        raise InputError(problem, where="box", remedy=f"The scanned surface reaches from {extent_text}.")
+    return place_on_floor(part, box.upright_from_world, float(cut_low[1]), s)
 
 
 def _faces_near_box(mesh: Mesh, box: CutBox) -> Mesh:
-    """Returns the faces that may intersect a box, which are few of a room's."""
+    """Returns only the faces that may intersect a box, so that cutting a whole room stays fast."""
     points = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
     corners = points[mesh.faces]
-    hits = (corners.max(1) >= box.low).all(1) & (corners.min(1) <= box.high).all(1)
-    return submesh(mesh, hits)
+    may_intersect = (corners.max(1) >= box.low).all(1) & (corners.min(1) <= box.high).all(1)
+    return submesh(mesh, may_intersect)

@@ -1,6 +1,4 @@
-"""Change detection: compares two scans of a place, and selects the new surface that stands in formerly free
-space.
-"""
+"""Change detection: compares two scans of a place, and selects the new surface in formerly free space."""
 
 from __future__ import annotations
 
@@ -26,17 +24,18 @@ _MIN_IMAGES = 2
 _MIN_SEEN_THROUGH_FRACTION = 0.7
 """Minimum fraction of the images of a point that saw through it. Near an edge, only some of them do."""
 _SURFACE_DEVIATIONS = 3.0
-"""Standard deviations of the depth within which a point lies at the observed surface."""
+"""A point within this number of standard deviations of the depth lies at the observed surface."""
 _POSE_TOLERANCE_M = 0.012
 """Additional tolerance, metres, for the camera pose error between the two scans."""
 _FOOT_RADIUS_M = 0.05
-"""Distance from the new surface, metres, within which surface near the floor belongs to it. So close to
-the floor, the comparison cannot separate them."""
+"""Surface near the floor that is within this distance (metres) of the new surface belongs to the object. The
+comparison cannot separate the two this close to the floor."""
 _UNSEEN_RADIUS_M = 0.2
-"""Distance from the new surface, metres, within which formerly unobserved space belongs to it, for example
-above the view."""
+"""Surface in formerly unobserved space (for example above the view) that is within this distance (metres) of
+the new surface belongs to the object."""
 _MAX_PATCH_M = 0.4
-"""Maximum size, metres, of a more distant patch that is kept too. A larger one may be another object."""
+"""Maximum size, metres, of a patch outside these radii that is still added to the object. A larger patch may
+be another object."""
 _SUPPORT_HEIGHT_RANGE_M = 0.1
 """Height range around the lowest new point, metres, in which the supporting plane is searched."""
 _SUPPORT_MARGIN_M = 0.15
@@ -51,8 +50,8 @@ class KnownImage:
 
     Attributes:
         depth: (H, W) millimetres, 0 if unknown.
-        intrinsics: of its camera.
-        world_from_camera: (4, 4) its pose in the world of the scan that it is compared with.
+        intrinsics: intrinsics of the camera.
+        world_from_camera: (4, 4) pose of the camera in the world of the scan that the image is compared with.
     """
 
     depth: Float32
@@ -63,8 +62,10 @@ class KnownImage:
 def compare_with_images(
     points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None
 ) -> Int32:
-    """Returns (N,) the earlier state at points (N, 3), world: 1 free space, -1 a surface, 0 unknown."""
-    observed, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
+    """Returns (N,) the earlier state at points (N, 3) in the world: 1 for free space, -1 for a surface, 0 if
+    unknown.
+    """
+    observed, seen_through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
     model = noise or DepthNoiseModel()
     limits = np.array(
         [
@@ -80,10 +81,10 @@ def compare_with_images(
         camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
         metres = np.asarray(image.depth, np.float32) * np.float32(1e-3)
         _count_seen_through(
-            points, invert_pose(image.world_from_camera), camera, metres, limits, observed, through
+            points, invert_pose(image.world_from_camera), camera, metres, limits, observed, seen_through
         )
-    air = through >= _MIN_SEEN_THROUGH_FRACTION * observed
-    return np.where(air, through >= _MIN_IMAGES, -1).astype(np.int32)
+    air = seen_through >= _MIN_SEEN_THROUGH_FRACTION * observed
+    return np.where(air, seen_through >= _MIN_IMAGES, -1).astype(np.int32)
 
 
 @njit(cache=True, nogil=True)
@@ -92,7 +93,8 @@ def _count_seen_through(points, pose, camera, depth, limits, seen, through):
 
     Args:
         pose: (4, 4) camera_from_world.
-        camera: (4,) fx, fy, cx, cy; limits: (4,) slack, and three of the noise.
+        camera: (4,) fx, fy, cx, cy; limits: (4,) pose tolerance (m), and the three parameters of the depth
+            noise model.
         seen, through: (N,) counts; written.
     """
     height, width = depth.shape
@@ -121,11 +123,11 @@ def cut_new_object(
     settings: CutOutSettings | None = None,
     noise: DepthNoiseModel | None = None,
 ) -> CutOut:
-    """Returns the object that stands in formerly free space, placed on y = 0 (KinEtre, 2012).
+    """Cuts out the object that occupies formerly free space, and places it on y = 0 (KinEtre, 2012).
 
     Args:
-        mesh: of the place with the object, in the world of the scan.
-        images: of the place without it.
+        mesh: the scan of the place with the object, in the world of the scan.
+        images: depth images of the place without the object.
         ground: the floor; None if no floor was found.
 
     Raises:
@@ -133,30 +135,34 @@ def cut_new_object(
     """
     s = settings or CutOutSettings()
     is_new = _smooth_states(mesh.faces, compare_with_images(mesh.vertices, images, noise)) > 0
-    new = np.asarray(is_new[mesh.faces].all(1))
-    new_part = submesh(mesh, new)
-    if not new.any() or new_part.area < s.least_area:
+    new_faces = np.asarray(is_new[mesh.faces].all(1))
+    new_part = submesh(mesh, new_faces)
+    if not new_faces.any() or new_part.area < s.least_area:
         problem = "no new object was found"
-        mend = (
+        advice = (
             "Show the same place both times, the second time with the object, and look at it from all sides."
         )
-        raise InputError(problem, where="scan", mend=mend)
-    thing = _remove_specks(new_part, s)
-    support = _support_plane(mesh, new, thing, ground)
-    above = cut_above_plane(mesh, support.normal, support.offset + s.clearance)
-    earlier = _smooth_states(above.faces, compare_with_images(above.vertices, images, noise))
-    away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN_RADIUS_M)
-    # So close to the support, the comparison cannot separate the object from the support. There, everything
-    # above the support and next to the object counts as object.
-    low = (support.heights(above.vertices) < _FOOT_RADIUS_M) & (away < _FOOT_RADIUS_M)
-    is_kept = (earlier >= 0) & np.isfinite(away) | low
-    kept_faces = np.asarray(is_kept[above.faces].any(1))
-    cut = submesh(above, kept_faces | _find_small_patches(above, ~kept_faces, earlier >= 0))
+        raise InputError(problem, where="scan", remedy=advice)
+    new_object = _remove_specks(new_part, s)
+    support = _support_plane(mesh, new_faces, new_object, ground)
+    above_support = cut_above_plane(mesh, support.normal, support.offset + s.clearance)
+    earlier = _smooth_states(above_support.faces, compare_with_images(above_support.vertices, images, noise))
+    distance_to_object, _ = cKDTree(new_object.vertices).query(
+        above_support.vertices, distance_upper_bound=_UNSEEN_RADIUS_M
+    )
+    # The comparison cannot separate the object from the support where the two are very close. There, all
+    # surface above the support and next to the object counts as object.
+    is_near_support = (support.heights(above_support.vertices) < _FOOT_RADIUS_M) & (
+        distance_to_object < _FOOT_RADIUS_M
+    )
+    is_kept = (earlier >= 0) & np.isfinite(distance_to_object) | is_near_support
+    kept_faces = np.asarray(is_kept[above_support.faces].any(1))
+    cut = submesh(above_support, kept_faces | _find_small_patches(above_support, ~kept_faces, earlier >= 0))
     return place_on_floor(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
 
 
 def _find_small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
-    """Returns (F,) True for excluded faces in a patch that is too small to be another object.
+    """Returns (F,) a mask of the excluded faces in patches that are too small to be another object.
 
     Args:
         excluded: (F,) the faces that were excluded.
@@ -167,17 +173,15 @@ def _find_small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
     low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
     np.minimum.at(low, label[faces.ravel()], mesh.vertices[faces.ravel()])
     np.maximum.at(high, label[faces.ravel()], mesh.vertices[faces.ravel()])
-    small = np.asarray(((high - low) < _MAX_PATCH_M).all(1), np.bool_)
-    small[label[faces[~free[faces].all(1)].ravel()]] = False
+    is_small = np.asarray(((high - low) < _MAX_PATCH_M).all(1), np.bool_)
+    is_small[label[faces[~free[faces].all(1)].ravel()]] = False
     is_island = np.zeros(len(mesh.faces), np.bool_)
-    is_island[excluded] = small[label[faces[:, 0]]]
+    is_island[excluded] = is_small[label[faces[:, 0]]]
     return is_island
 
 
 def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
-    """Returns the surface without specks. Each remaining part has at least half the area of the smallest
-    object.
-    """
+    """Removes parts with less than half the area of the smallest possible object."""
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)) / 2
     large = areas >= min(s.least_area / 2, areas.max())
@@ -185,7 +189,7 @@ def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
 
 
 def _smooth_states(faces: Int32, states: Int32) -> Int32:
-    """Returns (V,) the earlier state at each vertex, after majority voting among its neighbours."""
+    """Smooths the earlier states (V,) of the vertices by majority voting among neighbours."""
     for _ in range(_VOTING_ROUNDS):
         votes, of_face = np.zeros(len(states)), states[faces].sum(1)
         for corner in range(3):
@@ -194,21 +198,21 @@ def _smooth_states(faces: Int32, states: Int32) -> Int32:
     return states
 
 
-def _support_plane(mesh: Mesh, new: Bool, thing: Mesh, ground: GroundPlane | None) -> GroundPlane:
+def _support_plane(mesh: Mesh, new_faces: Bool, new_object: Mesh, ground: GroundPlane | None) -> GroundPlane:
     """Returns the plane that an object stands on: the table top below it, or else the floor."""
     up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
     frame = upright_frame(GroundPlane(up, 0.0, 0.0), np.zeros(3))[:3, :3]
-    place, object_vertices = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T
+    face_centres, object_vertices = mesh.vertices[mesh.faces].mean(1) @ frame.T, new_object.vertices @ frame.T
     low, high = (
         object_vertices.min(0) - [_SUPPORT_MARGIN_M, _SUPPORT_HEIGHT_RANGE_M, _SUPPORT_MARGIN_M],
         object_vertices.max(0) + _SUPPORT_MARGIN_M,
     )
     high[1] = object_vertices[:, 1].min() + _SUPPORT_HEIGHT_RANGE_M
-    is_nearby = ~new & (place > low).all(1) & (place < high).all(1)
+    is_nearby = ~new_faces & (face_centres > low).all(1) & (face_centres < high).all(1)
     try:
         plane = find_ground(submesh(mesh, is_nearby), up) if is_nearby.any() else None
     except InputError:
         plane = None
     if plane is not None:
         return plane
-    return ground or GroundPlane(up, float((thing.vertices @ up).min()), 0.0)
+    return ground or GroundPlane(up, float((new_object.vertices @ up).min()), 0.0)

@@ -14,7 +14,8 @@ from enliven.scanning.settings import CutOutSettings
 _MAX_SPECK_FRACTION = 0.02
 """A part with less than this fraction of the largest part's surface area is floating noise."""
 _ON_PLANE_M = 1e-9
-"""Maximum distance from a plane, metres, of a vertex that lies on it: the rounding error of a cut."""
+"""Maximum distance, metres, of a vertex that counts as lying on a plane. It allows for the rounding error of
+a cut."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class CutOut:
 
 
 def remove_specks(mesh: Mesh) -> tuple[Mesh, int]:
-    """Returns the mesh without parts that are noise, and the number of parts left."""
+    """Removes parts that are noise. Returns the mesh and the number of remaining parts."""
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1))
     large = areas > _MAX_SPECK_FRACTION * areas.max()
@@ -41,14 +42,14 @@ def remove_specks(mesh: Mesh) -> tuple[Mesh, int]:
 
 
 def place_on_floor(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOutSettings) -> CutOut:
-    """Returns a mesh that was cut along a horizontal plane as a standing object, closed at its base.
+    """Turns a mesh that was cut along a horizontal plane into a standing object with a closed base.
 
     Args:
-        mesh: in the scan's world.
+        mesh: the cut mesh, in the scan's world.
         level_from_world: (4, 4) to a frame with +y up and the supporting plane at y = 0.
-        cut_at: metres above y = 0 of the cut. The feet are extended down again by this height.
+        cut_at: metres above y = 0 of the cut. The lowest vertices are extended down again by this height.
     """
-    cleaned, parts = remove_specks(mesh)
+    cleaned, part_count = remove_specks(mesh)
     area = cleaned.area
     vertices = cleaned.vertices @ level_from_world[:3, :3].T + level_from_world[:3, 3]
     feet = vertices[:, 1] < cut_at + _ON_PLANE_M
@@ -57,4 +58,4 @@ def place_on_floor(mesh: Mesh, level_from_world: Float, cut_at: float, settings:
     low, high = vertices.min(0), vertices.max(0)
     # If the floor is kept, leave it at y = 0.
     vertices -= [(low[0] + high[0]) / 2, low[1] if cut_at > 0.0 else 0.0, (low[2] + high[2]) / 2]
-    return CutOut(close_holes(replace(cleaned, vertices=vertices), feet, settings), parts, area)
+    return CutOut(close_holes(replace(cleaned, vertices=vertices), feet, settings), part_count, area)

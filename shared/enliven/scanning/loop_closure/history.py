@@ -9,8 +9,8 @@ from enliven.frames import DepthFrame
 from enliven.recording import pack_depth, unpack_depth
 
 _COLOUR_INTERVAL = 4
-"""One in this many images keeps its colours. Colours change slowly, and are ten times as large as the
-depth."""
+"""Colours are stored for every fourth image only. They change slowly, and take ten times as much memory as
+the depth."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class _StoredFrame:
 
 
 class FrameHistory:
-    """Depth images by number, some with colours. When they exceed the memory limit, every second one is
-    dropped.
+    """Compressed depth images by number, some with colours. When they exceed the memory limit, every second
+    image is dropped.
 
     Args:
         megabytes: memory limit.

@@ -18,20 +18,55 @@ from enliven.scanning.loop_closure.history import FrameHistory
 from enliven.scanning.loop_closure.pose_graph import PoseLink, optimize_poses
 from enliven.scanning.loop_closure.submaps import PlacedPiece, SubMap, piece_tracker, split_trajectory
 from enliven.scanning.rigid import interpolate_poses, invert_pose, pose_difference
-from enliven.scanning.settings import LoopSettings, ScanSettings
+from enliven.scanning.settings import MIN_OVERLAP_FRACTION, ScanSettings
 from enliven.scanning.threads import run_in_two_threads
 
+_SUBMAP_TRAVEL_M = 0.3
+"""Camera travel per submap."""
+_SUBMAP_ROTATION_RAD = 0.35
+"""Camera rotation per submap."""
+_UP_SIGMA_RAD = 0.01
+"""Standard deviation of the up direction from the accelerometer."""
+_HALF_WEIGHT_SQUARED_ERROR = 50.0
+"""Squared error, in standard deviations, at which a loop closure has half its weight."""
+_TYPICAL_DEPTH_M = 1.2
+"""Depth at which displacements of images are measured."""
+_MIN_REPORTED_ERROR_SIGMAS = 1.0
+"""Error of a loop, in standard deviations, above which its gap is reported."""
+_TRACKED_SIGMA_M = 0.0015
+"""Standard deviation of the tracked position between successive submaps."""
+_TRACKED_SIGMA_RAD = 0.001
+"""Standard deviation of the tracked rotation between successive submaps."""
+_MIN_SHARED_FRACTION = 0.4
+"""Minimum overlap of two images, as a fraction, for a loop closure by position."""
+_MAX_INVERSE_DEPTH_DIFFERENCE = 0.15
+"""Maximum difference in inverse depth for images that count as similar, in 1/m."""
+_MAX_TESTED_SUBMAPS = 2
+"""Maximum number of earlier submaps to test for loop closure, by position and by appearance each."""
+_MIN_AGREEING_LOOP_FRACTION = 0.6
+"""Minimum fraction of points that lie on the other submap's surface."""
+_MAX_ALIGNMENT_DISTANCE_M = 0.02
+"""Maximum distance between the two alignments of a submap pair (forward and backward)."""
+_MAX_ALIGNMENT_ANGLE_RAD = 0.015
+"""Maximum angle between these two alignments."""
+_MIN_LOOP_SIGMA_M = 0.003
+"""Minimum standard deviation of position assumed for a loop closure."""
+_MIN_LOOP_SIGMA_RAD = 0.002
+"""Minimum standard deviation of rotation assumed for a loop closure."""
+
 _TRACKED_NEIGHBOURS = 2
-"""Number of following submaps that tracking has already aligned with a submap. They are not loop
+"""A submap and this number of submaps after it are already aligned by tracking, so they are not loop
 candidates."""
 _GRID_POINTS = 8
-"""Points across and down an image that are projected into another image to measure the shared view."""
+"""Number of grid points per row and column of an image. They are projected into another image to measure how
+much both show the same view."""
 _MIN_AXIS_COSINE = 0.5
-"""Cosine (60 degrees) between two optical axes below which the cameras see different sides of objects."""
+"""Minimum cosine (60 degrees) between two optical axes. Below it, the cameras see different sides of
+objects."""
 _MIN_PROJECTION_DISTANCE_M = 0.1
-"""Distance from a camera, metres, below which no point is projected into its image."""
+"""Points nearer than this to a camera, metres, are not projected into its image."""
 _MIN_LOOP_TRUST = 0.25
-"""Minimum trust in a loop. Below it, the loop counts as false."""
+"""Minimum trust in a loop, 0 to 1. Below it, the loop counts as false."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +74,14 @@ class LoopClosure:
     """The result of a loop closure.
 
     Attributes:
-        poses: (4, 4) of all images, world_from_camera.
+        poses: (4, 4) corrected poses of all images, world_from_camera.
         pieces: the submaps of the trajectory.
         links: pose graph edges between submaps. Edges that are not ``sure`` are loops.
         loops: the number of loops that are trusted.
-        gap: metres, the largest error of a trusted loop before the correction, measured in the middle of an
-            image. 0 without a trusted loop.
-        moved: metres, the largest displacement of the middle of an image by the correction.
+        gap: the largest error of a trusted loop before the correction, metres, measured at the point in the
+            middle
+            of an image. 0 if no loop is trusted.
+        moved: the largest displacement of the point in the middle of an image by the correction, metres.
         taken: True if the scan was fused again at these poses.
     """
 
@@ -59,8 +95,8 @@ class LoopClosure:
     taken: bool = False
 
     def agreement(self, tracker: CameraTracker, poses: Sequence[Float]) -> float:
-        """Returns the mean fraction of the submaps' points that lie at a surface, with their images at the
-        given poses.
+        """Returns the mean fraction of the submaps' points that lie on the fused surface if their images are
+        placed at the given poses.
         """
         shares = [
             tracker.evaluate(view, poses[piece.anchor]).agreeing
@@ -76,34 +112,41 @@ def correct_trajectory(
     preparation: DepthPreparation,
     settings: ScanSettings,
 ) -> LoopClosure:
-    """Returns the trajectory of a camera, corrected so that surfaces seen twice coincide.
+    """Corrects the trajectory of a camera, so that surfaces that were seen twice coincide.
 
     Args:
         poses: (4, 4) of each image, from tracking.
         ups: (3,) unit vectors, camera frame, that point up, or None, for each image.
     """
-    s = settings.loops
-    pieces = split_trajectory(poses, history.numbers, s.piece_metres, s.piece_radians)
-    placed = [_load_piece(history, piece, poses, preparation) for piece in pieces]
-    links = _all_links(placed, settings)
-    anchors = [piece.pose for piece in placed]
+    pieces = split_trajectory(poses, history.numbers, _SUBMAP_TRAVEL_M, _SUBMAP_ROTATION_RAD)
+    placed_pieces = [_load_piece(history, piece, poses, preparation) for piece in pieces]
+    links = _all_links(placed_pieces, settings)
+    anchors = [piece.pose for piece in placed_pieces]
     measured_ups = [ups[piece.anchor] for piece in pieces]
-    better, trusts = optimize_poses(anchors, links, measured_ups, s.level, s.doubt)
+    corrected_anchors, trusts = optimize_poses(
+        anchors, links, measured_ups, _UP_SIGMA_RAD, _HALF_WEIGHT_SQUARED_ERROR
+    )
     trusted_links = [
         link for link, trust in zip(links, trusts, strict=True) if not link.sure and trust > _MIN_LOOP_TRUST
     ]
-    middle = np.array([0.0, 0.0, s.middle, 1.0])
-    gaps = [gap for gap in (_link_gap(anchors, link, middle, s.opened) for link in trusted_links) if gap]
-    bent = _correct_poses(poses, [piece.anchor for piece in pieces], better)
-    moved = max(float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, bent, strict=True))
+    middle = np.array([0.0, 0.0, _TYPICAL_DEPTH_M, 1.0])
+    gaps = [
+        gap
+        for gap in (_link_gap(anchors, link, middle, _MIN_REPORTED_ERROR_SIGMAS) for link in trusted_links)
+        if gap
+    ]
+    corrected_poses = _correct_poses(poses, [piece.anchor for piece in pieces], corrected_anchors)
+    displacement = max(
+        float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, corrected_poses, strict=True)
+    )
     return LoopClosure(
-        bent,
+        corrected_poses,
         pieces,
         links,
         len(trusted_links),
         max(gaps, default=0.0),
-        moved,
-        [piece.view for piece in placed],
+        displacement,
+        [piece.view for piece in placed_pieces],
     )
 
 
@@ -111,8 +154,8 @@ def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) 
     """Returns the error of a link before the correction, metres, measured at the middle of an image. 0 if it
     is within the link's standard deviation.
     """
-    off = anchors[link.second] - anchors[link.first] @ link.first_from_second
-    gap = float(np.linalg.norm(off @ middle))
+    error_transform = anchors[link.second] - anchors[link.first] @ link.first_from_second
+    gap = float(np.linalg.norm(error_transform @ middle))
     deviation = float(np.linalg.eigvalsh(link.information[:3, :3])[0]) ** -0.5
     return gap if gap > most * deviation else 0.0
 
@@ -131,19 +174,20 @@ def _load_piece(
 def _all_links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
     """Returns the tracked links between successive submaps, and the loops with successful alignments in both
     directions."""
-    candidates = _loop_candidates(pieces, settings.loops)
+    candidates = _loop_candidates(pieces)
     alignments = _candidate_alignments(pieces, candidates, settings)
-    links = [_tracked_link(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
+    links = [_tracked_link(pieces, n) for n in range(len(pieces) - 1)]
     for (n, m), alignment in alignments.items():
-        if (m, n) in alignments and _is_consistent(pieces, n, m, alignment, alignments[m, n], settings.loops):
-            links.append(_make_link(pieces, n, m, alignment, settings.loops))
+        if (m, n) in alignments and _is_consistent(pieces, n, m, alignment, alignments[m, n]):
+            links.append(_make_link(pieces, n, m, alignment))
     return links
 
 
 def _candidate_alignments(
     pieces: list[PlacedPiece], candidates: set[tuple[int, int]], settings: ScanSettings
 ) -> dict[tuple[int, int], Alignment]:
-    """Returns the alignments of submaps m with submaps n, by (n, m), for the candidate pairs that align.
+    """Aligns the candidate pairs of submaps. Returns the successful alignments of submap m with submap n
+    under the key (n, m).
 
     Both directions of each pair are tried.
     """
@@ -166,30 +210,34 @@ def _candidate_alignments(
     return dict(sorted(alignments.items()))
 
 
-def _tracked_link(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
+def _tracked_link(pieces: list[PlacedPiece], n: int) -> PoseLink:
     """Returns the link of a submap to the next one, from tracking."""
     relative = invert_pose(pieces[n].pose) @ pieces[n + 1].pose
-    sure = np.diag([s.tracked_metres**-2] * 3 + [s.tracked_radians**-2] * 3)
+    sure = np.diag([_TRACKED_SIGMA_M**-2] * 3 + [_TRACKED_SIGMA_RAD**-2] * 3)
     return PoseLink(n, n + 1, relative, sure)
 
 
-def _loop_candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
+def _loop_candidates(pieces: list[PlacedPiece]) -> set[tuple[int, int]]:
     """Returns the loop candidates: pairs (n, m), n < m, of non-successive submaps that may show the same
     place.
     """
     candidates: set[tuple[int, int]] = set()
-    small = [piece.small for piece in pieces]
+    reduced_images = [piece.small for piece in pieces]
     for m in range(_TRACKED_NEIGHBOURS + 1, len(pieces)):
         before = pieces[: m - _TRACKED_NEIGHBOURS]
         unseen = np.array([1.0 - _shared_view_fraction(pieces[m], other) for other in before])
-        unlike = image_differences(small[m], small[: m - _TRACKED_NEIGHBOURS])
-        for measure, most in ((unseen, 1.0 - s.shared), (unlike, s.unlike)):
-            candidates |= {(int(n), m) for n in np.argsort(measure)[: s.tried] if measure[n] < most}
+        unlike = image_differences(reduced_images[m], reduced_images[: m - _TRACKED_NEIGHBOURS])
+        for measure, most in ((unseen, 1.0 - _MIN_SHARED_FRACTION), (unlike, _MAX_INVERSE_DEPTH_DIFFERENCE)):
+            candidates |= {
+                (int(n), m) for n in np.argsort(measure)[:_MAX_TESTED_SUBMAPS] if measure[n] < most
+            }
     return candidates
 
 
 def _shared_view_fraction(piece: PlacedPiece, other: PlacedPiece) -> float:
-    """Returns the fraction of a submap's view that another camera also sees, from about the same side."""
+    """Returns the fraction of a submap's view that the camera of another submap also sees from about the same
+    side.
+    """
     if piece.pose[:3, 2] @ other.pose[:3, 2] < _MIN_AXIS_COSINE:
         return 0.0
     points = piece.view.points
@@ -199,12 +247,12 @@ def _shared_view_fraction(piece: PlacedPiece, other: PlacedPiece) -> float:
     samples = samples[samples[:, 2] > 0]
     other_from_piece = invert_pose(other.pose) @ piece.pose
     local = samples @ other_from_piece[:3, :3].T + other_from_piece[:3, 3]
-    ahead = local[:, 2] > _MIN_PROJECTION_DISTANCE_M
-    if not ahead.any():
+    is_in_front = local[:, 2] > _MIN_PROJECTION_DISTANCE_M
+    if not is_in_front.any():
         return 0.0
     lens = other.view.intrinsics
-    at = project(local[ahead], lens)
-    inside = (at >= 0).all(1) & (at[:, 0] < lens.width) & (at[:, 1] < lens.height)
+    pixels = project(local[is_in_front], lens)
+    inside = (pixels >= 0).all(1) & (pixels[:, 0] < lens.width) & (pixels[:, 1] < lens.height)
     return float(inside.sum()) / _GRID_POINTS**2
 
 
@@ -221,41 +269,40 @@ def _align_piece(
 
 def _is_good(alignment: Alignment, settings: ScanSettings) -> bool:
     """Returns True if an alignment is good enough for a link."""
-    s = settings.loops
     return (
-        alignment.agreeing > s.agreeing
-        and alignment.overlap > settings.tracking.overlap
+        alignment.agreeing > _MIN_AGREEING_LOOP_FRACTION
+        and alignment.overlap > MIN_OVERLAP_FRACTION
         and alignment.deviation < settings.tracking.unsure
     )
 
 
-def _is_consistent(
-    pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
-) -> bool:
+def _is_consistent(pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment) -> bool:
     """Returns True if the alignment of m with n is consistent with the alignment of n with m."""
     correction = one.world_from_camera @ invert_pose(pieces[m].pose)
     move, turn = pose_difference(pieces[n].pose, correction @ other.world_from_camera)
-    return move < s.agree_metres and turn < s.agree_radians
+    return move < _MAX_ALIGNMENT_DISTANCE_M and turn < _MAX_ALIGNMENT_ANGLE_RAD
 
 
-def _make_link(pieces: list[PlacedPiece], n: int, m: int, alignment: Alignment, s: LoopSettings) -> PoseLink:
+def _make_link(pieces: list[PlacedPiece], n: int, m: int, alignment: Alignment) -> PoseLink:
     """Returns the link for an alignment."""
     turn = pieces[n].pose[:3, :3].T
     both = np.kron(np.eye(2), turn)
     covariance = both @ alignment.covariance @ both.T
-    covariance += np.diag([s.metres**2] * 3 + [s.radians**2] * 3)
+    covariance += np.diag([_MIN_LOOP_SIGMA_M**2] * 3 + [_MIN_LOOP_SIGMA_RAD**2] * 3)
     relative = invert_pose(pieces[n].pose) @ alignment.world_from_camera
     return PoseLink(n, m, relative, np.asarray(np.linalg.inv(covariance), np.float64), sure=False)
 
 
 def _correct_poses(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
-    """Returns all poses, corrected by interpolating the corrections of the anchors before and after them."""
-    turned = [new @ invert_pose(poses[at]) for at, new in zip(anchors, better, strict=True)]
-    out = []
+    """Corrects all poses: interpolates the corrections of the nearest anchor images before and after each
+    image.
+    """
+    corrections = [new @ invert_pose(poses[anchor]) for anchor, new in zip(anchors, better, strict=True)]
+    corrected = []
     for number, pose in enumerate(poses):
-        after = int(np.searchsorted(anchors, number))
-        low, high = max(after - 1, 0), min(after, len(anchors) - 1)
+        next_anchor = int(np.searchsorted(anchors, number))
+        low, high = max(next_anchor - 1, 0), min(next_anchor, len(anchors) - 1)
         span = anchors[high] - anchors[low]
-        share = (number - anchors[low]) / span if span else 0.0
-        out.append(interpolate_poses(turned[low] @ pose, turned[high] @ pose, share))
-    return out
+        fraction = (number - anchors[low]) / span if span else 0.0
+        corrected.append(interpolate_poses(corrections[low] @ pose, corrections[high] @ pose, fraction))
+    return corrected

@@ -1,4 +1,4 @@
-"""Pose graph optimization: links are relative poses, and the poses move until all links agree best."""
+"""Pose graph optimization: finds the poses that agree best with measured relative poses (links)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ _MIN_COST_DECREASE = 1e-9
 _INITIAL_DAMPING = 1e-6
 """Initial damping of each round, relative to the mean of the matrix's diagonal."""
 _TRUST_ROUNDS = 6
-"""Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
+"""Number of rounds in which the trust in inconsistent loops is gradually reduced. The first round trusts all
+loops."""
 _TOLERANCE_SHRINK = 5.0
 """Divisor of the tolerated error of a loop in each round (graduated non-convexity)."""
 
@@ -32,9 +33,9 @@ class PoseLink:
     Attributes:
         first, second: numbers of the poses.
         first_from_second: (4, 4) the second pose in the first one's frame.
-        information: (6, 6) inverse covariance of its translation (m) and rotation (rad), the first pose's
-            axes.
-        sure: True if the link is certain. A loop is not certain: it may turn out to be false.
+        information: (6, 6) inverse covariance of the translation (m) and rotation (rad), in the axes of the
+            first pose.
+        sure: True if the link is certain. A loop is not certain, because the detection may be wrong.
     """
 
     first: int
@@ -53,14 +54,14 @@ def optimize_poses(
 ) -> tuple[list[Float], Float]:
     """Returns the poses at which the links agree best, and the trust in each link, 0 to 1.
 
-    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function. Its width is
-    large at first.
+    The first pose is fixed. Links that are not ``sure`` are weighted by the Geman-McClure function. Its width
+    is reduced in each round.
 
     Args:
-        poses: (4, 4) each, world_from_pose, initial estimates.
-        ups: (3,) unit vectors each, in the pose's frame, that point up according to an accelerometer, or
+        poses: initial estimates, (4, 4) each, world_from_pose.
+        ups: for each pose, a (3,) unit vector in its frame that points up according to an accelerometer, or
             None.
-        level: radians, standard deviation of these.
+        level: standard deviation of these directions, radians.
         doubt: squared Mahalanobis distance at which a link that is not sure has a quarter of its weight.
     """
     current, measured_ups = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
@@ -68,10 +69,10 @@ def optimize_poses(
     if not links or len(poses) < 2:
         return current, trusts
     is_loop = np.array([not link.sure for link in links])
-    for turn in range(_TRUST_ROUNDS if is_loop.any() else 1):
+    for trust_round in range(_TRUST_ROUNDS if is_loop.any() else 1):
         current = _solve_poses(current, links, trusts, measured_ups, level)
         squares = _squared_errors(current, links)
-        scale = doubt * _TOLERANCE_SHRINK ** (_TRUST_ROUNDS - 1 - turn)
+        scale = doubt * _TOLERANCE_SHRINK ** (_TRUST_ROUNDS - 1 - trust_round)
         trusts = np.where(is_loop, (scale / (scale + squares)) ** 2, 1.0)
     return _solve_poses(current, links, trusts, measured_ups, level), trusts
 
@@ -95,11 +96,13 @@ def pose_graph_cost(
 
 
 def link_residual(link: PoseLink, first: Float, second: Float) -> Float:
-    """Returns (6,) the error of a link, metres and radians: the actual second pose relative to the link's."""
-    turn, relative = first[:3, :3].T, link.first_from_second
-    place = turn @ (second[:3, 3] - first[:3, 3]) - relative[:3, 3]
-    off = turn @ second[:3, :3] @ relative[:3, :3].T
-    return np.concatenate([place, rotation.to_rotation_vector(rotation.from_matrix(off))])
+    """Returns (6,) the error of a link, metres and radians: the difference between the actual second pose and
+    the one that the link predicts.
+    """
+    rotation_matrix, relative = first[:3, :3].T, link.first_from_second
+    position_error = rotation_matrix @ (second[:3, 3] - first[:3, 3]) - relative[:3, 3]
+    rotation_error = rotation_matrix @ second[:3, :3] @ relative[:3, :3].T
+    return np.concatenate([position_error, rotation.to_rotation_vector(rotation.from_matrix(rotation_error))])
 
 
 def _squared_errors(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
@@ -116,20 +119,23 @@ def _up_direction(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float 
 def _solve_poses(
     poses: list[Float], links: Sequence[PoseLink], trusts: Float, ups: list[Float | None], level: float
 ) -> list[Float]:
-    """Returns the poses after Levenberg-Marquardt steps, for given trust in the links."""
+    """Optimizes the poses by Levenberg-Marquardt steps, for given trust in the links."""
     damping, cost = _INITIAL_DAMPING, pose_graph_cost(poses, links, trusts, ups, level)
     for _ in range(_MAX_STEPS):
         matrix, gradient = _normal_equations(poses, links, trusts, ups, level)
         diagonal = damping * matrix.diagonal().mean()
         step = -splu(matrix + csc_matrix(diagonal * np.eye(len(gradient)))).solve(gradient)
-        tried = [poses[0], *(move_pose(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate(poses[1:]))]
-        after = pose_graph_cost(tried, links, trusts, ups, level)
-        if after > cost:
+        trial_poses = [
+            poses[0],
+            *(move_pose(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate(poses[1:])),
+        ]
+        trial_cost = pose_graph_cost(trial_poses, links, trusts, ups, level)
+        if trial_cost > cost:
             damping *= 10.0
             continue
-        gained = cost - after
-        poses, cost, damping = tried, after, damping / 10.0
-        if gained <= _MIN_COST_DECREASE * cost + 1e-12:
+        decrease = cost - trial_cost
+        poses, cost, damping = trial_poses, trial_cost, damping / 10.0
+        if decrease <= _MIN_COST_DECREASE * cost + 1e-12:
             break
     return poses
 
@@ -159,13 +165,15 @@ def _normal_equations(
             blocks[n, n][3:, 3:] += slope.T @ slope / level**2
             gradient[n, 3:] += slope.T @ (measured_up - world_up) / level**2
     rows, columns, values = [], [], []
-    down, across = np.mgrid[0:6, 0:6]
+    block_rows, block_columns = np.mgrid[0:6, 0:6]
     for (a, b), block in blocks.items():
-        rows.append((6 * a + down).ravel())
-        columns.append((6 * b + across).ravel())
+        rows.append((6 * a + block_rows).ravel())
+        columns.append((6 * b + block_columns).ravel())
         values.append(np.ravel(block))
-    place = np.concatenate(rows), np.concatenate(columns)
-    return csc_matrix((np.concatenate(values), place), shape=(6 * count, 6 * count)), gradient.ravel()
+    row_and_column = np.concatenate(rows), np.concatenate(columns)
+    return csc_matrix(
+        (np.concatenate(values), row_and_column), shape=(6 * count, 6 * count)
+    ), gradient.ravel()
 
 
 def link_jacobians(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
@@ -173,19 +181,19 @@ def link_jacobians(link: PoseLink, first: Float, second: Float) -> tuple[Float, 
     axes.
     """
     error = link_residual(link, first, second)
-    turn, offset = first[:3, :3].T, second[:3, 3] - first[:3, 3]
-    turned = _inverse_left_jacobian(error[3:]) @ turn
+    rotation_matrix, offset = first[:3, :3].T, second[:3, 3] - first[:3, 3]
+    error_derivative = _inverse_left_jacobian(error[3:]) @ rotation_matrix
     of_first, of_second = np.zeros((6, 6)), np.zeros((6, 6))
-    of_first[:3, :3], of_second[:3, :3] = -turn, turn
-    of_first[:3, 3:] = turn @ cross_matrix(offset)
-    of_first[3:, 3:], of_second[3:, 3:] = -turned, turned
+    of_first[:3, :3], of_second[:3, :3] = -rotation_matrix, rotation_matrix
+    of_first[:3, 3:] = rotation_matrix @ cross_matrix(offset)
+    of_first[3:, 3:], of_second[3:, 3:] = -error_derivative, error_derivative
     return error, of_first, of_second
 
 
-def _inverse_left_jacobian(turn: Float) -> Float:
+def _inverse_left_jacobian(rotation_vector: Float) -> Float:
     """Returns (3, 3) the derivative of a rotation vector for a small rotation after it (the inverse left
     Jacobian).
     """
-    angle, cross = float(np.linalg.norm(turn)), cross_matrix(turn)
-    share = 1 / 12 if angle < 1e-4 else (1 - angle / 2 / np.tan(angle / 2)) / angle**2
-    return np.asarray(np.eye(3) - cross / 2 + share * cross @ cross)
+    angle, cross = float(np.linalg.norm(rotation_vector)), cross_matrix(rotation_vector)
+    coefficient = 1 / 12 if angle < 1e-4 else (1 - angle / 2 / np.tan(angle / 2)) / angle**2
+    return np.asarray(np.eye(3) - cross / 2 + coefficient * cross @ cross)

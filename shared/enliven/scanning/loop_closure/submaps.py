@@ -1,4 +1,6 @@
-"""Submaps of a scan's trajectory: images near one another form a rigid map, with which others are aligned."""
+"""Submaps of a scan's trajectory: images with nearby poses form a rigid map. Other submaps are aligned with
+it.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,13 @@ from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _VOXEL_RATIOS = (2.0, 8.0)
-"""Voxel sizes of a submap's volumes, relative to the scan's: truncation bands of 3 and 13 cm at 4 mm, in a
-tenth of the time."""
+"""Voxel sizes of a submap's volumes, relative to the scan's. If the scan has 4 mm voxels, the truncation
+bands are 3 and 13 cm wide. Alignment takes a tenth of the time of tracking."""
 _PIXEL_STRIDE = 4
-"""Half-size pixels between the points that are aligned with a submap: a quarter as many points as in
-tracking."""
+"""Spacing, in half-size pixels, of the points that are aligned with a submap. Tracking uses four times as
+many points."""
 _MAX_IMAGES = 3
-"""Maximum number of images of a submap that are fused. Further images would add little."""
+"""Maximum number of images of a submap that are fused. More images would add little."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class SubMap:
     """A section of a scan's trajectory.
 
     Attributes:
-        numbers: of its images, in their order.
+        numbers: the numbers of its images, in ascending order.
     """
 
     numbers: tuple[int, ...]
@@ -44,10 +46,10 @@ class SubMap:
     @property
     def fused_numbers(self) -> list[int]:
         """The numbers of the images that are fused when other submaps are aligned with this one."""
-        keep = np.unique(
+        indices = np.unique(
             np.linspace(0, len(self.numbers) - 1, min(_MAX_IMAGES, len(self.numbers))).astype(int)
         )
-        return [self.numbers[n] for n in keep]
+        return [self.numbers[n] for n in indices]
 
 
 def split_trajectory(
@@ -58,17 +60,17 @@ def split_trajectory(
 
     Args:
         poses: (4, 4) of all images.
-        numbers: of the stored images.
+        numbers: the numbers of the stored images.
         metres: maximum distance from the start of the submap.
         radians: maximum rotation from the start of the submap.
     """
     pieces: list[list[int]] = []
     for number in numbers:
-        far = not pieces
+        starts_piece = not pieces
         if pieces:
-            move, turn = pose_difference(poses[pieces[-1][0]], poses[number])
-            far = move > metres or turn > radians
-        if far:
+            distance, angle = pose_difference(poses[pieces[-1][0]], poses[number])
+            starts_piece = distance > metres or angle > radians
+        if starts_piece:
             pieces.append([])
         pieces[-1].append(number)
     return [SubMap(tuple(piece)) for piece in pieces]
@@ -78,13 +80,14 @@ class PlacedPiece:
     """A submap with its images.
 
     Attributes:
-        view: its anchor's image, without the planes of the full image, which are large and only needed for
+        view: the anchor's image, without the planes of the full image, which are large and only needed for
             fusion.
-        small: the same image, reduced as a keyframe is.
-        pose: (4, 4) its anchor's pose.
+        small: the same image, reduced in the same way as a keyframe.
+        pose: (4, 4) pose of the anchor, world_from_camera.
 
     Args:
-        images: of at least its anchor and its ``fused_numbers``, with their poses, by number.
+        images: images with their poses, by number. They include at least the anchor and the
+            ``fused_numbers``.
     """
 
     def __init__(
@@ -108,12 +111,15 @@ class PlacedPiece:
 
 def piece_tracker(settings: ScanSettings) -> CameraTracker:
     """Returns the tracker that aligns images with the submap that was last fused into its volumes."""
-    plain, t = replace(settings.volume, colour=False), settings.tracking
-    reaches = (plain.reach, plain.far)
-    # With a larger stride, each point carries more independent information, because the noise of neighbouring
+    colourless, t = replace(settings.volume, colour=False), settings.tracking
+    depth_limits = (colourless.reach, colourless.far)
+    # With a larger stride, each point carries more independent information, because the noise of adjacent
     # pixels is correlated.
     independent = min(t.independent * (_PIXEL_STRIDE / t.fine_stride) ** 2, 1.0)
     return CameraTracker(
-        [TsdfVolume(plain, plain.voxel * n, far) for n, far in zip(_VOXEL_RATIOS, reaches, strict=True)],
+        [
+            TsdfVolume(colourless, colourless.voxel * n, far)
+            for n, far in zip(_VOXEL_RATIOS, depth_limits, strict=True)
+        ],
         replace(t, fine_stride=_PIXEL_STRIDE, independent=independent),
     )

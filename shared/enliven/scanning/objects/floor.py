@@ -1,4 +1,4 @@
-"""Measures the position of the floor relative to an object. A part that moves relative to the floor is the
+"""Measures the floor plane in each image. Any part of the scene that moves relative to the floor is the
 object.
 """
 
@@ -12,7 +12,7 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.ground_plane import GroundPlane
 
 _FLOOR_BAND_M = 0.05
-"""Height range about the floor, metres, in which points count as floor if an image is misaligned."""
+"""Points within this height of the known floor, metres, count as floor. It allows for misaligned images."""
 _MIN_NORMAL_COSINE = 0.96
 """Minimum cosine (16 degrees) between a floor point's normal and the floor's."""
 _FLOOR_RADIUS_M = 1.2
@@ -20,31 +20,30 @@ _FLOOR_RADIUS_M = 1.2
 _MIN_FLOOR_POINTS = 200
 """Minimum number of floor points for estimating the floor."""
 _PIXEL_STRIDE = 2
-"""Half-size pixels from one used point to the next."""
+"""Every second half-size pixel is used, in each direction."""
 
 
 def floor_plane(
     view: DepthView, world_from_camera: Float, ground: GroundPlane, middle: Float, object_pixels: Bool
 ) -> Float | None:
-    """Returns (3,) the floor in an image relative to the ground: metres above it at a point, and two slopes.
-
-    None if too little of the floor is visible.
+    """Fits the floor in an image relative to the known ground. Returns (3,): the height above the ground at
+    ``middle``, metres, and two slopes. None if too little of the floor is visible.
 
     Args:
         middle: (3,) the point, world: the object's centre.
         object_pixels: (h, w) the object's pixels, which are not floor even if the object lies flat.
     """
-    turn = world_from_camera[:3, :3]
+    rotation_matrix = world_from_camera[:3, :3]
     subsample = (slice(None, None, _PIXEL_STRIDE), slice(None, None, _PIXEL_STRIDE))
-    points = view.points[subsample] @ turn.T + world_from_camera[:3, 3]
+    points = view.points[subsample] @ rotation_matrix.T + world_from_camera[:3, 3]
     heights = points @ ground.normal - ground.offset
-    across = points - middle
-    level = across - (across @ ground.normal)[..., None] * ground.normal
+    offsets = points - middle
+    level = offsets - (offsets @ ground.normal)[..., None] * ground.normal
     floor = (
         (view.worth[subsample] > 0)
         & ~object_pixels[subsample]
         & (np.abs(heights) < _FLOOR_BAND_M)
-        & (view.normals[subsample] @ turn.T @ ground.normal > _MIN_NORMAL_COSINE)
+        & (view.normals[subsample] @ rotation_matrix.T @ ground.normal > _MIN_NORMAL_COSINE)
         & (np.square(level).sum(-1) < _FLOOR_RADIUS_M**2)
     )
     if np.count_nonzero(floor) < _MIN_FLOOR_POINTS:

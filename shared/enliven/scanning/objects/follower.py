@@ -14,41 +14,46 @@ from enliven.arrays import Bool, Float
 from enliven.frames import DepthFrame
 from enliven.scanning.depth_view import DepthView, restrict_view
 from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
-from enliven.scanning.loop_closure import FrameHistory
+from enliven.scanning.loop_closure.history import FrameHistory
 from enliven.scanning.objects.nearness import surface_distances
 from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.rigid import invert_pose
-from enliven.scanning.settings import ScanSettings
+from enliven.scanning.settings import MIN_AGREEING_FRACTION, MIN_OVERLAP_FRACTION, ScanSettings
+
+_MAX_FOLLOWED_SIGMA_M = 0.25
+"""Maximum standard deviation of the camera position relative to the object. Above it, the rotation counts as
+unknown."""
 
 _FINE_VOLUME = 1
 """Index of the volume, with 16 mm voxels, that decides which points lie on a surface."""
 _COARSE_VOLUME = 2
-"""Index of the volume, with 64 mm voxels, that decides which points may lie on it."""
+"""Index of the volume, with 64 mm voxels, that decides which points may lie on a surface."""
 _TRACKING_RANGE_M = 0.06
-"""Distance from the surface, metres, within which a point helps to track the object: its possible motion
-between images."""
+"""Points within this distance of the surface, metres, are used to track the object. It allows for the motion
+between two images."""
 _LOST_TRACKING_RANGE_M = 0.2
-"""The same distance, metres, if the object was lost. The coarsest voxels reach this far from a surface."""
+"""The same distance, metres, after the object was lost. The truncation band of the coarsest voxels is this
+wide."""
 _LIFT_HEIGHTS_M = 0.06, 0.12, 0.18
 """Heights, metres, above the last position at which the object is searched, because its motion is detected
 late."""
 _SEARCH_ROTATIONS = 0.1, -0.1, 0.2, -0.2
 """Rotations about up, radians (6 and 11 degrees), at which the object is searched."""
 _OBJECT_DISTANCE_M = 0.02
-"""Distance from the surface, metres, within which a point belongs to the object: pixel noise plus pose
-error."""
+"""Points within this distance of the surface, metres, belong to the object. It is the pixel noise plus the
+pose error."""
 _ROOM_DISTANCE_M = 0.015
-"""Distance from the room's surface, metres, within which a point belongs to the room."""
+"""Points within this distance of the room's surface, metres, belong to the room."""
 _EXTENT_MARGIN_M = 0.03
-"""Distance, metres, outside the known extent of the object at which a point may still belong to it: a new
-side that comes into view."""
+"""A point up to this distance, metres, outside the known bounding box may still belong to the object, because
+new sides come into view."""
 _MAX_EXTENT_GROWTH = 2.5
-"""Maximum growth of the known extent relative to its first size. From one side, half of an object is
-known."""
+"""Maximum growth of the known bounding box relative to its first size. The first view, from one side, shows
+half of an object."""
 _MIN_MODEL_IMAGES = 10
-"""Number of images after which the model of an object that never stood still is good enough to estimate
-its pose uncertainty. With fewer observations, noise looks like slopes that rotate."""
+"""For an object that never stood still, minimum number of images before its pose uncertainty is estimated.
+With fewer images, noise in the model looks like slopes that rotate."""
 _MIN_OBJECT_PIXELS = 150
 """Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
 _MAX_ROTATION = 0.5
@@ -64,11 +69,11 @@ class ObjectTrackingResult:
 
     Attributes:
         sure: True if the object was found. If False, nothing is fused.
-        object_from_camera: (4, 4) the camera's pose in the object's frame. If the object was not found, the
-            last known pose.
+        object_from_camera: (4, 4) the camera's pose in the object's frame; the last known pose if the object
+            was not found.
         object_points: (h, w) half-size pixels that may belong to the object; they are excluded when tracking
             the room.
-        alignment: the quality of the fit. None if too little of the object is visible.
+        alignment: the fitted pose and its quality. None if too little of the object is visible.
     """
 
     sure: bool
@@ -80,14 +85,14 @@ class ObjectTrackingResult:
 class ObjectFollower:
     """A tracker of one object by its own surface, through the images in which it moves.
 
-    The object's pixels are those near its predicted surface at constant velocity. They are aligned with the
-    object's surface in the same way as a camera image is aligned with a room (Ruenz and Agapito, "Co-Fusion",
-    ICRA 2017, section V). New surface next to the object, above the ground and not part of the room, is fused
-    if the pose is reliable.
+    The object's pixels are those near its predicted surface. The prediction assumes constant velocity. They
+    are aligned with the object's surface in the same way as a camera image is aligned with a room (Ruenz and
+    Agapito, "Co-Fusion", ICRA 2017, section V). New surface next to the object, above the ground and not part
+    of the room, is fused if the pose is reliable.
 
     Args:
         model: the known surface of the object, which grows.
-        rest: the room, and the object's pose in it.
+        rest: the scan of the room at the last rest, and the object's pose in it.
         object_from_camera: (4, 4) the camera's pose in the object's frame before it moved.
     """
 
@@ -131,8 +136,8 @@ class ObjectFollower:
         )
 
     def _lifted_poses(self, room_from_camera: Float) -> list[Float]:
-        """Returns (4, 4) candidate camera poses in the frame of an object that was lifted or turned since
-        the last image.
+        """Returns candidate camera poses (4, 4) in the object's frame, for an object that was lifted or
+        turned since the last image.
         """
         ground = self._rest.ground
         up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
@@ -145,9 +150,12 @@ class ObjectFollower:
             pose[:3, 3] -= height * up
             poses.append(pose)
         for angle in _SEARCH_ROTATIONS:
-            turn, pose = rotation.to_matrix(rotation.from_rotation_vector(angle * up)), self._pose.copy()
-            pose[:3, :3] = turn @ pose[:3, :3]
-            pose[:3, 3] = middle + turn @ (pose[:3, 3] - middle)
+            rotation_matrix, pose = (
+                rotation.to_matrix(rotation.from_rotation_vector(angle * up)),
+                self._pose.copy(),
+            )
+            pose[:3, :3] = rotation_matrix @ pose[:3, :3]
+            pose[:3, 3] = middle + rotation_matrix @ (pose[:3, 3] - middle)
             poses.append(pose)
         return poses
 
@@ -176,17 +184,18 @@ class ObjectFollower:
         self.poses.append(self._pose)
 
     def object_points(self, view: DepthView, room_from_camera: Float) -> tuple[Bool, Bool]:
-        """Returns (h, w) the points that are fused, and those of them that were known before."""
+        """Returns two (h, w) masks: the points that are fused, and the subset on already known surface."""
         distance = surface_distances(self._model.volumes[_FINE_VOLUME], view, self._pose)
         is_known = np.abs(distance) < _OBJECT_DISTANCE_M
-        # A point in front of a known surface lies in observed free space, so it belongs to a hand.
-        new = np.isnan(distance) | (distance < -_OBJECT_DISTANCE_M)
+        # Exclude points in front of the known surface. They lie in space that was free before, so they belong
+        # to a hand.
+        is_new = np.isnan(distance) | (distance < -_OBJECT_DISTANCE_M)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
         is_candidate = self._model.contains(local, _EXTENT_MARGIN_M) & self._above_ground(
             view, room_from_camera
         )
         object_pixels = (
-            (is_known | (new & ~self._on_room_surface(view, room_from_camera)))
+            (is_known | (is_new & ~self._on_room_surface(view, room_from_camera)))
             & is_candidate
             & (view.worth > 0)
         )
@@ -207,21 +216,20 @@ class ObjectFollower:
     ) -> Alignment | None:
         """Returns the best pose near a start pose, using only points near the surface. None if there are too
         few such points."""
-        near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
+        is_near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
             _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
-        near &= self._above_ground(view, room_from_camera)
-        if np.count_nonzero(near) < _MIN_OBJECT_PIXELS:
+        is_near &= self._above_ground(view, room_from_camera)
+        if np.count_nonzero(is_near) < _MIN_OBJECT_PIXELS:
             return None
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
-        return tracker.align(restrict_view(view, near), start, coarsest=coarsest)
+        return tracker.align(restrict_view(view, is_near), start, coarsest=coarsest)
 
     def _is_reliable(self, alignment: Alignment) -> bool:
         """Returns True if an alignment determines the object's pose reliably."""
-        s = self.settings.tracking
-        if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
+        if alignment.overlap < MIN_OVERLAP_FRACTION or alignment.agreeing < MIN_AGREEING_FRACTION:
             return False
-        if alignment.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
+        if alignment.deviation > _MAX_FOLLOWED_SIGMA_M and len(self.poses) >= self._fresh:
             return False
         # Compute the motion of the object relative to the camera, about the centre of the object.
         step = invert_pose(alignment.world_from_camera) @ self._pose
@@ -239,8 +247,10 @@ class ObjectFollower:
         ground = self._rest.ground
         if ground is None:
             return view.worth > 0
-        turn, place = room_from_camera[:3, :3], room_from_camera[:3, 3]
-        height = view.points @ (turn.T @ ground.normal) + (ground.normal @ place - ground.offset)
+        rotation_matrix, translation = room_from_camera[:3, :3], room_from_camera[:3, 3]
+        height = view.points @ (rotation_matrix.T @ ground.normal) + (
+            ground.normal @ translation - ground.offset
+        )
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
     def _on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:

@@ -1,4 +1,4 @@
-"""Free space of images: no surface can lie at points that a camera saw through."""
+"""Free-space test: no surface can lie at points that a camera saw through."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven.scanning.rigid import invert_pose
 _SUBSAMPLING = 4
 """Subsampling factor from half-size pixels to the stored image."""
 _MIN_SENSOR_DISTANCE_M = 0.2
-"""Distance from a camera, metres, below which it cannot measure."""
+"""A camera cannot measure surfaces nearer than this, metres."""
 _MIN_IMAGES = 2
 """Minimum number of images that must see through a point, because one may be wrong."""
 
@@ -26,8 +26,8 @@ class SeenDepth:
 
     Attributes:
         depth: (h, w) float32 metres, the nearest around each pixel; 0 if unknown.
-        intrinsics: of the full image; a pixel here is ``scale`` full pixels wide.
-        frame_from_camera: (4, 4).
+        intrinsics: intrinsics of the full image. A pixel of the reduced image is ``scale`` full pixels wide.
+        frame_from_camera: (4, 4) pose of the camera.
     """
 
     depth: Float32
@@ -37,7 +37,9 @@ class SeenDepth:
 
 
 def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
-    """Returns the reduced depth of a view. Space in front of a hand is free, too."""
+    """Returns the reduced depth of a view. Depth of all surfaces is included, hands too, because the space in
+    front of a hand is also free.
+    """
     z = np.where(view.worth > 0, view.points[..., 2], 0.0)
     height, width = (side // _SUBSAMPLING for side in z.shape)
     tiles = z[: height * _SUBSAMPLING, : width * _SUBSAMPLING].reshape(
@@ -50,19 +52,19 @@ def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
 
 
 def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) -> Bool:
-    """Returns (N,) True for points that lie at least ``clearance`` metres in front of the depth in two of the
-    images.
+    """Returns (N,) True for points that lie at least ``clearance`` metres in front of the observed depth in
+    at least two images.
     """
     count = np.zeros(len(points), int)
     for view in views:
-        back = invert_pose(view.frame_from_camera)
-        local = points @ back[:3, :3].T + back[:3, 3]
-        ahead = np.flatnonzero(local[:, 2] > _MIN_SENSOR_DISTANCE_M)
-        x, y, z = local[ahead].T
+        camera_from_frame = invert_pose(view.frame_from_camera)
+        local = points @ camera_from_frame[:3, :3].T + camera_from_frame[:3, 3]
+        in_front = np.flatnonzero(local[:, 2] > _MIN_SENSOR_DISTANCE_M)
+        x, y, z = local[in_front].T
         lens = view.intrinsics
         column = np.floor((lens.fx * x / z + lens.cx + 0.5) / view.scale).astype(int)
         row = np.floor((lens.fy * y / z + lens.cy + 0.5) / view.scale).astype(int)
         inside = (column >= 0) & (row >= 0) & (row < view.depth.shape[0]) & (column < view.depth.shape[1])
         depths = view.depth[row[inside], column[inside]]
-        count[ahead[inside][(depths > 0) & (z[inside] < depths - clearance)]] += 1
+        count[in_front[inside][(depths > 0) & (z[inside] < depths - clearance)]] += 1
     return np.asarray(count >= _MIN_IMAGES)

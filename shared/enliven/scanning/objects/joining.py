@@ -1,5 +1,5 @@
-"""Merges all rests of an object into one surface: aligns each rest with those before it and fuses all
-images.
+"""Merges the scans of all rests of an object into one surface: aligns each rest with the earlier ones, and
+fuses all images.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MAX_POINTS = 40_000
 """Maximum number of surface points for the alignment of a rest. On a chair, neighbouring points are some
 millimetres apart."""
 _PART_POINTS = 8000
-"""Number of points of a rest that are aligned with this surface."""
+"""Number of surface points of a rest that ICP aligns with the surface from the earlier rests."""
 _CELL_M = 0.006
 """Cell size, metres, of the nearest-point grid."""
 _SEARCH_RADIUS_M = 0.05
@@ -32,27 +32,27 @@ a rest is smaller."""
 _ICP_STEPS = 20
 """Number of ICP steps."""
 _RESIDUAL_WIDTHS_M = 0.02, 0.003
-"""Residuals, in metres, that get a quarter of the full weight, in the first step and in the last."""
+"""Residuals (metres) that get a quarter of the full weight: in the first ICP step, and in the last."""
 _ON_SURFACE_M = 0.01
 """Distance, metres, within which a point lies on the surface."""
 _CLEANING_INTERVAL = 90
-"""Images between removals of blocks without a surface."""
+"""Number of images between removals of blocks without a surface."""
 
 
 def merge_rests(
     rests: Sequence[ObjectRest], settings: ScanSettings, followers: Sequence[ObjectFollower] = ()
 ) -> Mesh:
-    """Returns the surface of an object from all images at rests and in between, metres, the first rest's
-    world.
+    """Fuses all images of an object, at rests and between them. Returns the surface (metres) in the world of
+    the first rest.
     """
     volume = TsdfVolume(settings.volume)
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
             continue
-        before = extract_surface(volume) if number else None
+        earlier_surface = extract_surface(volume) if number else None
         pose = rest.object_from_room
-        if before is not None and len(before.faces):
-            pose = _refined_pose(rest, pose, before)
+        if earlier_surface is not None and len(earlier_surface.faces):
+            pose = _refined_pose(rest, pose, earlier_surface)
         for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
             volume.integrate(view, pose @ room_from_camera)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:

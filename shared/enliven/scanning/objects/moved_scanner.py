@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.scanning.ground_plane import cut_out, cut_whole_part, find_focus, find_ground
-from enliven.scanning.loop_closure import FrameHistory
+from enliven.scanning.loop_closure.history import FrameHistory
 from enliven.scanning.objects.follower import ObjectFollower
 from enliven.scanning.objects.joining import merge_rests
 from enliven.scanning.objects.moved_step import MovedStep, ObjectState
@@ -24,9 +24,16 @@ from enliven.scanning.rigid import invert_pose
 from enliven.scanning.scanner import ExcludedPixels, Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
+_MAX_MISSED_IMAGES = 15
+"""Number of consecutive images without the object after which it is searched at rest."""
+_MIN_REST_IMAGES = 10
+"""Number of images of a new rest before the object is first searched in it."""
+_MIN_RESTING_FRACTION = 0.8
+"""Minimum fraction of points on the surface while the object comes to rest again."""
+
 _SEARCH_GROWTH = 1.6
-"""Growth factor of a rest's images from one search to the next. Each search takes as long as twenty
-images."""
+"""A search for the object is repeated when the number of images of the rest has grown by this factor. Each
+search takes as long as twenty images."""
 _BAD_IMAGES_TO_END = 2
 """Number of successive badly fitting images that end a settling attempt, because one image may be blurred
 by motion."""
@@ -41,26 +48,26 @@ first image."""
 
 
 def object_tracking_settings(settings: ScanSettings) -> ScanSettings:
-    """Returns the settings for tracking an object while it moves; voxels are at most 4 mm."""
+    """Returns the settings for tracking an object while it moves. Voxels are at most 4 mm wide."""
     volume = replace(settings.volume, voxel=min(settings.volume.voxel, _MAX_VOXEL_M))
-    moved = replace(
+    moved_settings = replace(
         settings.moved, followed=True, known_after=min(settings.moved.known_after, _MAX_UNKNOWN_IMAGES)
     )
-    return replace(settings, volume=volume, moved=moved)
+    return replace(settings, volume=volume, moved=moved_settings)
 
 
 class MovedScanner:
     """A scanner for an object that is moved during the scan, and the room around it.
 
-    The settings choose the object among those on the floor. While it stands, room and object form one scan,
-    and both constrain the camera's pose. A part that then moves rigidly relative to the floor is the object.
-    The rest ends, and nothing is fused while the object is carried. When the scene stands still again, a new
-    scan begins, and the object is searched in it in every pose. Images that saw through the object's assumed
-    place count against that pose. At the end, the object is cut out of every rest, and all their images are
-    fused into one surface.
+    A rest is a period in which the object does not move. The settings choose the object among those on the
+    floor. During a rest, room and object form one scan, and both constrain the camera's pose. If a part then
+    moves rigidly relative to the floor, this part is the object, and the rest ends. Nothing is fused while
+    the object is carried. When the scene stands still again, a new scan begins, and the object is searched in
+    it in all rotations. Images that saw through a hypothetical pose of the object count against that pose. At
+    the end, the object is cut out of every rest, and all their images are fused into one surface.
 
     Attributes:
-        rests: those with a known object pose, in their order.
+        rests: the rests with a known object pose, in the order of time.
         unplaced: scans of a still scene in which the object was not found.
         model: the object's surface as it grows; None until it is first moved.
     """
@@ -92,7 +99,7 @@ class MovedScanner:
         """Tracks the camera and the object in a frame, and fuses the image if both poses are reliable.
 
         Args:
-            up: see :meth:`Scanner.add`.
+            up: (3,) unit vector, camera frame, that points up, or None; see :meth:`Scanner.add`.
         """
         rest = self._now
         if self._follower is not None:
@@ -113,7 +120,7 @@ class MovedScanner:
         return self._try_resting(frame, up)
 
     def _doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
-        """Returns the pixels of the object, which may begin to move, so that the camera tracking can ignore
+        """Returns the pixels of the object. It may begin to move, so the camera tracking may have to ignore
         them.
         """
         if not self.settings.moved.followed or rest.ground is None:
@@ -134,14 +141,14 @@ class MovedScanner:
         return True
 
     def _follow_object(self, frame: DepthFrame, up: Float | None) -> MovedStep | None:
-        """Tracks object and room separately in an image; None if the object was lost for too long."""
+        """Tracks object and room separately in an image. Returns None if the object was lost for too long."""
         follower, room = self._follower, self._room
         assert follower is not None and room is not None
         view = room.scanner.prepare_view(frame)
         followed = follower.find(view, room.scanner.predicted_pose)
         step = room.scanner.add(frame, up, ExcludedPixels(followed.object_points))
         follower.take(frame, view, followed, step.world_from_camera)
-        if follower.missed > self.settings.moved.missed:
+        if follower.missed > _MAX_MISSED_IMAGES:
             self._follower = None
             return None
         pose = followed.object_from_camera @ invert_pose(step.world_from_camera)
@@ -191,27 +198,30 @@ class MovedScanner:
         return self.rests[0].scanner.surface(since)
 
     def thing(self) -> Mesh:
-        """Returns the object in its first pose, merged from all its rests: upright, on y = 0, metres.
+        """Returns the mesh of the object, merged from all rests: in its pose at the first rest, upright, on y
+        = 0, metres.
 
         Raises:
             InputError: if no object stands on a floor.
         """
-        first, surface = self.rests[0], self.surface()
-        ground = find_ground(surface, settings=self.settings.cut_out)
+        first_rest, surface = self.rests[0], self.surface()
+        ground = find_ground(surface)
         self._place_all()
         if len(self.rests) == 1 and not self.followed:
-            focus = find_focus([pose for _, pose in first.scanner.poses])
+            focus = find_focus([pose for _, pose in first_rest.scanner.poses])
             return cut_out(surface, ground, focus, self.settings.cut_out)
         mesh = self.joined()
         if not len(mesh.faces):
-            mend = "Let it stand for a second before it is turned, and turn it more slowly."
+            advice = "Let it stand for a second before it is turned, and turn it more slowly."
             raise InputError(
-                "the object moved all the time and could not be tracked", where="scan", mend=mend
+                "the object moved all the time and could not be tracked", where="scan", remedy=advice
             )
         return cut_whole_part(mesh, ground, self.settings.cut_out)
 
     def joined(self) -> Mesh:
-        """Returns the surface of the object from all rests, metres, in the world of the first rest."""
+        """Returns the surface of the object, merged from all rests, metres, in the world of the first
+        rest.
+        """
         self._place_all()
         for rest in self.rests:
             rest.search_objects(0)
@@ -223,13 +233,13 @@ class MovedScanner:
         return sum(len(follower.poses) for follower in self.followers)
 
     def _try_resting(self, frame: DepthFrame, up: Float | None) -> MovedStep:
-        """Starts a new scan of a scene that may be still again, and searches for the object in it."""
+        """Scans a scene that may stand still again, and searches for the object in it."""
         trial, s = self._trial, self.settings.moved
         if trial is None:
             trial = self._trial = ObjectRest(self.settings)
-            self._search, self._doubts, self._sought = float(s.looks), 0, 0
+            self._search, self._doubts, self._sought = float(_MIN_REST_IMAGES), 0, 0
         step = trial.scanner.add(frame, up)
-        fits = step.alignment is None or step.alignment.agreeing >= s.agreeing
+        fits = step.alignment is None or step.alignment.agreeing >= _MIN_RESTING_FRACTION
         self._doubts = 0 if fits and step.state is not ScanState.LOST else self._doubts + 1
         if self._doubts >= _BAD_IMAGES_TO_END or trial.has_moved(step):
             if trial.count >= s.known_after:
@@ -250,7 +260,7 @@ class MovedScanner:
         return self._step_result(step, ObjectState.SETTLING, None)
 
     def _end_rest(self, rest: ObjectRest) -> None:
-        """Ends a rest. The object's own model starts at the end of the first rest."""
+        """Ends a rest. After the first rest, the object's own model is created."""
         rest.end()
         self._now = None
         if self.model is None:
@@ -268,8 +278,9 @@ class MovedScanner:
             self.model.add(view, rest, step.world_from_camera)
 
     def _place_all(self) -> None:
-        """Searches for the object again in all rests in which it was not found, because more of its surface
-        is known now."""
+        """Searches for the object again in all rests in which it was not found. The search may succeed now
+        because more of the surface is known.
+        """
         if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
             self.unplaced.append(self._trial)
         self._trial = None
@@ -289,7 +300,7 @@ class MovedScanner:
         for number, part in enumerate(rest.parts):
             if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _MAX_SIZE_RATIO * size:
                 continue
-            registration = register_part(model, rest.scanned_surface(number), self.settings.registration)
+            registration = register_part(model, rest.scanned_surface(number))
             if registration is not None:
                 rest.object_from_room = registration.model_from_part
                 rest.choose_part(number)
@@ -309,7 +320,7 @@ class MovedScanner:
         return self._known[1]
 
     def _step_result(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:
-        """Returns the result of a frame."""
+        """Returns the result of a frame, with the pose of the object in the room."""
         pose = None if rest is None else rest.object_from_room
         sought = self._sought if state is ObjectState.SETTLING else 0
         return MovedStep(step, state, pose, len(self.rests), sought)

@@ -16,26 +16,28 @@ class ObjectState(Enum):
     """The state of the object in a frame."""
 
     RESTING = "resting"
-    """It stands, and the image was fused into it. Before it is first moved, it is part of the room."""
+    """The object stands still, and the image was fused into it. Before it is first moved, it is part of the
+    room."""
     SETTLING = "settling"
-    """Something stands still. It is not known yet if it is the object, and in which pose."""
+    """The scene stands still again, but the object was not found in it yet."""
     FOLLOWED = "followed"
-    """It moves, or may move; the image was fused into the object's own model."""
+    """The object moves, or may move. The image was fused into the object's own model."""
     LOST = "lost"
-    """It is carried, occluded, or elsewhere; nothing was fused into it."""
+    """The object is carried, occluded, or out of view. Nothing was fused into it."""
 
 
 @dataclass(frozen=True)
 class MovedStep:
-    """The result of a frame.
+    """The result of a frame in a scan of a moved object.
 
     Attributes:
-        scan: step of the room's scan since the object last came to rest, with the camera's pose in it.
+        scan: the step of the current room scan, which began when the object last came to rest, with the
+            camera's pose in it.
         state: see :class:`ObjectState`.
         object_from_room: (4, 4) the object's pose in that room, or None while it is unknown; the object's
             frame is the first room.
-        rests: the number of rests in which it was found.
-        sought: number of failed searches for the object since the scene stands still.
+        rests: the number of rests in which the object was found.
+        sought: the number of failed searches for the object since the scene last came to rest.
         followed: the tracking result while the object is tracked.
     """
 
@@ -52,9 +54,9 @@ class MovedStep:
         in its frame.
         """
         if self.followed is not None and self.state is ObjectState.FOLLOWED:
-            followed = self.followed
+            tracking = self.followed
             return ScanStep(
-                ScanState.SCANNING, followed.object_from_camera, followed.alignment, self.scan.room
+                ScanState.SCANNING, tracking.object_from_camera, tracking.alignment, self.scan.room
             )
         return replace(self.scan, state=ScanState.LOST) if self.state is ObjectState.LOST else self.scan
 

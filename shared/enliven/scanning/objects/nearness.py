@@ -1,4 +1,4 @@
-"""Distances of an image's points from a fused surface, to decide which of them belong to it."""
+"""Distances of an image's points from a fused surface. They decide which points belong to the surface."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _ROWS_PER_PIECE = 16
 
 
 def surface_distances(volume: TsdfVolume, view: DepthView, world_from_camera: Float) -> Float32:
-    """Returns (h, w) signed distances, metres, of a view's points in front of a volume's surface, NaN if
-    unknown.
+    """Returns (h, w) signed distances, metres, of a view's points from a volume's surface (positive in front
+    of it), NaN if unknown.
 
     Args:
         world_from_camera: (4, 4) pose of the camera in the volume's world.
@@ -37,7 +37,7 @@ def surface_distances(volume: TsdfVolume, view: DepthView, world_from_camera: Fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_distances(points, pose, field, found, first, last):
-    """Fills some rows of (h, w) distances; those of points without weight stay unchanged."""
+    """Fills some rows of (h, w) distances. The distances of points without weight stay unchanged."""
     sample, cache = np.empty(4), np.empty(4, np.int64)
     cache[0], cache[1] = -1, np.int64(1) << 40
     for v in range(first, last):

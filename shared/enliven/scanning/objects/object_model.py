@@ -11,17 +11,18 @@ from enliven.scanning.scanner import empty_volumes
 from enliven.scanning.settings import ScanSettings
 
 _MAX_IMAGES = 60
-"""Maximum number of images of a rest that are fused: 6 degrees apart on a full circle, 0.5 s in all."""
+"""Maximum number of images of a rest that are fused. On a full circle, they are 6 degrees apart. Fusing them
+takes 0.5 s."""
 _EXTENT_MARGIN_M = 0.03
-"""Distance, metres, outside the known extent at which an image's points may still belong to the object."""
+"""Points up to this distance, metres, outside the known bounding box may still belong to the object."""
 
 
 class ObjectModel:
     """The known surface of an object, without the rooms in which it was seen.
 
     Attributes:
-        volumes: from the finest to the coarsest, in the object's frame.
-        full: True if the memory is full. Then nothing more is added.
+        volumes: the TSDF volumes in the object's frame, from the finest to the coarsest.
+        full: True if the memory is full. No more images are then added.
     """
 
     def __init__(self, settings: ScanSettings) -> None:
@@ -37,12 +38,12 @@ class ObjectModel:
 
     @property
     def size(self) -> float:
-        """Diagonal of the bounding box of the known surface, metres; 0 if nothing is known."""
+        """Diagonal of the bounding box of the known surface, metres; 0 if no surface is known."""
         return float(np.linalg.norm(np.ptp(self._box, axis=0))) if np.isfinite(self._box).all() else 0.0
 
     @property
     def middle(self) -> Float:
-        """(3,) metres, the centre of that box."""
+        """(3,) centre of the bounding box of the known surface, metres."""
         return np.asarray(self._box.mean(0))
 
     def contains(self, points: Float, margin: float) -> Bool:
@@ -65,7 +66,7 @@ class ObjectModel:
             self.fuse(view, pose @ room_from_camera)
 
     def begin(self, rest: ObjectRest) -> None:
-        """Fuses only the newest image of a rest, because the object never stood still in it."""
+        """Fuses only the newest image of a rest. Use it if the object never stood still in the rest."""
         view = rest.scanner.view
         if view is not None and rest.object_from_room is not None and rest.parts:
             pose = rest.scanner.poses[-1][1]
@@ -83,10 +84,10 @@ class ObjectModel:
     def _object_points(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
         """Returns (h, w) True for each point of a view that belongs to the object."""
         assert rest.ground is not None and rest.object_from_room is not None
-        room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
-        points = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
-        above = rest.ground.heights(room) > self.settings.cut_out.clearance
-        return np.asarray((view.worth > 0) & self.contains(points, _EXTENT_MARGIN_M) & above)
+        room_points = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
+        points = room_points @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
+        is_above_floor = rest.ground.heights(room_points) > self.settings.cut_out.clearance
+        return np.asarray((view.worth > 0) & self.contains(points, _EXTENT_MARGIN_M) & is_above_floor)
 
     def grow(self, points: Float) -> None:
         """Extends the bounding box to points (N, 3) that belong to the object."""
@@ -97,5 +98,5 @@ class ObjectModel:
 
     def fuse(self, view: DepthView, object_from_camera: Float) -> None:
         """Averages a view into the model; only the object's points of the view have weight."""
-        room = [volume.integrate(view, object_from_camera).room for volume in self.volumes]
-        self.full = self.full or not all(room)
+        had_memory = [volume.integrate(view, object_from_camera).room for volume in self.volumes]
+        self.full = self.full or not all(had_memory)

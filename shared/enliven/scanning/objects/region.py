@@ -14,7 +14,7 @@ from enliven.scanning.ground_plane import GroundPlane
 from enliven.scanning.objects.surface_points import sample_surface
 
 _CELL_M = 0.01
-"""Cell size of a region, metres: half the floor's clearance."""
+"""Cell size of a region, metres. It is half of the clearance above the floor."""
 _SURFACE_POINTS = 60_000
 """Number of sample points that mark the cells of a surface: more than one per cell for objects as large as a
 chair."""
@@ -28,7 +28,7 @@ class ObjectRegion:
         origin: (3,) metres, corner of the first cell.
         near: (X, Y, Z) True for each cell near the surface.
         ground: the plane that the object stands on.
-        clearance: height above it, metres, that does not belong to the object.
+        clearance: height above the ground, metres, below which no point belongs to the object.
     """
 
     origin: Float
@@ -37,22 +37,22 @@ class ObjectRegion:
     clearance: float
 
     def holds(self, points: Float) -> Bool:
-        """Returns (...) True for points (..., 3) that lie in the region."""
-        at = np.floor((points - self.origin) / _CELL_M).astype(int)
-        inside: Bool = np.asarray(((at >= 0) & (at < self.near.shape)).all(-1))
-        x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
+        """Returns a mask (...) of the points (..., 3) that lie in the region."""
+        cells = np.floor((points - self.origin) / _CELL_M).astype(int)
+        inside: Bool = np.asarray(((cells >= 0) & (cells < self.near.shape)).all(-1))
+        x, y, z = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
         return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
 
 
 def region_around(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
-    """Returns the space within ``width`` metres of a surface."""
+    """Returns the region of all points within ``width`` metres of a surface."""
     points = sample_surface(mesh, _SURFACE_POINTS).points
     origin = points.min(0) - width - _CELL_M
     shape = np.ceil((points.max(0) + width + _CELL_M - origin) / _CELL_M).astype(int) + 1
     empty = np.ones(shape, bool)
     empty[tuple(np.floor((points - origin) / _CELL_M).astype(int).T)] = False
-    near = np.asarray(distance_transform_edt(empty)) * _CELL_M <= width
-    return ObjectRegion(origin, near, ground, clearance)
+    is_near = np.asarray(distance_transform_edt(empty)) * _CELL_M <= width
+    return ObjectRegion(origin, is_near, ground, clearance)
 
 
 def points_in_region(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:

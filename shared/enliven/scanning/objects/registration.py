@@ -1,5 +1,5 @@
-"""Global registration of a surface that was picked up and put down: all rotations are tried, and results
-are verified.
+"""Global registration of an object that was picked up and put down: tries evenly spread rotations, and
+verifies the results.
 """
 
 from __future__ import annotations
@@ -15,8 +15,32 @@ from enliven.kernels import njit
 from enliven.scanning.objects.free_space import SeenDepth, seen_through
 from enliven.scanning.objects.surface_points import NearestGrid, SurfacePoints, make_nearest_grid
 from enliven.scanning.rigid import invert_pose, pose_difference
-from enliven.scanning.settings import RegistrationSettings
 from enliven.scanning.threads import run_in_pieces
+
+_GRID_CELL_M = 0.015
+"""Cell size of the nearest-point grid."""
+_GRID_MARGIN_M = 0.3
+"""Margin of this grid around the object."""
+_COARSE_POINTS = 300
+"""Number of surface points that are matched from each start."""
+_START_ROTATIONS = 900
+"""Number of starting rotations to try; 900 are about 20 degrees apart. Lower it to save time."""
+_MAX_SURFACE_DISTANCE_M = 0.01
+"""Maximum distance of a point that counts as on the surface."""
+_REFINED_CANDIDATES = 24
+"""Number of candidates that are refined."""
+_FINE_POINTS = 2000
+"""Number of surface points for the refinement."""
+_SEEN_THROUGH_PENALTY = 2.0
+"""Penalty for such a point, relative to the reward for a matching point."""
+_MIN_AGREEING_FRACTION = 0.5
+"""Minimum fraction of points on the surface."""
+_MAX_SEEN_THROUGH_FRACTION = 0.04
+"""Maximum fraction of points in space that the camera saw through."""
+_MIN_SCORE_LEAD = 0.2
+"""Minimum lead of the best score over the second best."""
+_MIN_FREE_SPACE_M = 0.04
+"""Space at least this far in front of observed depth counts as free."""
 
 _SPIRAL_NUMBER = 1.533751168755204288118041
 """Real root of x^4 = x + 4, the second number of super-Fibonacci spirals."""
@@ -27,14 +51,16 @@ _ICP_STEPS = 12
 _FINE_STEPS = 20
 """ICP steps for the candidates that are refined."""
 _RESIDUAL_WIDTHS_M = 0.15, 0.01
-"""Residuals, in metres, that get a quarter of the full weight, in the first step and in the last. They
-shrink, so that parts that do not overlap lose influence."""
+"""Residuals (metres) that get a quarter of the full weight: in the first ICP step, and in the last. The width
+shrinks, so that parts that do not overlap lose influence."""
 _DAMPING_PER_WEIGHT = 1e-4
-"""Damping of the normal matrix, per weight of the points. Unconstrained directions stay unchanged."""
+"""Damping of the normal matrix, relative to the total weight of the points. It keeps the pose unchanged along
+directions that the points do not constrain."""
 _MAX_DUPLICATE_DIFFERENCE = 0.05, 0.25
 """Maximum difference of two results that count as the same, in metres and radians."""
 _MIN_NORMAL_COSINE = 0.5
-"""Cosine (60 degrees) between two normals below which points belong to two different sides."""
+"""Minimum cosine (60 degrees) between the normals of two matching points. Below it, they belong to different
+sides."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +70,9 @@ class Registration:
     Attributes:
         model_from_part: (4, 4).
         agreeing: fraction of the part's points that lie on the model's surface.
-        through: fraction of the points of one surface that lie in free space seen by the other's images. The
-            larger value of both directions.
-        margin: its score minus the score of the best other result.
+        through: fraction of one surface's points that the images of the other surface saw through; the larger
+            of the two directions.
+        margin: the score of this pose minus the score of the best other pose.
     """
 
     model_from_part: Float
@@ -57,7 +83,7 @@ class Registration:
 
 @dataclass(frozen=True)
 class ScannedSurface:
-    """A surface, and images that saw it with its surroundings, in one frame."""
+    """A surface, and the images that saw it with its surroundings. Both are in the same frame."""
 
     surface: SurfacePoints
     views: Sequence[SeenDepth]
@@ -80,9 +106,7 @@ def spread_rotations(count: int) -> Float:
     return np.asarray(rotation.to_matrix(spiral))
 
 
-def register_part(
-    model: ScannedSurface, part: ScannedSurface, settings: RegistrationSettings | None = None
-) -> Registration | None:
+def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration | None:
     """Returns the pose of a part relative to the earlier scan of the object, or None if it is not certain.
 
     From each of many rotations, the part is aligned with the model by robust ICP (iterative closest points),
@@ -91,42 +115,45 @@ def register_part(
 
     Args:
         model: the earlier scan.
-        part: the current scan, anywhere.
+        part: the current scan, in any pose.
     """
-    s = settings or RegistrationSettings()
-    grid = make_nearest_grid(model.surface, s.cell, s.margin)
-    coarse_points = part.surface.first_points(s.points)
-    starts = _start_poses(model.surface, coarse_points, s.turns)
-    poses, scores = align_from_starts(grid, coarse_points, starts, _ICP_STEPS, s.near)
-    best = _distinct_poses(poses, scores, s.looked_at)
-    refinement_points = part.surface.first_points(s.fine_points)
-    poses, agreeing = align_from_starts(grid, refinement_points, poses[best], _FINE_STEPS, s.near)
-    distinct = _distinct_poses(poses, agreeing, s.looked_at)
+    grid = make_nearest_grid(model.surface, _GRID_CELL_M, _GRID_MARGIN_M)
+    coarse_points = part.surface.first_points(_COARSE_POINTS)
+    starts = _start_poses(model.surface, coarse_points, _START_ROTATIONS)
+    poses, scores = align_from_starts(grid, coarse_points, starts, _ICP_STEPS, _MAX_SURFACE_DISTANCE_M)
+    best = _distinct_poses(poses, scores, _REFINED_CANDIDATES)
+    refinement_points = part.surface.first_points(_FINE_POINTS)
+    poses, agreeing = align_from_starts(
+        grid, refinement_points, poses[best], _FINE_STEPS, _MAX_SURFACE_DISTANCE_M
+    )
+    distinct = _distinct_poses(poses, agreeing, _REFINED_CANDIDATES)
     poses, agreeing = poses[distinct], agreeing[distinct]
-    through = np.array([_seen_through_fraction(model, part, pose, s) for pose in poses])
-    scores = agreeing - s.doubt * through
+    seen_through_fractions = np.array([_seen_through_fraction(model, part, pose) for pose in poses])
+    scores = agreeing - _SEEN_THROUGH_PENALTY * seen_through_fractions
     order = np.argsort(-scores)
-    first = order[0]
-    margin = float(scores[first] - scores[order[1]]) if len(order) > 1 else 1.0
-    registration = Registration(poses[first], float(agreeing[first]), float(through[first]), margin)
+    best_index = order[0]
+    margin = float(scores[best_index] - scores[order[1]]) if len(order) > 1 else 1.0
+    registration = Registration(
+        poses[best_index], float(agreeing[best_index]), float(seen_through_fractions[best_index]), margin
+    )
     return (
         registration
-        if registration.agreeing >= s.agreeing and registration.through <= s.through and margin >= s.clear
+        if registration.agreeing >= _MIN_AGREEING_FRACTION
+        and registration.through <= _MAX_SEEN_THROUGH_FRACTION
+        and margin >= _MIN_SCORE_LEAD
         else None
     )
 
 
-def _seen_through_fraction(
-    model: ScannedSurface, part: ScannedSurface, pose: Float, s: RegistrationSettings
-) -> float:
+def _seen_through_fraction(model: ScannedSurface, part: ScannedSurface, pose: Float) -> float:
     """Returns the fraction of the points of one surface that the other's images saw through. The larger value
     of both directions.
     """
-    moved_part = part.surface.first_points(s.fine_points).transformed(pose)
-    part_share = seen_through(moved_part.points, model.views, s.clearance).mean()
+    moved_part = part.surface.first_points(_FINE_POINTS).transformed(pose)
+    part_share = seen_through(moved_part.points, model.views, _MIN_FREE_SPACE_M).mean()
     back = invert_pose(pose)
-    moved_model = model.surface.first_points(s.fine_points).transformed(back)
-    return float(max(part_share, seen_through(moved_model.points, part.views, s.clearance).mean()))
+    moved_model = model.surface.first_points(_FINE_POINTS).transformed(back)
+    return float(max(part_share, seen_through(moved_model.points, part.views, _MIN_FREE_SPACE_M).mean()))
 
 
 def _start_poses(model: SurfacePoints, part: SurfacePoints, count: int) -> Float:
@@ -148,14 +175,15 @@ def align_from_starts(
     near: float,
     widths: tuple[float, float] = _RESIDUAL_WIDTHS_M,
 ) -> tuple[Float, Float]:
-    """Returns (K, 4, 4) poses of a part aligned with a surface (ICP), and (K,) fractions of its points on it.
+    """Aligns a part with a surface by ICP from K initial poses. Returns (K, 4, 4) poses, and (K,) fractions
+    of the part's points on the surface.
 
     Args:
         starts: (K, 4, 4) initial poses.
-        near: metres from the surface within which a point lies on it.
-        widths: metres at which a residual has a quarter of its weight, in the first step and in the last.
+        near: points within this distance of the surface, metres, lie on it.
+        widths: residuals (metres) that get a quarter of the full weight, in the first step and in the last.
     """
-    poses, shares = starts.copy(), np.zeros(len(starts))
+    poses, fractions = starts.copy(), np.zeros(len(starts))
     softs = np.geomspace(*widths, steps)
     run_in_pieces(
         _align_poses,
@@ -167,18 +195,19 @@ def align_from_starts(
         softs,
         near,
         poses,
-        shares,
+        fractions,
     )
-    return poses, shares
+    return poses, fractions
 
 
 def _distinct_poses(poses: Float, scores: Float, most: int) -> list[int]:
     """Returns the indices of the best poses without duplicates, best first."""
     chosen: list[int] = []
     for n in np.argsort(-scores, kind="stable"):
-        near = (pose_difference(poses[n], poses[k]) for k in chosen)
+        differences = (pose_difference(poses[n], poses[k]) for k in chosen)
         if not any(
-            move < _MAX_DUPLICATE_DIFFERENCE[0] and turn < _MAX_DUPLICATE_DIFFERENCE[1] for move, turn in near
+            distance < _MAX_DUPLICATE_DIFFERENCE[0] and angle < _MAX_DUPLICATE_DIFFERENCE[1]
+            for distance, angle in differences
         ):
             chosen.append(int(n))
             if len(chosen) == most:

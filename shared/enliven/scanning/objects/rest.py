@@ -22,13 +22,18 @@ from enliven.scanning.objects.registration import ScannedSurface
 from enliven.scanning.objects.surface_points import SurfacePoints, sample_surface
 from enliven.scanning.objects.vacated import vacated_fraction
 from enliven.scanning.scanner import Scanner, ScanState, ScanStep
-from enliven.scanning.settings import ScanSettings
+from enliven.scanning.settings import MIN_OVERLAP_FRACTION, ScanSettings
+
+_MIN_MOVED_DISTANCE_M = 0.015
+"""Distance between floor and object motion above which the object counts as moved."""
+_MIN_MOVED_ANGLE_RAD = 0.015
+"""Rotation between floor and object above which the object counts as moved."""
 
 _COMPARISON_DISTANCE_M = 0.04
-"""Distance from an object's surface, metres, within which an image's points are compared with it: voxels
-are 16 mm wide."""
+"""Image points within this distance of an object's surface, metres, are compared with it. The voxels used are
+16 mm wide."""
 _OBJECT_DISTANCE_M = 0.02
-"""Distance from an object's surface, metres, within which an image's points belong to it: the tracking
+"""Image points within this distance of an object's surface, metres, belong to it. It allows for the tracking
 error."""
 _APART_IMAGES = 2
 """Number of successive images in which the object must have moved relative to the floor, because one image
@@ -39,20 +44,20 @@ the object."""
 _MAX_PARTS = 3
 """Number of parts near the focus that are considered while it is not known which one is the object."""
 _REGISTRATION_POINTS = 6000
-"""Points of a surface for registration: a few per square centimetre of a chair."""
+"""Number of surface points for registration: a few per square centimetre of a chair."""
 _FLOOR_IMAGES = 5
 """Number of images that establish the floor's position after each search for it."""
 _FREE_SPACE_VIEWS = 16
 """Number of images of a rest that are kept as free space observations."""
 _MIN_CLEARANCE_VOXELS = 1.25
-"""Minimum distance, in coarse voxels, of a point in front of the observed depth. The coarse surfaces are
-half a voxel off."""
+"""Minimum distance, in coarse voxels, in front of the observed depth at which a point counts as seen through.
+Coarse surfaces have an error of half a voxel."""
 _MIN_VACATED_FRACTION = 0.08
-"""An object counts as moved once this fraction of its visible points is seen through."""
+"""An object counts as moved if at least this fraction of its visible points is seen through."""
 _CHECKED_IMAGES = 7
 """Number of images of a rest that decide whether the object stood still in it."""
 _TESTED_POINTS = 2000
-"""Points of each part that are tested in each image: 0.3 ms."""
+"""Number of points of each part that are tested in each image. The test takes 0.3 ms."""
 _MIN_SURFACE_FRACTION = 0.5
 """Minimum fraction of an object's points in known space that lie at its surface. Below it, the object has
 moved."""
@@ -93,18 +98,18 @@ class ObjectRest:
         return len(self.scanner.poses)
 
     def look_again(self) -> None:
-        """Searches for the ground and the object again, if enough more images show them than at the last
-        search.
+        """Searches for the ground and the object again if the number of images has grown enough since the
+        last search.
         """
         if self.count >= self._next:
             self._next = 2 * self.count
             self.search_objects()
 
     def search_objects(self, level: int = 1) -> None:
-        """Searches for the ground and the objects on it, in one of the volumes."""
+        """Searches for the ground and the objects on it in the volume with the given number."""
         mesh, cut = extract_surface(self.scanner.volumes[level]), self.settings.cut_out
         try:
-            ground = find_ground(mesh, settings=cut)
+            ground = find_ground(mesh)
         except InputError:
             return
         focus = find_focus([pose for _, pose in self.scanner.poses])
@@ -140,8 +145,8 @@ class ObjectRest:
         """Returns True if the object had moved relative to the floor in the last two images."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
-        # If the room has too little structure for a reliable camera pose, the pose is still approximately
-        # right.
+        # Use unsure camera poses too. If the room has too little structure for a reliable pose, the pose is
+        # still approximately right.
         usable_states = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
         if step.state not in usable_states or view is None:
             return False
@@ -150,28 +155,29 @@ class ObjectRest:
         object_pixels = points_in_region(self._region, view, pose)
         floor, is_apart = floor_plane(view, pose, self.ground, self._middle, object_pixels), False
         if floor is not None and len(self._floors) < _FLOOR_IMAGES:
-            # The ground was found in coarse voxels. So measure the reference height of the floor in the first
-            # images instead.
+            # The ground plane is imprecise, because it was found in coarse voxels. So measure the reference
+            # height of the floor in the first images.
             self._floors.append(floor)
         elif floor is not None:
             floor_change = floor - np.median(self._floors, axis=0)
             is_apart = bool(
-                abs(floor_change[0]) > s.lifted or np.hypot(floor_change[1], floor_change[2]) > s.tilted
+                abs(floor_change[0]) > _MIN_MOVED_DISTANCE_M
+                or np.hypot(floor_change[1], floor_change[2]) > _MIN_MOVED_ANGLE_RAD
             )
         fit = self.scanner.tracker.evaluate(restrict_view(view, object_pixels), pose)
-        is_apart = is_apart or (
-            fit.overlap > self.settings.tracking.overlap and fit.agreeing < _MIN_SURFACE_FRACTION
-        )
+        is_apart = is_apart or (fit.overlap > MIN_OVERLAP_FRACTION and fit.agreeing < _MIN_SURFACE_FRACTION)
         is_apart = is_apart or (s.followed and self._has_left(view, pose))
         self._apart = self._apart + 1 if is_apart else 0
         return self._apart >= _APART_IMAGES
 
     def _has_left(self, view: DepthView, pose: Float) -> bool:
-        """Returns True if a part has left its place at least partly. That part then becomes the object."""
-        shares = [vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood]
-        if not shares or max(shares) < _MIN_VACATED_FRACTION:
+        """Returns True if a part has moved away at least partly. That part then becomes the object."""
+        seen_through_fractions = [
+            vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood
+        ]
+        if not seen_through_fractions or max(seen_through_fractions) < _MIN_VACATED_FRACTION:
             return False
-        number = int(np.argmax(shares))
+        number = int(np.argmax(seen_through_fractions))
         if number:
             self.choose_part(number)
         return True
@@ -185,18 +191,18 @@ class ObjectRest:
             return False
         points = self._stood[0]
         checked_numbers = numbers[:: max(len(numbers) // _CHECKED_IMAGES, 1)]
-        shares = [
+        fractions = [
             vacated_fraction(
                 points, self.scanner.prepare_view(frame), self.scanner.poses[number][1], self._clearance_m
             )
             for number, frame in self.scanner.history.frames(checked_numbers)
         ]
-        return float(np.median(shares)) < _MIN_VACATED_FRACTION
+        return float(np.median(fractions)) < _MIN_VACATED_FRACTION
 
     @property
     def _clearance_m(self) -> float:
-        """Distance, metres, that a former surface point must lie in front of the observed depth to count
-        as gone.
+        """Minimum distance, metres, between a former surface point and the observed depth behind it if the
+        point counts as gone.
         """
         return _MIN_CLEARANCE_VOXELS * self.scanner.volumes[1].band.voxel
 
@@ -250,9 +256,9 @@ def merge_known_surfaces(rests: Sequence[ObjectRest]) -> ScannedSurface | None:
         if pose is None or not rest.parts:
             continue
         surface = rest.scanned_surface()
-        moved = surface.surface.transformed(pose)
-        points.append(moved.points)
-        normals.append(moved.normals)
+        moved_points = surface.surface.transformed(pose)
+        points.append(moved_points.points)
+        normals.append(moved_points.normals)
         views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in surface.views]
     if not points:
         return None

@@ -26,11 +26,13 @@ class SurfacePoints:
 
     def transformed(self, pose: Float) -> SurfacePoints:
         """Returns the points after a rigid transform (4, 4)."""
-        turn = pose[:3, :3].T
-        return SurfacePoints(self.points @ turn + pose[:3, 3], self.normals @ turn)
+        rotation_matrix = pose[:3, :3].T
+        return SurfacePoints(self.points @ rotation_matrix + pose[:3, 3], self.normals @ rotation_matrix)
 
     def first_points(self, count: int) -> SurfacePoints:
-        """Returns the first ``count`` points. They are also spread evenly, because the order is random."""
+        """Returns the first ``count`` points. They are evenly spread too, because the points are in random
+        order.
+        """
         return SurfacePoints(self.points[:count], self.normals[:count])
 
 
@@ -38,20 +40,20 @@ def sample_surface(mesh: Mesh, count: int, seed: int = 0) -> SurfacePoints:
     """Returns ``count`` random points of a mesh, evenly by area, in random order."""
     random, areas = np.random.default_rng(seed), np.linalg.norm(mesh.face_vectors(), axis=1)
     face = random.choice(len(areas), count, p=areas / areas.sum())
-    root, other = np.sqrt(random.random((count, 1))), random.random((count, 1))
-    shares = np.concatenate([1 - root, root * (1 - other), root * other], 1)
-    points = (mesh.vertices[mesh.faces[face]] * shares[..., None]).sum(1)
+    root, random_share = np.sqrt(random.random((count, 1))), random.random((count, 1))
+    barycentric = np.concatenate([1 - root, root * (1 - random_share), root * random_share], 1)
+    points = (mesh.vertices[mesh.faces[face]] * barycentric[..., None]).sum(1)
     return SurfacePoints(points, mesh.face_normals()[face])
 
 
 class NearestGrid(NamedTuple):
-    """The nearest point of a surface to each cell of a box.
+    """A lookup grid: for each cell of a box, the nearest point of a surface.
 
     Attributes:
         origin: (3,) metres, the corner of the first cell.
         cell: metres.
-        nearest: (X, Y, Z) int32 number of the point.
-        points, normals: (N, 3) of the surface.
+        nearest: (X, Y, Z) int32 index of the nearest point.
+        points, normals: (N, 3) surface points and their normals.
     """
 
     origin: Float
@@ -62,7 +64,8 @@ class NearestGrid(NamedTuple):
 
 
 def make_nearest_grid(surface: SurfacePoints, cell: float, margin: float) -> NearestGrid:
-    """Returns the grid around a surface, from the exact distance transform of the cells that contain points.
+    """Returns the grid around a surface. It is computed by an exact distance transform of the cells that
+    contain points.
 
     Args:
         cell: metres; one point represents all points of a cell.
@@ -71,7 +74,7 @@ def make_nearest_grid(surface: SurfacePoints, cell: float, margin: float) -> Nea
     low = surface.points.min(0) - margin
     size = np.ceil((surface.points.max(0) + margin - low) / cell).astype(int) + 1
     number = np.full(size, -1, np.int32)
-    at = np.floor((surface.points - low) / cell).astype(int)
-    number[at[:, 0], at[:, 1], at[:, 2]] = np.arange(len(at))
+    cells = np.floor((surface.points - low) / cell).astype(int)
+    number[cells[:, 0], cells[:, 1], cells[:, 2]] = np.arange(len(cells))
     x, y, z = distance_transform_edt(number < 0, return_distances=False, return_indices=True)
     return NearestGrid(low, cell, number[x, y, z], surface.points, surface.normals)

@@ -1,4 +1,4 @@
-"""Detects a surface that is no longer at its place: an image sees through its former position."""
+"""Detects a surface that has moved away: a new image sees through its former position."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import invert_pose
 
 _MIN_SENSOR_DISTANCE_M = 0.2
-"""Distance from a camera, metres, below which it cannot measure."""
+"""A camera cannot measure surfaces nearer than this, metres."""
 _DEPTH_WINDOW_PX = 3
-"""Window, half-size pixels, over which the nearest depth is used. At an edge, a point may be projected
-next to it."""
+"""Side of the window, half-size pixels, in which the minimum depth is used. At an edge, a point may be
+projected next to its own pixel."""
 _MIN_POINTS = 50
 """Minimum number of visible points for a decision."""
 
 
 def vacated_fraction(points: Float, view: DepthView, world_from_camera: Float, clearance: float) -> float:
-    """Returns the fraction, 0 to 1, of the visible points (N, 3) that lie in front of the depth in an image.
+    """Returns the fraction, 0 to 1, of the visible points (N, 3) that an image saw through.
 
-    Occluded points behind the depth are ignored, as are points at pixels with unknown depth.
+    Occluded points (behind the observed depth) are ignored, as are points at pixels with unknown depth.
 
     Args:
-        clearance: metres that a point must lie in front of the depth.
+        clearance: minimum distance of a seen-through point in front of the observed depth, metres.
     """
-    back = invert_pose(world_from_camera)
-    local = points @ back[:3, :3].T + back[:3, 3]
+    camera_from_world = invert_pose(world_from_camera)
+    local = points @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     x, y, z = local[local[:, 2] > _MIN_SENSOR_DISTANCE_M].T
     # Set unknown depth to 1e9, so that the minimum around a pixel considers only known depth.
     depth = np.where(view.worth > 0, view.points[..., 2], np.float32(1e9))

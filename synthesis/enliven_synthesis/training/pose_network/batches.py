@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from enliven.person import MIRROR
-from enliven_edge.tracking.estimator import FACINGS
+from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_synthesis.training.dataset import MIRRORED_LABELS, Dataset
 
 

@@ -14,7 +14,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, relu
 
-from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, PARTS, ROWS
+from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
+from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
 
 WIDTHS = (16, 32, 64, 96)
 """Numbers of channels at 1/2, 1/4, 1/8 and 1/16 of the crop's resolution."""

@@ -1,7 +1,8 @@
 """Trains the pose network on rendered samples, and exports it for ONNX Runtime.
 
-Joint positions are trained by their likelihood under a distribution of predicted width. The
-predicted width is the expected error, and occluded joints contribute less to the loss than visible ones.
+The loss of a joint is its negative log-likelihood under a distribution. The network predicts the width of
+that distribution, which is the expected error. So occluded joints, which have a larger one, contribute less
+to the loss.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from enliven.arrays import AnyArray
 from enliven.errors import InputError
 from enliven.settings import setting
 from enliven_edge.onnx_runtime import load_onnxruntime
-from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, NOBODY, ROWS
+from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
+from enliven_edge.tracking.estimator.labels import FACINGS, NOBODY
 from enliven_synthesis.training.dataset import Batch, Dataset
 from enliven_synthesis.training.pose_network.batches import TensorBatch, TensorDataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
@@ -35,9 +37,9 @@ _REVERSED_FRACTION = 0.04
 """Fraction of samples in which the given facing is reversed, so that the network does not rely on it
 blindly."""
 _MIN_LOG_SPREAD = -5.0
-"""Logarithm of the smallest predicted error (7 mm). Higher accuracy is not rewarded."""
+"""Minimum logarithm of a predicted error (7 mm). The loss does not reward a higher accuracy."""
 _MAX_LOG_SPREAD = 1.0
-"""Logarithm of the largest predicted error: 2.7 m. An error larger than a person has no meaning."""
+"""Maximum logarithm of a predicted error (2.7 m). An error larger than a person is meaningless."""
 _LIKELIHOOD_WEIGHT = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
 _DISTANCE_WEIGHT = 2.0
@@ -114,7 +116,7 @@ def train(
         raise InputError(
             f"{len(dataset)} samples are too few: {VALIDATION_SAMPLES} are held out for validation",
             where="train-estimator",
-            mend="Render more pictures.",
+            remedy="Render more pictures.",
         )
     torch.manual_seed(settings.seed)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -219,8 +221,8 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Ten
     joints_off = _LIKELIHOOD_WEIGHT * likelihood + _DISTANCE_WEIGHT * distance
     facing_loss = cross_entropy(facing.float(), batch.ways, label_smoothing=0.05)
     true_parts = batch.parts.long()
-    seen = cross_entropy(parts.float(), true_parts.masked_fill(true_parts == NOBODY, -100))
-    return (weight * joints_off).sum() + _FACING_WEIGHT * facing_loss + _PARTS_WEIGHT * seen
+    parts_loss = cross_entropy(parts.float(), true_parts.masked_fill(true_parts == NOBODY, -100))
+    return (weight * joints_off).sum() + _FACING_WEIGHT * facing_loss + _PARTS_WEIGHT * parts_loss
 
 
 def _facing_classes(batch: Batch) -> AnyArray:

@@ -142,4 +142,4 @@ def _checked_weights(weights: dict[str, Float32], name: str, shape: tuple[int, .
 
 
 def _mismatch_error(path: Path, problem: str) -> InputError:
-    return InputError(problem, where=str(path), mend="Name a network that train-estimator made.")
+    return InputError(problem, where=str(path), remedy="Name a network that train-estimator made.")

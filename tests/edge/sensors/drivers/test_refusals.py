@@ -74,7 +74,7 @@ MESSAGES = [
 def test_library_message_becomes_an_error_with_advice(sensor, message, words):
     error = convert_error(sensor, RuntimeError(message), "left camera")
     assert words in str(error) and str(error).startswith("left camera: ")
-    assert error.exit_code == 4 and error.mend
+    assert error.exit_code == 4 and error.remedy
 
 
 def test_no_message_is_without_its_sentence():
@@ -253,11 +253,11 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
     assert is_known and (lens.fx, lens.fy) == (450.0, 451.0)
     typical, is_known = choose_intrinsics(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
     assert not is_known and typical.width == 320 and 200 < typical.fx < 240
-    for rehearsed, mend in (
+    for rehearsed, remedy in (
         (False, "Ask for 640x400, or cal"),
         (True, "Rehearse with .* or with one of 640x400"),
     ):
-        with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {mend}"):
+        with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {remedy}"):
             choose_intrinsics(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
 
 

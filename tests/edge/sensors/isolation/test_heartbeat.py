@@ -13,7 +13,8 @@ from wild import Wild
 
 from enliven.health import HealthKind
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.sensors.isolation import IsolatedOpener, helper_process, isolated
+from enliven_edge.sensors.isolation import helper_process, isolated
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 from enliven_edge.sensors.reopening import open_reopening
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings

@@ -112,7 +112,7 @@ def test_the_helper_ends_with_an_edge_that_was_killed(tmp_path):
     code = (
         "import sys; sys.path.insert(0, sys.argv[2])\n"
         "from wild import Wild\n"
-        "from enliven_edge.sensors.isolation import IsolatedOpener\n"
+        "from enliven_edge.sensors.isolation.isolated import IsolatedOpener\n"
         "if __name__ == '__main__':\n"
         "    sensor = IsolatedOpener('wild', Wild, {'folder': sys.argv[1]})()\n"
         "    sensor.read()\n"

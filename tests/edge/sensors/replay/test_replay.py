@@ -181,11 +181,15 @@ def test_an_unknown_sensor_or_option_names_the_nearest(name, options, hint):
 
 
 def test_other_packages_add_sensors(monkeypatch, tmp_path):
+    class Mine(ReplaySensor):
+        def __init__(self, speed=1):
+            super().__init__(write(tmp_path / "b.mcap", [0]), speed=speed)
+
     class Entry:
         name = "mine"
 
         def load(self):
-            return lambda speed=1: ReplaySensor(write(tmp_path / "b.mcap", [0]), speed=speed)
+            return Mine
 
     monkeypatch.setattr("enliven_edge.sensors.registry.entry_points", lambda group: [Entry()])
     assert "mine" in sensor_names()

@@ -16,9 +16,10 @@ from stereo_rig import rig
 
 from enliven import cli
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo import Rectification, load_calibration
 from enliven_edge.sensors.stereo.board import CalibrationBoard
+from enliven_edge.sensors.stereo.calibration import load_calibration
 from enliven_edge.sensors.stereo.calibration_quality import PairSelector, judge
+from enliven_edge.sensors.stereo.rectification import Rectification
 from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, _rectify_points, solve
 
 BOARD = CalibrationBoard()

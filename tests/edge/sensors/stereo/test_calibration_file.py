@@ -11,7 +11,7 @@ pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[
 from stereo_rig import calibration_of, rig
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.stereo import load_calibration, save_calibration
+from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 
 GOOD = calibration_of(*rig())
 

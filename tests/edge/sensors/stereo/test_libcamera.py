@@ -23,10 +23,11 @@ from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven_edge.sensors.drivers.libcamera import LibcameraSensor
 from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, copy_image
-from enliven_edge.sensors.isolation import IsolatedOpener
+from enliven_edge.sensors.isolation.isolated import IsolatedOpener
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import open_reopening
-from enliven_edge.sensors.stereo import Rectification, save_calibration
+from enliven_edge.sensors.stereo.calibration import save_calibration
+from enliven_edge.sensors.stereo.rectification import Rectification
 
 FRAMES = 12
 

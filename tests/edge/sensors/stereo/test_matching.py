@@ -10,8 +10,8 @@ from stereo_rig import calibration_of, rectified_left, rig
 from stereo_scene import Photographer, Plane, person, room
 
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo import Rectification, StereoMatcher
-from enliven_edge.sensors.stereo.matching import depth_table
+from enliven_edge.sensors.stereo.matching import StereoMatcher, depth_table
+from enliven_edge.sensors.stereo.rectification import Rectification
 
 WIDTH, HEIGHT = 256, 160
 CAMERAS = rig(WIDTH, HEIGHT)

@@ -11,7 +11,7 @@ from enliven_edge.tracking.body_model.posture import rotation
 from enliven_edge.tracking.fit import terms
 
 
-def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
+def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.HALF_RANGES)) -> float:
     """Returns the energy of rotations outside the ranges."""
     nothing = np.zeros((42, 42)), np.zeros(42)
     return terms.joint_ranges(*nothing, rotations, *ranges, 1.0, model.DOF_FRAME, model.DOF_AXIS)
@@ -19,7 +19,7 @@ def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
 
 def with_thigh(side: int, **turn: float):
     """Returns a standing person with one thigh rotated from hanging; the right one is mirrored."""
-    rotations = joint_limits.standing()
+    rotations = joint_limits.standing_pose()
     rotations[model.THIGH_L] = rotation(**turn)
     return rotations if side == model.THIGH_L else joint_limits.mirror_rotations(rotations)
 
@@ -56,7 +56,7 @@ def test_a_thigh_goes_no_farther_than_a_hip_lets_it(side, turn):
 def test_hips_of_a_known_person_bend_as_far_as_when_knees_are_drawn_up(side):
     drawn_up = with_thigh(side, x=-2.3)
     assert cost(drawn_up) > 0.0
-    assert cost(drawn_up, joint_limits.LIMBER) == 0.0
+    assert cost(drawn_up, joint_limits.WIDE_HIP_LIMITS) == 0.0
 
 
 @SIDES
@@ -66,13 +66,15 @@ def test_hips_of_a_known_person_bend_as_far_as_when_knees_are_drawn_up(side):
     ids=["through the chest", "up", "across", "back", "twisted"],
 )
 def test_hips_of_a_known_person_have_limits_too(side, turn):
-    assert cost(with_thigh(side, **turn), joint_limits.LIMBER) > 0.0
+    assert cost(with_thigh(side, **turn), joint_limits.WIDE_HIP_LIMITS) > 0.0
 
 
-@pytest.mark.parametrize("ranges", [(joint_limits.MIDDLE, joint_limits.REACH), joint_limits.LIMBER])
+@pytest.mark.parametrize(
+    "ranges", [(joint_limits.MIDDLE, joint_limits.HALF_RANGES), joint_limits.WIDE_HIP_LIMITS]
+)
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_shoulders_do_not_turn_against_the_hips_by_a_right_angle(ranges, way):
-    twisted = joint_limits.standing()
+    twisted = joint_limits.standing_pose()
     twisted[model.CHEST] = rotation(y=way * 0.7)
     assert cost(twisted, ranges) == 0.0
     twisted[model.CHEST] = rotation(y=way * 1.2)

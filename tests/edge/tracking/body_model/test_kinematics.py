@@ -58,7 +58,7 @@ def test_pivots_are_linear_in_the_lengths_with_raised_arms_too(seed):
 def test_forward_kinematics_keeps_bone_lengths(seed):
     from enliven.person.joints import BONES
 
-    resting = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
+    resting = Posture(np.zeros(3), joint_limits.standing_pose(), model.lengths_for_height(1.7)).joints()
     joints = random_posture(seed, 0.8).joints()
     for a, b in BONES:
         if (a, b) not in ((0, 1), (14, 15), (18, 19)):  # these rotate a frame's pivot
@@ -113,7 +113,7 @@ def test_upright_posture_has_identity_rotations():
 
 
 def test_left_is_left():
-    joints = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
+    joints = Posture(np.zeros(3), joint_limits.standing_pose(), model.lengths_for_height(1.7)).joints()
     from enliven.person.joints import Joint
 
     assert joints[Joint.HAND_LEFT, 0] > 0 > joints[Joint.HAND_RIGHT, 0]

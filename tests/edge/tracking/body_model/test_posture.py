@@ -7,14 +7,14 @@ import pytest
 
 from enliven.rotation import from_matrix, from_rotation_vector, to_matrix, to_rotation_vector
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, forward, predict_next, rotation
 
 
 def random_posture(seed: int, turns: float = 0.8) -> Posture:
     """Returns a person with random limb rotations and a random build."""
     random = np.random.default_rng(seed)
-    rotations = standing() @ to_matrix(from_rotation_vector(random.normal(0, turns, (13, 3))))
+    rotations = standing_pose() @ to_matrix(from_rotation_vector(random.normal(0, turns, (13, 3))))
     lengths = model.lengths_for_height(1.7) * random.uniform(0.8, 1.2, len(model.LENGTHS))
     return Posture(random.normal(0, 2, 3), rotations, lengths)
 

@@ -14,7 +14,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.capsules import nearest_capsules
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import (
-    CARRIES,
+    CAPSULE_PARTS,
     agreement,
     estimate_at_points,
     facing,
@@ -36,7 +36,9 @@ MIRRORED_CAPSULE = np.array(
 
 
 def standing(yaw: float = 0.0) -> Posture:
-    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(yaw), model.lengths_for_height(1.7))
+    return Posture(
+        np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(yaw), model.lengths_for_height(1.7)
+    )
 
 
 def noise(seed: int, count: int = 30):
@@ -55,17 +57,17 @@ def surface_of(posture: Posture, points_each: int = 12):
             out = np.cross(b - a, dice.normal(size=3))
             radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
             points.append(a + t * (b - a) + radius * out / np.linalg.norm(out))
-            shown.append(np.eye(PARTS)[CARRIES[c].argmax()])
+            shown.append(np.eye(PARTS)[CAPSULE_PARTS[c].argmax()])
     return np.array(points), np.array(shown)
 
 
 def test_every_capsule_carries_a_part_and_every_part_is_carried():
-    assert (CARRIES.sum(1) >= 1).all() and (CARRIES.sum(0) >= 1).all()
-    assert set(np.unique(CARRIES)) == {0.0, 1.0}
+    assert (CAPSULE_PARTS.sum(1) >= 1).all() and (CAPSULE_PARTS.sum(0) >= 1).all()
+    assert set(np.unique(CAPSULE_PARTS)) == {0.0, 1.0}
 
 
 def test_a_capsule_of_the_other_side_carries_the_other_sides_parts():
-    assert np.array_equal(CARRIES[MIRRORED_CAPSULE], CARRIES[:, MIRRORED])
+    assert np.array_equal(CAPSULE_PARTS[MIRRORED_CAPSULE], CAPSULE_PARTS[:, MIRRORED])
     x = model.CAPSULES.ends @ model.lengths_for_height(1.7)
     np.testing.assert_allclose(x[MIRRORED_CAPSULE], x * [-1, 1, 1], atol=1e-12)
 
@@ -73,7 +75,7 @@ def test_a_capsule_of_the_other_side_carries_the_other_sides_parts():
 def test_parent_of_a_left_part_is_on_the_left():
     x = standing().capsules()[0].mean(1)[:, 0]
     for part in range(1, PARTS):
-        carriers = [c for c in np.flatnonzero(CARRIES[:, part]) if c != NECK]
+        carriers = [c for c in np.flatnonzero(CAPSULE_PARTS[:, part]) if c != NECK]
         side = 1 if part % 2 else -1
         assert carriers and all(side * x[c] > 0.02 for c in carriers), BodyPart(part).name
 
@@ -88,8 +90,10 @@ def test_a_point_is_farther_from_a_capsule_the_less_it_looks_like_it(seed, metre
     assert affinity.shape == (20, 12) and affinity.dtype == np.float32
     for c in range(20):
         for i in range(12):
-            like = sum(shown[i, p] for p in range(PARTS) if CARRIES[c, p])
-            either = sum(shown[i, p] for p in range(PARTS) if CARRIES[c, p] or CARRIES[c, MIRRORED[p]])
+            like = sum(shown[i, p] for p in range(PARTS) if CAPSULE_PARTS[c, p])
+            either = sum(
+                shown[i, p] for p in range(PARTS) if CAPSULE_PARTS[c, p] or CAPSULE_PARTS[c, MIRRORED[p]]
+            )
             assert affinity[c, i] == pytest.approx(metres * (1 - like), abs=1e-5)
             assert sideless[c, i] == pytest.approx(metres * (1 - either), abs=1e-5)
     assert (
@@ -101,7 +105,7 @@ def test_a_left_hand_is_far_from_the_right_one_unless_sides_do_not_matter():
     shown = np.eye(PARTS)[[BodyPart.HAND_LEFT]]
     seen = seen_as(estimate_of(np.zeros((20, 3))), np.zeros((1, 3)), shown)
     left, right = (
-        int(np.flatnonzero(CARRIES[:, part])[0]) for part in (BodyPart.HAND_LEFT, BodyPart.HAND_RIGHT)
+        int(np.flatnonzero(CAPSULE_PARTS[:, part])[0]) for part in (BodyPart.HAND_LEFT, BodyPart.HAND_RIGHT)
     )
     assert seen.affinity(0.1)[[left, right], 0].tolist() == pytest.approx([0.0, 0.1])
     assert seen.sideless_affinity(0.1)[[left, right], 0].tolist() == pytest.approx([0.0, 0.0])
@@ -111,7 +115,7 @@ def test_a_left_hand_is_far_from_the_right_one_unless_sides_do_not_matter():
 @settings(max_examples=25, deadline=None)
 def test_thinning_keeps_what_each_point_looks_like(seed, step):
     seen = seen_as(estimate_of(np.zeros((20, 3))), *noise(seed))
-    thin = seen.thinned(step)
+    thin = seen.thin(step)
     assert np.array_equal(thin.surface, seen.surface[:, ::step])
     assert np.array_equal(thin.rays, seen.rays[::step])
     assert alike(thin.affinity(0.1), seen.affinity(0.1)[:, ::step])
@@ -135,7 +139,7 @@ def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
     seen, posture = seen_as(estimate_of(np.zeros((20, 3))), points, shown), standing(0.3)
     which, nobody = np.empty(len(points), np.int32), np.zeros((0, 0), np.float32)
     nearest_capsules(which, seen.surface, nobody, *posture.capsules(), np.float32(0.0))
-    like = [CARRIES[c] @ shares for c, shares in zip(which, seen.probabilities.T, strict=True)]
+    like = [CAPSULE_PARTS[c] @ shares for c, shares in zip(which, seen.probabilities.T, strict=True)]
     assert agreement(seen, posture) == pytest.approx(np.mean(like), abs=1e-6)
 
 
@@ -202,7 +206,7 @@ def test_network_distinguishes_front_and_back_for_most():
             observation, _ = seen_person(name, seed)
             seen, eye = seen_in(observation)[0], observation.view[4][:3, 3].copy()
             front = Posture(
-                observation.points.mean(0).astype(float), joint_limits.standing(), standing().lengths
+                observation.points.mean(0).astype(float), joint_limits.standing_pose(), standing().lengths
             )
             right.append(
                 (facing_score(seen, front, eye) > facing_score(seen, flip_posture(front), eye))
@@ -219,5 +223,5 @@ def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
         other, itself = seen.of(estimate), estimate_at_points(observation, estimate)
         assert other.estimate is estimate and other.surface is observation.surface
         assert_alike(other.probabilities, itself.probabilities)
-        assert_alike(seen.thinned(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
+        assert_alike(seen.thin(7).of(estimate).affinity(0.1), other.affinity(0.1)[:, ::7])
     np.testing.assert_allclose(seen.of(by_facing[0]).probabilities, seen.probabilities, atol=1e-3)

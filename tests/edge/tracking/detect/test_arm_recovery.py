@@ -11,11 +11,11 @@ from postures_seen_for_tests import observed
 
 from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
-from enliven_edge.tracking.body_model.capsules import clear_of_rays, standing_out
+from enliven_edge.tracking.body_model.capsules import ray_clearances, signed_distances
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
-from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, fullest_ball
+from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, densest_ball
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
@@ -36,7 +36,9 @@ SURE = np.ones(20)
 
 def forearm_across(forward: float) -> Posture:
     """Returns a posture with the left forearm across the belly and the elbow ``forward`` radians ahead."""
-    posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.75))
+    posture = Posture(
+        np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(), model.lengths_for_height(1.75)
+    )
     posture.rotations[model.UPPER_ARM_L] = rotation(x=-forward, z=0.1) @ rotation(y=-1.2)
     posture.rotations[model.FOREARM_L] = rotation(x=-1.6)
     return posture
@@ -87,7 +89,7 @@ def test_usual_frame_gets_no_extra_arm_fit():
 def test_forearm_candidate_lies_along_unexplained_points():
     """The model's arm hangs; points across the belly are not explained by it, so one start is there."""
     observation, hanging = observed(TRUTH), forearm_across(0.0)
-    hanging.rotations[list(LEFT)] = joint_limits.standing()[list(LEFT)]
+    hanging.rotations[list(LEFT)] = joint_limits.standing_pose()[list(LEFT)]
     apart = [off(start()) for start in arm_starts(observation, hanging, None, [LEFT])]
     assert off(hanging) > 0.2
     assert min(apart) < LOST
@@ -109,7 +111,7 @@ def test_unexplained_points_are_measured_from_the_nearest_capsule():
         nearest = away.argmin(1)
         thick = first + along[nearest, 0] * (last - first)
         twin = np.minimum(twin, away.min(1) - thick)
-    np.testing.assert_allclose(standing_out(points, ends, radii), twin, rtol=0, atol=SAMPLED)
+    np.testing.assert_allclose(signed_distances(points, ends, radii), twin, rtol=0, atol=SAMPLED)
 
 
 @settings(deadline=None, max_examples=20)
@@ -129,7 +131,7 @@ def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near,
         nearest = distances.reshape(len(points), -1).argmin(1)
         thick = first + along[nearest % len(along)] * (last - first)
         twin = np.minimum(twin, distances.min((1, 2)) - thick)
-    clearances = clear_of_rays(points, eye, near, near + long, ends, radii)
+    clearances = ray_clearances(points, eye, near, near + long, ends, radii)
     np.testing.assert_allclose(clearances, twin, rtol=0, atol=2 * SAMPLED)
 
 
@@ -139,4 +141,4 @@ def test_fullest_ball_is_around_the_point_with_most_neighbours(seed, count):
     # Multiples of a sixteenth: squares and sums are exact, and none equals the radius.
     points = (np.random.default_rng(seed).integers(-24, 24, (count, 3)) / 16).astype(np.float32)
     near = np.linalg.norm(points[:, None] - points[None], axis=2) < 0.7
-    np.testing.assert_array_equal(fullest_ball(points, np.float32(0.7)), near[near.sum(1).argmax()])
+    np.testing.assert_array_equal(densest_ball(points, np.float32(0.7)), near[near.sum(1).argmax()])

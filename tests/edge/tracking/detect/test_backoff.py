@@ -16,7 +16,7 @@ def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:
         while not backoff.is_due(badness):
             waited += 1
         gaps.append(waited)
-        backoff.tried(badness, better=False)
+        backoff.record(badness, better=False)
     return gaps
 
 
@@ -28,7 +28,7 @@ def test_successful_method_is_tried_in_every_bad_frame():
     backoff = Backoff(8)
     frames_between(backoff, 0.3, 5)
     assert not backoff.is_due(0.3)
-    backoff.tried(0.3, better=True)
+    backoff.record(0.3, better=True)
     assert backoff.is_due(0.3)
 
 

@@ -149,5 +149,5 @@ def test_new_posture_is_searched_only_if_it_may_be_better():
 def standing_as(posture: Posture) -> Posture:
     """Returns another person's posture at the same position."""
     upright = posture.copy()
-    upright.rotations = joint_limits.standing(2.0, arm_raise=1.4)
+    upright.rotations = joint_limits.standing_pose(2.0, arm_raise=1.4)
     return upright

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.camera import world_from_level_camera
 from enliven.person.joints import Joint
-from enliven_edge.tracking.detect.extremities import _DEPTH_EDGE_COST_M, extremities, spread
+from enliven_edge.tracking.detect.extremities import _DEPTH_EDGE_COST_M, extend_distances, extremities
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.rendering import PersonRenderer
@@ -44,7 +44,7 @@ def test_distances_are_dijkstras(seed):
     points = np.stack([u, -v, z], -1)
     source = int(np.flatnonzero(mask)[0])
     distances = np.full(mask.shape, np.inf)
-    spread(points, z, mask, 1, source, distances)
+    extend_distances(points, z, mask, 1, source, distances)
     slow = slow_distances(points, z, mask, 1, source)
     assert np.allclose(distances[mask], slow[mask])
     assert np.isinf(distances[~mask]).all()

@@ -8,25 +8,27 @@ from estimates_for_tests import EYE, estimate_of, seen_as, ways_of
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import (
     Posture,
-    ahead_in_plan,
     chest_axes,
     chest_axes_about,
+    facing_direction,
     rotation,
 )
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, flip_posture
-from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, backward
+from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, leaning_backward
 
 
 def forward_in_plan(posture):
     """Returns the chest's (2,) facing, seen from above."""
-    return np.array(ahead_in_plan(chest_axes(posture.rotations)[0]))
+    return np.array(facing_direction(chest_axes(posture.rotations)[0]))
 
 
 STILL = (0.0, 0.0, 0.0)
 
 
 def standing(yaw: float = 0.0) -> Posture:
-    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(yaw), model.lengths_for_height(1.7))
+    return Posture(
+        np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(yaw), model.lengths_for_height(1.7)
+    )
 
 
 def seen_facing(posture: Posture | None, plainly: float = 2.5) -> EstimateAtPoints:
@@ -81,15 +83,15 @@ def bent(pitch: float, yaw: float = 0.0) -> Posture:
 @pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
 def test_people_bend_forward(yaw):
     """A person bowing towards the sensor does not lean backward away from it, even without network output."""
-    assert backward(bent(0.0, yaw).rotations) == 0.0
-    assert backward(bent(0.6, yaw).rotations) == 0.0
-    assert backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
+    assert leaning_backward(bent(0.0, yaw).rotations) == 0.0
+    assert leaning_backward(bent(0.6, yaw).rotations) == 0.0
+    assert leaning_backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
     assert any(verdicts(flip_posture(bent(0.6, yaw)), seen_facing(None)))
     assert not any(verdicts(bent(0.6, yaw), seen_facing(None)))
 
 
 def test_person_lying_on_the_back_does_not_lean():
-    assert backward(bent(-1.5).rotations) == 0.0
+    assert leaning_backward(bent(-1.5).rotations) == 0.0
 
 
 def test_weak_facing_evidence_does_not_flip():
@@ -137,7 +139,7 @@ def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
     speed = np.linalg.norm(velocity[[0, 2]])
     plainly = np.clip((speed - 0.45) / 0.45, 0.0, 1.0)
     slow += 4.5 * plainly * (velocity[[0, 2]] / speed) @ forward_in_plan(posture)
-    slow += 15.0 * (backward(turned.rotations) - backward(posture.rotations))
+    slow += 15.0 * (leaning_backward(turned.rotations) - leaning_backward(posture.rotations))
     ways = sighting.estimate.facing
     advantage = _advantage(posture.rotations, posture.position, EYE, velocity, ways)
     assert advantage == pytest.approx(slow, abs=1e-9)

@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import flip_posture
 from enliven_edge.tracking.detect.hypotheses import BANK, align_to_estimate, pose_from_estimate
-from enliven_edge.tracking.fit.gauss_newton import stepped
+from enliven_edge.tracking.fit.gauss_newton import apply_step
 
 SEEDS = st.integers(0, 10_000)
 ON_AVERAGE, AT_MOST = 0.02, 0.09
@@ -32,13 +32,13 @@ def random_posture(seed: int) -> Posture:
     """Returns a person with a random facing and random limb rotations."""
     dice = np.random.default_rng(seed)
     lengths = model.lengths_for_height(dice.uniform(1.2, 2.0)) * dice.uniform(0.9, 1.1, 12)
-    start = Posture(dice.normal(size=3), joint_limits.standing(dice.uniform(-3, 3)), lengths)
+    start = Posture(dice.normal(size=3), joint_limits.standing_pose(dice.uniform(-3, 3)), lengths)
     return nudged(start, dice.normal(0, 0.3, 27))
 
 
 def nudged(posture: Posture, turns: np.ndarray) -> Posture:
     step = np.r_[np.zeros(3), turns, np.zeros(12)]
-    state = stepped(
+    state = apply_step(
         posture.position, posture.rotations, posture.lengths, step, model.DOF_FRAME, model.DOF_AXIS
     )
     return Posture(*state)

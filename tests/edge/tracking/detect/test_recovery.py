@@ -27,12 +27,12 @@ TURNS = 8
 
 
 def standing() -> Posture:
-    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
+    return Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(), model.lengths_for_height(1.7))
 
 
 def arm_out(lift: float = 1.4) -> Posture:
     """Returns a person with the left arm held out, or higher, and the right one hanging."""
-    posture, out = standing(), joint_limits.standing(arm_raise=lift)
+    posture, out = standing(), joint_limits.standing_pose(arm_raise=lift)
     posture.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
     return posture
 
@@ -99,7 +99,7 @@ def with_landmarks(observation: Observation, posture: Posture, joints=range(20))
 def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
     """Shins and feet are behind a board; the landmarks show one bent knee."""
     bent, fitter = standing(), Fitter(FitSettings())
-    bent.rotations[model.SHIN_L] = joint_limits.standing(knee=0.6)[model.SHIN_L]
+    bent.rotations[model.SHIN_L] = joint_limits.standing_pose(knee=0.6)[model.SHIN_L]
     plain = observed(standing(), hide=80)
     feet = [Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     without, _ = fitter.fit(plain, standing())
@@ -131,9 +131,9 @@ def test_landmarks_make_the_fit_surer():
 @pytest.mark.parametrize("step", [1, 3, 50])
 def test_thinning_keeps_the_landmarks(step):
     observation = with_landmarks(observed(standing()), standing())
-    thin = observation.thinned(step)
+    thin = observation.thin(step)
     assert np.array_equal(thin.landmarks, observation.landmarks)
-    surface, affinity, view, landmarks = thin.seen
+    surface, affinity, view, landmarks = thin.arrays
     assert surface.shape == (6, len(thin.points)) and affinity.size == 0
     assert view is observation.view and landmarks is thin.landmarks
 

@@ -21,36 +21,38 @@ def below_ceiling(sums, surface, weight, height):
             if residual > 0.0:
                 energy += weight * residual * residual
                 at, lengths_of = surface.ends[c, e], surface.lengths_of
-                add_ray(sums, surface.frame[c], up, at, stretch, lengths_of, residual, weight)
+                add_direction_residual(sums, surface.frame[c], up, at, stretch, lengths_of, residual, weight)
     return energy
 
 
 '''
 CALL = "    energy += below_ceiling(sums, surface, weights.ceiling * SQUARE_CM, 1.5)\n"
 WEIGHT = (
-    "    ceiling: float = setting(0.0, \"Weight of 'no limb above the ceiling'.\", low=0.0, high=100.0)\n"
+    "    ceiling: float = parameter(0.0, \"Weight of 'no limb above the ceiling'.\", low=0.0, high=100.0)\n"
 )
 PATCHES = {
     "tracking/fit/terms.py": [
         ("@njit(cache=True, nogil=True)\ndef assemble(", KERNEL.lstrip()),
         ("    energy += above_floor(", CALL),
     ],
-    "tracking/settings.py": [("    temporal: float = setting(", WEIGHT)],
+    "tracking/settings.py": [("    temporal: float = parameter(", WEIGHT)],
 }
 """By file: a text to find, and the text to insert before it."""
 FIT = """
     import numpy as np
-    from enliven_edge.tracking.body_model import Posture, joint_limits, model
-    from enliven_edge.tracking.fit import Fitter
-    from enliven_edge.tracking.frame import ImageView, Observation, side_by_side
+    from enliven_edge.tracking.body_model.posture import Posture
+    from enliven_edge.tracking.body_model import joint_limits, model
+    from enliven_edge.tracking.fit.fit import Fitter
+    from enliven_edge.tracking.frame.observation import ImageView, Observation, stack_rows
     from enliven_edge.tracking.settings import FitSettings
 
-    posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
+    standing = joint_limits.standing_pose()
+    posture = Posture(np.array([0.0, 0.95, -2.5]), standing, model.lengths_for_height(1.7))
     ends = posture.capsules()[0].reshape(-1, 3).astype(np.float32)
     normals = np.tile(np.float32([0, 0, 1]), (len(ends), 1))
     empty = np.zeros((4, 4))
     view = ImageView(empty, empty > 0, np.full((4, 4), -1), np.array([130.0, 130.0, 2.0, 2.0]), np.eye(4))
-    seen = Observation(ends, side_by_side(ends, normals), np.zeros((len(ends), 2), int), view, False)
+    seen = Observation(ends, stack_rows(ends, normals), np.zeros((len(ends), 2), int), view, False)
     for ceiling in (0.0, 20.0):
         fitted, report = Fitter(FitSettings(ceiling=ceiling)).fit(seen, posture, iterations=3)
         print(float(fitted.capsules()[0][..., 1].max()), report.energy)

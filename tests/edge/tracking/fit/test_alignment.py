@@ -18,7 +18,7 @@ ALIKE = np.full(20, 0.03)
 
 
 def standing(yaw: float = 0.0) -> Posture:
-    return Posture(np.array([0.0, 0.9, 0.0]), joint_limits.standing(yaw), LENGTHS.copy())
+    return Posture(np.array([0.0, 0.9, 0.0]), joint_limits.standing_pose(yaw), LENGTHS.copy())
 
 
 @pytest.mark.parametrize("number", range(len(BANK)))

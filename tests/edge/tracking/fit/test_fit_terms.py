@@ -21,7 +21,7 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit import data_term, terms
 from enliven_edge.tracking.fit.fit import create_fit_model
 from enliven_edge.tracking.fit.structures import BodyState
-from enliven_edge.tracking.fit.terms import placed
+from enliven_edge.tracking.fit.terms import place_model
 from enliven_edge.tracking.frame.observation import ImageView, nearest_columns
 
 PAIRS = create_fit_model().pairs
@@ -111,7 +111,7 @@ def test_the_floors_gradient_by_the_girth_holds_for_every_build(seed, girth):
 def test_the_fit_places_the_surface_that_its_terms_are_tested_with(seed, girth, free):
     posture = random_posture(seed, 0.8)
     posture.lengths[model.GIRTH] = girth
-    _, surface = placed(
+    _, surface = place_model(
         BodyState(posture.position, posture.rotations, posture.lengths), create_fit_model(), free
     )
     for mine, expected in zip(surface, surroundings(posture, free, taper=True), strict=True):
@@ -146,7 +146,7 @@ def test_the_build_is_held_as_its_energy_says(seed):
 
     def held(at):
         matrix, gradient = np.zeros((42, 42)), np.zeros(42)
-        energy = terms.hold_build(matrix, gradient, at, reference, np.full(12, 7.0), 0.1)
+        energy = terms.keep_proportions(matrix, gradient, at, reference, np.full(12, 7.0), 0.1)
         return energy, gradient[30:], np.triu(matrix[30:, 30:]) + np.triu(matrix[30:, 30:], 1).T
 
     _, gradient, matrix = held(lengths)
@@ -166,7 +166,9 @@ def test_the_build_is_held_as_its_energy_says(seed):
 
 
 def test_floor_costs_nothing_for_a_standing_person():
-    standing = Posture(np.array([0.0, 1.0, -2.0]), joint_limits.standing(), model.lengths_for_height(1.7))
+    standing = Posture(
+        np.array([0.0, 1.0, -2.0]), joint_limits.standing_pose(), model.lengths_for_height(1.7)
+    )
     ends, radii = standing.capsules()
     standing.position[1] -= (ends[..., 1] - radii).min()
     assert floor_energy(standing)[0] == 0.0
@@ -191,7 +193,7 @@ def test_a_limb_in_free_space_is_pushed_into_the_silhouette():
     mount[1, 3] = 1.0
     view = ImageView(depth, mask, nearest_columns(mask), np.array([130.0, 130.0, 79.5, 59.5]), mount)
     posture = Posture(
-        np.array([0.0, 0.95, -2.5]), joint_limits.standing(arm_raise=1.4), model.lengths_for_height(1.7)
+        np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(arm_raise=1.4), model.lengths_for_height(1.7)
     )
     energy, gradient = free_space_energy(posture, view)
     assert energy > 0

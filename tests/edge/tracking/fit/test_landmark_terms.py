@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit import normal_equations, terms
-from enliven_edge.tracking.fit.gauss_newton import stepped
+from enliven_edge.tracking.fit.gauss_newton import apply_step
 
 JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 SEEDS = st.integers(0, 10_000)
@@ -25,14 +25,14 @@ def random_posture(seed: int) -> Posture:
     """Returns a person at about 2.5 m with random limb rotations, arms below the shoulders."""
     dice = np.random.default_rng(seed)
     lengths = model.lengths_for_height(1.7) * dice.uniform(0.9, 1.1, 12)
-    posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing(dice.uniform(-3, 3)), lengths)
+    posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing_pose(dice.uniform(-3, 3)), lengths)
     return moved_by(posture, np.r_[dice.normal(0, 0.05, 3), dice.normal(0, 0.3, 27), np.zeros(12)])
 
 
 def moved_by(posture: Posture, step: np.ndarray) -> Posture:
     full = np.zeros(model.DOFS + len(model.LENGTHS))
     full[: len(step)] = step
-    return Posture(*stepped(posture.position, posture.rotations, posture.lengths, full, *TURNS))
+    return Posture(*apply_step(posture.position, posture.rotations, posture.lengths, full, *TURNS))
 
 
 def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
@@ -65,7 +65,9 @@ def differences(of, posture: Posture, count: int) -> np.ndarray:
 def test_a_carried_point_is_where_the_joint_is(seed):
     posture, point = random_posture(seed), np.empty(3)
     for j, joint in enumerate(posture.joints()):
-        normal_equations.carried(point, JOINTS[0][j], JOINTS[1][j], posture.lengths, body_of(posture))
+        normal_equations.world_point_into(
+            point, JOINTS[0][j], JOINTS[1][j], posture.lengths, body_of(posture)
+        )
         np.testing.assert_allclose(point, joint, atol=1e-12)
 
 

@@ -19,7 +19,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.fit import data_term
 from enliven_edge.tracking.fit import normal_equations as equations
 from enliven_edge.tracking.fit.gauss_newton import solve_damped
-from enliven_edge.tracking.fit.normal_equations import add_place, add_ray
+from enliven_edge.tracking.fit.normal_equations import add_direction_residual, add_point_residual
 
 
 @given(st.integers(0, 10_000), st.sampled_from([30, 42]))
@@ -71,8 +71,10 @@ def test_rays_and_places_match_one_row_per_residual(seed, count):
             by, apart, normal = np.empty((3, free)), dice.normal(size=3), dice.normal(size=3)
             equations.by_length(by, frame, local, body)
             residual, weight = dice.normal(), dice.uniform(0, 2)
-            add_ray(sums, frame, normal, at, normal @ by, model.FRAME_LENGTHS, residual, weight)
-            add_place(sums, frame, at, apart, by, model.FRAME_LENGTHS, weight)
+            add_direction_residual(
+                sums, frame, normal, at, normal @ by, model.FRAME_LENGTHS, residual, weight
+            )
+            add_point_residual(sums, frame, at, apart, by, model.FRAME_LENGTHS, weight)
             ways = [(normal, residual), *zip(np.eye(3), apart, strict=True)]
             rows.extend((frame, at, way, local, much, weight) for way, much in ways)
 

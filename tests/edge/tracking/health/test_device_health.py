@@ -44,7 +44,7 @@ def test_problem_is_reported_until_it_is_solved(ill, kind, words):
     alarms = Alarms("The sensor")
     for second in range(20):
         judge_condition(alarms, ill, LEVEL, True, second * SECOND)
-    assert words in alarms.states[0].what and alarms.states[0].mend
+    assert words in alarms.states[0].what and alarms.states[0].remedy
 
 
 @given(

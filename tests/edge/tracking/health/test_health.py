@@ -82,7 +82,9 @@ def test_the_rate_is_that_of_the_times(fps):
     rhythm = FrameTiming()
     for i in range(40):
         rhythm.admit(round(i * 1e9 / fps))
-    assert rhythm.rate == pytest.approx(fps, rel=0.01) and rhythm.lost == pytest.approx(0.0, abs=0.01)
+    assert rhythm.rate == pytest.approx(fps, rel=0.01) and rhythm.lost_fraction == pytest.approx(
+        0.0, abs=0.01
+    )
 
 
 @pytest.mark.parametrize("lost", [0.1, 0.3, 0.5])
@@ -91,7 +93,7 @@ def test_lost_frames_are_counted_by_their_gaps(lost):
     for i in range(400):
         if random.random() > lost:
             rhythm.admit(i * STEP + int(random.normal(0, 1e6)))
-    assert rhythm.lost == pytest.approx(lost, abs=0.15)
+    assert rhythm.lost_fraction == pytest.approx(lost, abs=0.15)
 
 
 # --- images ------------------------------------------------------------------------------------------------
@@ -102,15 +104,15 @@ def test_a_survey_counts_as_the_slow_way_does():
     depth[:10], depth[10:20] = 100, 65535
     surveyed = survey(depth)
     is_known = (depth != 0) & (depth != 65535)
-    assert surveyed.known == pytest.approx(is_known.mean())
-    assert surveyed.usable == pytest.approx((is_known & (depth >= 300)).mean())
+    assert surveyed.known_fraction == pytest.approx(is_known.mean())
+    assert surveyed.usable_fraction == pytest.approx((is_known & (depth >= 300)).mean())
     holes = ~is_known[:, 1:-1] & is_known[:, :-2] & is_known[:, 2:]
-    assert surveyed.speckle == pytest.approx(holes.sum() / depth.size)
+    assert surveyed.speckle_fraction == pytest.approx(holes.sum() / depth.size)
 
 
 def test_the_mark_tells_images_apart_and_knows_the_same_one():
-    marks = [survey(image(i)).mark for i in range(50)]
-    assert len(set(marks)) == 50 and survey(image(3)).mark == marks[3]
+    marks = [survey(image(i)).image_hash for i in range(50)]
+    assert len(set(marks)) == 50 and survey(image(3)).image_hash == marks[3]
 
 
 # --- alarms ------------------------------------------------------------------------------------------------
@@ -133,8 +135,8 @@ def test_an_alarm_changes_no_sooner_than_it_may(wrong, raise_after, clear_after)
 def test_every_kind_has_its_sentence_and_what_to_do():
     assert set(HEALTH_MESSAGES) == set(HealthKind)
     for message in HEALTH_MESSAGES.values():
-        assert message.what.endswith(".") and message.mend.endswith(".")
-        assert len(message.what) < 120 and len(message.mend) < 120
+        assert message.what.endswith(".") and message.remedy.endswith(".")
+        assert len(message.what) < 120 and len(message.remedy) < 120
 
 
 # --- the monitor -------------------------------------------------------------------------------------------
@@ -177,7 +179,7 @@ def test_sensor_fault_is_reported_and_cleared(kind, fault):
     reported = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])
     assert kind in reported[-1], reported[-1]
     last = monitor.states[0]
-    assert last.since_ns >= 95 * STEP and last.what.endswith(".") and last.mend.endswith(".")
+    assert last.since_ns >= 95 * STEP and last.what.endswith(".") and last.remedy.endswith(".")
     after = watched(monitor, [frame(i) for i in range(220, 340)])
     assert after[-1] == set()
     active = [kind in each for each in reported + after]
@@ -282,14 +284,14 @@ def test_sensor_without_a_device_gets_no_hardware_advice(kind: HealthKind) -> No
     alarms = Alarms("The sensor")
     numbers = ("rate", "promised", "percent", "count", "seconds", "degrees", "celsius", "metres", "limit")
     facts: dict[str, object] = dict.fromkeys(numbers, 1.0)
-    words_of_facts = ("names", "why", "mend", "link", "side", "what", "path", "output")
+    words_of_facts = ("names", "why", "remedy", "link", "side", "what", "path", "output")
     facts |= dict.fromkeys(words_of_facts, "Check its cable")
     words = {}
     for is_device in (True, False):
         alarms.is_device = is_device
-        alarms.note(kind, True, 0, **facts)
-        alarms.note(kind, True, 10**11, **facts)
-        words[is_device] = " ".join(state.mend for state in alarms.states)
+        alarms.update(kind, True, 0, **facts)
+        alarms.update(kind, True, 10**11, **facts)
+        words[is_device] = " ".join(state.remedy for state in alarms.states)
     assert words[True] and words[False]
     for word in ("cable", "USB", "plug", "power", "lens"):
         assert word.lower() not in words[False].lower(), words[False]

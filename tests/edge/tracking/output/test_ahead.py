@@ -8,11 +8,11 @@ import pytest
 from enliven.person.joints import PARENTS
 from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, to_rotation_vector
 from enliven_edge.tracking.output.prediction import (
-    foreseen_places,
-    foreseen_turns,
-    learn_spin,
-    moved_on,
-    turned_on,
+    move_for,
+    predict_joints,
+    predict_rotations,
+    rotate_for,
+    update_spin,
 )
 
 
@@ -34,7 +34,7 @@ def test_joints_move_on_at_their_speed_and_bones_keep_their_length(seed):
             bone = slow[joint] - slow[parent]
             wanted = np.linalg.norm(joints[joint] - joints[parent])
             slow[joint] = slow[parent] + bone * wanted / np.linalg.norm(bone)
-    np.testing.assert_allclose(moved_on(joints, speed, seconds), slow, atol=1e-12)
+    np.testing.assert_allclose(move_for(joints, speed, seconds), slow, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -46,9 +46,9 @@ def test_bones_turn_on_at_their_spin_which_is_learnt_from_frame_to_frame(seed):
     step = to_rotation_vector(multiply(conjugate(before), turns))
     learnt = spin + share * (step / passed - spin)
     on = multiply(turns, from_rotation_vector(seconds[:, None] * limited(learnt, 10.0)))
-    learn_spin(spin, before, turns, passed, share)
+    update_spin(spin, before, turns, passed, share)
     np.testing.assert_allclose(spin, learnt, atol=1e-9)
-    np.testing.assert_allclose(turned_on(turns, spin, seconds), on, atol=1e-9)
+    np.testing.assert_allclose(rotate_for(turns, spin, seconds), on, atol=1e-9)
 
 
 def ahead(velocity, delay, seconds, half):
@@ -70,15 +70,15 @@ def test_speeds_are_learnt_and_a_delay_is_made_up_for_where_something_moves(seed
     passed, seconds = random.uniform(0.01, 0.4), random.uniform(0, 0.2) * (seed % 3 > 0)
     share = 1 / (1 + 1 / (2 * np.pi * 3.0 * passed))
     learnt = speed + share * ((joints - before) / passed - speed)
-    slow = moved_on(joints, learnt, ahead(learnt, delay, seconds, 0.5))
+    slow = move_for(joints, learnt, ahead(learnt, delay, seconds, 0.5))
     np.testing.assert_allclose(
-        foreseen_places(joints, before, speed, delay, passed, seconds), slow, atol=1e-12
+        predict_joints(joints, before, speed, delay, passed, seconds), slow, atol=1e-12
     )
     np.testing.assert_allclose(speed, learnt, atol=1e-12)
     turning = spin.copy()
-    learn_spin(turning, was, turns, passed, share)
-    slow = turned_on(turns, turning, ahead(turning, delay, seconds, 3.0))
-    np.testing.assert_allclose(foreseen_turns(turns, was, spin, delay, passed, seconds), slow, atol=1e-12)
+    update_spin(turning, was, turns, passed, share)
+    slow = rotate_for(turns, turning, ahead(turning, delay, seconds, 3.0))
+    np.testing.assert_allclose(predict_rotations(turns, was, spin, delay, passed, seconds), slow, atol=1e-12)
     np.testing.assert_allclose(spin, turning, atol=1e-12)
 
 
@@ -86,8 +86,8 @@ def test_first_frame_is_not_extrapolated():
     random = np.random.default_rng(0)
     joints, speed = random.normal(size=(20, 3)), random.normal(size=(20, 3))
     turns, spin = normalized(random.normal(size=(20, 4))), random.normal(size=(20, 3))
-    moved = foreseen_places(joints, joints, speed, np.full(20, 0.02), 0.0, 0.1)
-    turned = foreseen_turns(turns, turns, spin, np.full(20, 0.02), 0.0, 0.1)
+    moved = predict_joints(joints, joints, speed, np.full(20, 0.02), 0.0, 0.1)
+    turned = predict_rotations(turns, turns, spin, np.full(20, 0.02), 0.0, 0.1)
     assert not speed.any() and not spin.any()
     np.testing.assert_allclose(moved, joints, atol=1e-12)
     np.testing.assert_allclose(turned, turns, atol=1e-12)

@@ -5,8 +5,8 @@ import pytest
 
 from enliven.person.body import Body
 from enliven.person.joints import Joint
+from enliven_edge.tracking.output import contact
 from enliven_edge.tracking.output.contact import FootContacts
-from enliven_edge.tracking.settings import FootContactSettings
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 STEP = 33_333_333
@@ -27,7 +27,7 @@ def walk(offset: float = 0.0, noise: float = 0.0, frames: int = 250):
 
 @pytest.mark.parametrize(("offset", "noise"), [(0.0, 0.0), (0.03, 0.002), (-0.02, 0.002)])
 def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
-    contacts = FootContacts(FootContactSettings())
+    contacts = FootContacts()
     detected, true = [], []
     for i, (body, planted) in enumerate(walk(offset, noise)):
         detected.append(contacts(body.joints, body.confidence, i * STEP) > 0.5)
@@ -38,7 +38,7 @@ def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
 
 
 def test_contact_does_not_flicker():
-    contacts = FootContacts(FootContactSettings())
+    contacts = FootContacts()
     detected = np.array(
         [contacts(b.joints, b.confidence, i * STEP) > 0.5 for i, (b, _) in enumerate(walk(0, 0.002))]
     )
@@ -50,7 +50,7 @@ def test_contact_does_not_flicker():
 def test_standing_is_standing_and_a_jump_is_not():
     with SyntheticSensor(choreography="idle", realtime=False) as sensor:
         body = sensor.truth(0)
-    contacts = FootContacts(FootContactSettings())
+    contacts = FootContacts()
     for i in range(10):
         detected = contacts(body.joints, body.confidence, i * STEP)
     assert detected.min() > 0.9
@@ -64,7 +64,7 @@ def test_a_foot_that_is_not_seen_stands_nowhere():
         body = sensor.truth(0)
     confidence = body.confidence.copy()
     confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
-    contacts = FootContacts(FootContactSettings())
+    contacts = FootContacts()
     for i in range(5):
         left, right = contacts(body.joints, confidence, i * STEP)
     assert left == 0.0 and right > 0.9
@@ -74,7 +74,7 @@ def test_a_body_that_floats_does_not_stand():
     """The floor does not move: feet half a metre above it have no contact."""
     with SyntheticSensor(choreography="idle", realtime=False) as sensor:
         body = sensor.truth(0)
-    contacts = FootContacts(FootContactSettings())
+    contacts = FootContacts()
     for i in range(30):
         detected = contacts(body.joints + 0.5 * UP, body.confidence, i * STEP)
     assert detected.max() < 0.1
@@ -83,12 +83,13 @@ def test_a_body_that_floats_does_not_stand():
 class _Slowly:
     """The same as :class:`FootContacts`, for all points at once in whole arrays."""
 
-    def __init__(self, settings: FootContactSettings) -> None:
-        self.settings, self.last, self.time_ns = settings, None, 0
+    def __init__(self) -> None:
+        self.last, self.time_ns = None, 0
 
     def __call__(self, joints, confidence, time_ns):
-        settings, points = self.settings, np.array([[15, 14], [19, 18]])
-        places, highest = joints[points], settings.floor + np.array([0.0, 0.06])
+        floor, lift, fastest, hysteresis = contact._LIMITS
+        points = np.array([[15, 14], [19, 18]])
+        places, highest = joints[points], floor + np.array([0.0, 0.06])
         height, seconds, self.time_ns = places[..., 1], (time_ns - self.time_ns) * 1e-9, time_ns
         if self.last is None or not 0.0 < seconds < 1.0:
             self.ground, self.speed = np.minimum(height, highest), np.zeros((2, 2))
@@ -98,8 +99,8 @@ class _Slowly:
             self.speed += (moved - self.speed) / (1.0 + 1.0 / (2 * np.pi * 6.0 * seconds))
             self.ground = np.minimum(np.minimum(height, self.ground + 0.03 * seconds), highest)
         self.last = places
-        stiff = np.where(self.stands, settings.hysteresis, 1.0)[:, None]
-        excess = np.maximum((height - self.ground) / settings.lift, self.speed / settings.speed) / stiff
+        stiff = np.where(self.stands, hysteresis, 1.0)[:, None]
+        excess = np.maximum((height - self.ground) / lift, self.speed / fastest) / stiff
         likely = 1.0 / (
             1.0 + np.exp(np.minimum(5.0 * (np.maximum(excess, height / highest).min(1) - 1.0), 50.0))
         )
@@ -110,8 +111,8 @@ class _Slowly:
 @pytest.mark.parametrize("seed", range(20))
 def test_foot_by_foot_is_as_all_at_once(seed):
     """Feet appear and disappear at random, and some frames are missing."""
-    random, settings = np.random.default_rng(seed), FootContactSettings()
-    fast, slow = FootContacts(settings), _Slowly(settings)
+    random = np.random.default_rng(seed)
+    fast, slow = FootContacts(), _Slowly()
     joints, time_ns = random.normal(0, 1, (20, 3)), 0
     for _ in range(60):
         joints = joints + random.normal(0, 0.02 * random.random(), (20, 3))

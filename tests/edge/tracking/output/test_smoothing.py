@@ -13,6 +13,7 @@ from enliven.rotation import (
     to_matrix,
     to_rotation_vector,
 )
+from enliven_edge.tracking.output import smoothing
 from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
 from enliven_edge.tracking.settings import SmoothingSettings
 
@@ -50,12 +51,14 @@ def test_places_are_filtered_as_in_the_paper(seed, amount):
     def alpha(cutoff):
         return 1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * STEP * 1e-9))
 
-    values, cutoffs = np.random.default_rng(seed).normal(0, 0.1, (15, 20, 3)).cumsum(0), SmoothingSettings()
+    values = np.random.default_rng(seed).normal(0, 0.1, (15, 20, 3)).cumsum(0)
     place, velocity, smoothed = values[0], np.zeros((20, 3)), [values[0]]
     for value in values[1:]:
         velocity = velocity + alpha(1.0) * ((value - place) / (STEP * 1e-9) - velocity)
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-        place = place + alpha((cutoffs.cutoff + cutoffs.speed * speed) / amount) * (value - place)
+        place = place + alpha((smoothing._REST_CUTOFF_HZ + smoothing._CUTOFF_PER_SPEED * speed) / amount) * (
+            value - place
+        )
         smoothed.append(place)
     np.testing.assert_allclose(filtered(amount, values), smoothed, atol=1e-9)
 
@@ -133,7 +136,7 @@ def test_the_sign_of_a_quaternion_means_nothing(seed):
 
 def test_a_step_of_the_filter_is_that_of_the_plain_formulas():
     """Compared with a slow version that uses the library's rotations."""
-    values, amount, chosen = tumbling(3), 2.0, SmoothingSettings()
+    values, amount = tumbling(3), 2.0
     seconds = STEP * 1e-9
     state, velocity = values[0], np.zeros((20, 3))
     expected = [state]
@@ -141,7 +144,7 @@ def test_a_step_of_the_filter_is_that_of_the_plain_formulas():
         step = to_rotation_vector(multiply(conjugate(state), raw))
         velocity = velocity + (step / seconds - velocity) / (1 + 1 / (2 * np.pi * 1.0 * seconds))
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-        cutoff = (chosen.cutoff + chosen.turn * speed) / amount
+        cutoff = (smoothing._REST_CUTOFF_HZ + smoothing._CUTOFF_PER_TURN * speed) / amount
         state = multiply(state, from_rotation_vector(step / (1 + 1 / (2 * np.pi * cutoff * seconds))))
         expected.append(state)
     np.testing.assert_allclose(to_matrix(turned(amount, values)), to_matrix(np.stack(expected)), atol=1e-9)

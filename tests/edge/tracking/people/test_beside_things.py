@@ -30,8 +30,8 @@ def group(stagecraft, players=(), boxes=()):
     return view, before & (view.points[..., 1] > SETTINGS.scene.floor_band)
 
 
-def found(view, pixels):
-    return Follower.found(view, pixels, SETTINGS, Fitter(SETTINGS.fit))
+def detect(view, pixels):
+    return Follower.detect(view, pixels, SETTINGS, Fitter(SETTINGS.fit))
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def found(view, pixels):
 )
 def test_person_touching_a_table_is_detected(stagecraft, does, x, low, high):
     player = stagecraft.Player(stagecraft.still(x, -2.4), does)
-    result = found(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
+    result = detect(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
     assert result is not None
     who, how_well = result
     assert how_well > GOOD
@@ -88,7 +88,7 @@ def detections(monkeypatch, view, pixels, posture):
     monkeypatch.setattr(follower, "detect", detect)
     monkeypatch.setattr(follower, "quality", lambda report: 0.0)
     settings = TrackerSettings(estimator=False)
-    return asked, Follower.found(view, pixels, settings, Fitter(settings.fit))
+    return asked, Follower.detect(view, pixels, settings, Fitter(settings.fit))
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def somebody(stagecraft):
     """Returns view, pixels and posture of a person with nothing next to them."""
     player = stagecraft.Player(stagecraft.still(0.0, -2.4), "idle")
     view, pixels = group(stagecraft, [player])
-    return view, pixels, found(view, pixels)[0].posture
+    return view, pixels, detect(view, pixels)[0].posture
 
 
 def beside(pixels, share):

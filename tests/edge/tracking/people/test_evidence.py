@@ -20,22 +20,22 @@ from enliven_edge.tracking.settings import FitSettings
 
 
 def standing(x: float = 0.0) -> Posture:
-    return Posture(np.array([x, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
+    return Posture(np.array([x, 0.95, -2.5]), joint_limits.standing_pose(), model.lengths_for_height(1.7))
 
 
 def test_a_person_in_full_view_is_visible_and_a_shifted_one_is_seen_through():
-    seen = of_joints.capsule_shares(*standing().capsules(), observed(standing()).view)
+    seen = of_joints.capsule_visibility(*standing().capsules(), observed(standing()).view)
     np.testing.assert_allclose(seen.sum(1), 1.0)
     assert seen[:, 0].mean() > 0.9
-    beside = of_joints.capsule_shares(*standing(0.6).capsules(), observed(standing()).view)
+    beside = of_joints.capsule_visibility(*standing(0.6).capsules(), observed(standing()).view)
     assert beside[:, 2].mean() > 0.8
 
 
 def test_joints_behind_board_are_occluded_and_beyond_image_are_outside():
-    hidden = of_joints.capsule_shares(*standing().capsules(), observed(standing(), hide=70).view)
+    hidden = of_joints.capsule_visibility(*standing().capsules(), observed(standing(), hide=70).view)
     shins = np.isin(model.CAPSULES.frame, [model.SHIN_L, model.SHIN_R])
     assert hidden[shins, 1].min() == 1.0
-    outside = of_joints.capsule_shares(*standing(5.0).capsules(), observed(standing()).view)
+    outside = of_joints.capsule_visibility(*standing(5.0).capsules(), observed(standing()).view)
     assert outside[:, 3].min() == 1.0
 
 
@@ -43,7 +43,7 @@ def looseness(posture, information):
     """Returns (20,) how loosely each joint is constrained."""
     state = (posture.position, posture.rotations, posture.lengths)
     body = (*of_joints._SKELETON, of_joints._TURNS, *of_joints._JOINTS)
-    return of_joints.joints_held(information, *state, *body)[1]
+    return of_joints.joint_uncertainty(information, *state, *body)[1]
 
 
 def test_unconstrained_joint_is_the_loosest():
@@ -77,12 +77,12 @@ def test_fit_information_excludes_the_prediction(turned, built, steps):
 @settings(max_examples=10, deadline=None)
 def test_uncertainty_is_that_of_the_inverse_matrix(seed):
     """The factorised computation equals J inv(H) J' with numerical derivatives."""
-    from enliven_edge.tracking.fit.gauss_newton import stepped
+    from enliven_edge.tracking.fit.gauss_newton import apply_step
 
     posture = standing()
     turns = (model.DOF_FRAME, model.DOF_AXIS)
     step = np.random.default_rng(seed).normal(0, 0.2, 42) * np.r_[np.ones(30), np.zeros(12)]
-    posture = Posture(*stepped(posture.position, posture.rotations, posture.lengths, step, *turns))
+    posture = Posture(*apply_step(posture.position, posture.rotations, posture.lengths, step, *turns))
     fitter, observation = Fitter(FitSettings()), observed(standing())
     upper = fitter.fit(observation, posture, iterations=0)[1].information
     full = np.triu(upper) + np.triu(upper, 1).T + 1e-3 * np.eye(30)
@@ -91,7 +91,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
         for sign in (1, -1):
             moved = np.zeros(42)
             moved[k] = sign * h
-            at = Posture(*stepped(posture.position, posture.rotations, posture.lengths, moved, *turns))
+            at = Posture(*apply_step(posture.position, posture.rotations, posture.lengths, moved, *turns))
             rows[:, :, k] += sign * at.joints() / (2 * h)
     slow = np.sqrt(np.einsum("jak,kl,jal->j", rows, np.linalg.inv(full), rows))
     np.testing.assert_allclose(looseness(posture, upper), slow, rtol=1e-3)
@@ -134,7 +134,7 @@ def test_gathered_evidence_matches_the_slow_reference(seed, alone):
     slow += [np.log(loose)[:, None], np.full((20, 1), 0.9), np.full((20, 1), violated.mean())]
     slow += [np.log1p(unsupported)[:, None], of_network]
     estimates = (np.zeros((0, 3)), np.zeros(0)) if alone else (network_joints, spread)
-    gathered = of_joints.gathered(
+    gathered = of_joints.assemble_evidence(
         shares, support, violated, 0.9, loose, unsupported, joints, *estimates, first, second
     )
     np.testing.assert_allclose(gathered, np.concatenate(slow, 1), atol=1e-12)

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
@@ -17,9 +17,10 @@ from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
-from enliven_edge.tracking.scene import UNSEEN, BackgroundModel
+from enliven_edge.tracking.scene.background_kernels import UNSEEN
+from enliven_edge.tracking.scene.background_model import BackgroundModel
 from enliven_edge.tracking.segment.candidate import MAX_YOUNG_AGE_S
-from enliven_edge.tracking.segment.pieces import _reaches
+from enliven_edge.tracking.segment.pieces import _is_limb_fragment
 from enliven_edge.tracking.segment.segmentation import segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -48,7 +49,7 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     fitter = Fitter(settings.fit)
     tracker = MultiPersonTracker(settings, fitter)
     if somebody_at is not None:
-        posture = Posture(np.array([somebody_at, 0.95, -2.4]), standing(), lengths_for_height(1.75))
+        posture = Posture(np.array([somebody_at, 0.95, -2.4]), standing_pose(), lengths_for_height(1.75))
         tracker.people.append(Person(1, Follower(settings, fitter, posture), BodyMeasurements(), 0))
     room = BackgroundModel(view.z.shape)
     room.age = age
@@ -89,4 +90,4 @@ def test_a_fragment_reaches_as_its_median_and_percentile_say(seed):
     gap = abs(np.median(part[:, 2]) - np.median(contact[:, 2]))
     away = np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90)
     assume(abs(gap - 0.6) > 1e-9 and abs(away - 0.8) > 1e-9)
-    assert _reaches(part, contact) == (gap < 0.6 and away < 0.8)
+    assert _is_limb_fragment(part, contact) == (gap < 0.6 and away < 0.8)

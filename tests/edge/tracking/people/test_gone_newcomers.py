@@ -9,7 +9,8 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.people import MultiPersonTracker
-from enliven_edge.tracking.scene import UNSEEN, BackgroundModel
+from enliven_edge.tracking.scene.background_kernels import UNSEEN
+from enliven_edge.tracking.scene.background_model import BackgroundModel
 from enliven_edge.tracking.segment.segmentation import segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget
@@ -35,7 +36,7 @@ def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_los
         view = view_of(frame, shown=frame < 2)
         kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
         segments = segment_people(view, kind, [])
-        newcomers = finder._newcomers.update(
+        newcomers = finder._candidates.update(
             view, kind, segments, lambda _: True, lambda _: False, young=True
         )
         if frame == 0:
@@ -44,4 +45,4 @@ def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_los
     assert finder._has_lost_all(view) == is_lost
     finder.allot(Budget(0.0))
     finder.find(view, kind, segments, BackgroundModel((60, 80)))
-    assert not (is_lost and finder._search.sought)
+    assert not (is_lost and finder._search.searched_candidates)

@@ -28,7 +28,7 @@ FIRST = 29
 @pytest.fixture(scope="module")
 def scene():
     """Returns (view, pixels, posture) of a person that stands still."""
-    posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), lengths_for_height(1.7))
+    posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing_pose(), lengths_for_height(1.7))
     z, mask = picture(posture)
     camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
     return FrameView(0, z, world_points(z, camera.ray, MOUNT), camera, MOUNT), mask, posture

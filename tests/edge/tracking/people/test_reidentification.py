@@ -19,13 +19,13 @@ def looks(height, frames=20, noise=0.0, seed=0):
     random, appearance = np.random.default_rng(seed), BodyMeasurements()
     for _ in range(frames):
         lengths = lengths_for_height(height) * (1 + noise * random.standard_normal(12))
-        appearance.see(lengths, height - 0.05 + noise * random.standard_normal())
+        appearance.update(lengths, height - 0.05 + noise * random.standard_normal())
     return appearance
 
 
 def test_numbers_are_never_given_twice():
     gallery = PersonGallery(PeopleSettings())
-    assert [gallery.new() for _ in range(3)] == [1, 2, 3]
+    assert [gallery.new_id() for _ in range(3)] == [1, 2, 3]
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=60), st.floats(0.0, 1.0))
@@ -37,7 +37,7 @@ def test_a_percentile_is_numpys(values, share):
 def test_the_stature_is_that_of_standing_upright():
     appearance = BodyMeasurements()
     for i in range(60):
-        appearance.see(lengths_for_height(1.7), 1.7 if i % 2 else 1.2)
+        appearance.update(lengths_for_height(1.7), 1.7 if i % 2 else 1.2)
     assert appearance.stature == pytest.approx(1.7, abs=0.01)
     assert BodyMeasurements().stature is None
 
@@ -56,7 +56,7 @@ def test_two_people_returning_together_are_distinguished():
     gallery.leave(1, looks(1.65), HERE, 0)
     gallery.leave(2, looks(1.85), HERE, 0)
     newcomers = [(looks(1.83, 8), HERE), (looks(1.66, 8), HERE)]
-    (first, sure), (second, also) = gallery.matched(newcomers, SECOND)
+    (first, sure), (second, also) = gallery.match(newcomers, SECOND)
     assert sure
     assert also
     assert (first.id, second.id) == (2, 1)
@@ -65,15 +65,15 @@ def test_two_people_returning_together_are_distinguished():
 def test_unknown_person_is_not_reidentified():
     gallery = PersonGallery(PeopleSettings())
     gallery.leave(1, looks(1.6), HERE, 0)
-    assert gallery.matched([(looks(1.85), HERE)], SECOND) == [(None, True)]
-    assert PersonGallery(PeopleSettings()).matched([(looks(1.85), HERE)], 0) == [(None, True)]
+    assert gallery.match([(looks(1.85), HERE)], SECOND) == [(None, True)]
+    assert PersonGallery(PeopleSettings()).match([(looks(1.85), HERE)], 0) == [(None, True)]
 
 
 def test_reidentification_between_similar_people_is_unsure():
     gallery = PersonGallery(PeopleSettings())
     gallery.leave(1, looks(1.75), HERE, 0)
     gallery.leave(2, looks(1.76), HERE, 0)
-    ((_, sure),) = gallery.matched([(looks(1.755), HERE)], SECOND)
+    ((_, sure),) = gallery.match([(looks(1.755), HERE)], SECOND)
     assert not sure
 
 
@@ -81,7 +81,7 @@ def test_position_decides_between_people_who_look_alike():
     gallery = PersonGallery(PeopleSettings())
     gallery.leave(1, looks(1.75), HERE + np.array([6.0, 0.0, 0.0]), 0)
     gallery.leave(2, looks(1.75), HERE, 0)
-    ((absent, _),) = gallery.matched([(looks(1.75), HERE)], SECOND // 2)
+    ((absent, _),) = gallery.match([(looks(1.75), HERE)], SECOND // 2)
     assert absent.id == 2
 
 
@@ -101,27 +101,27 @@ def test_a_zone_holds_what_is_inside_it(x, z):
     square = Zone(((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
     outside = float(np.hypot(max(abs(x) - 1, 0), max(abs(z) - 1, 0)))
     place = np.array([x, 0.9, z])
-    assert square.holds(place) == (outside == 0.0) or outside < 1e-9
-    assert square.holds(place, margin=outside + 1e-6)
+    assert square.contains(place) == (outside == 0.0) or outside < 1e-9
+    assert square.contains(place, margin=outside + 1e-6)
     if outside > 0.1:
-        assert not square.holds(place, margin=outside - 0.05)
-    assert Zone().holds(place)
+        assert not square.contains(place, margin=outside - 0.05)
+    assert Zone().contains(place)
 
 
 def test_a_hollow_in_a_zone_is_outside():
     shape = Zone(((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0), (0.0, 4.0)))
-    assert shape.holds(np.array([0.3, 1.0, 2.0]))
-    assert not shape.holds(np.array([2.0, 1.0, 3.0]))
+    assert shape.contains(np.array([0.3, 1.0, 2.0]))
+    assert not shape.contains(np.array([2.0, 1.0, 3.0]))
 
 
 def test_lock_admits_only_the_named_people():
     lock = ZoneLock()
     assert lock.admits(5)
-    assert not lock.closed
+    assert not lock.is_closed
     lock.ids = frozenset({1})
     assert lock.admits(1)
     assert not lock.admits(5)
-    assert lock.closed
+    assert lock.is_closed
 
 
 def test_single_newcomer_near_a_loss_is_reidentified():
@@ -130,10 +130,10 @@ def test_single_newcomer_near_a_loss_is_reidentified():
     gallery.leave(1, looks(1.7), HERE, 0)
     nearby, elsewhere = HERE + 0.1, HERE + 1.0
     unlike = BodyMeasurements()
-    unlike.see(1.25 * lengths_for_height(1.7), None)
+    unlike.update(1.25 * lengths_for_height(1.7), None)
     assert unlike.mismatch(looks(1.7)) > 5.0
-    ((absent, sure),) = gallery.matched([(unlike, nearby)], SECOND)
+    ((absent, sure),) = gallery.match([(unlike, nearby)], SECOND)
     assert sure and absent.id == 1
     for newcomer, time in (((looks(1.95), nearby), SECOND), ((looks(1.95), elsewhere), 5 * SECOND)):
-        ((absent, _),) = gallery.matched([newcomer], time)
+        ((absent, _),) = gallery.match([newcomer], time)
         assert absent is None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from postures_seen_for_tests import CAMERA, MOUNT, picture
 
 from enliven.camera import Intrinsics
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
@@ -22,7 +22,7 @@ from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 from enliven_edge.tracking.people.search import ScoredDetection, Search
-from enliven_edge.tracking.scene import FOREGROUND, UNLIKELY
+from enliven_edge.tracking.scene.background_kernels import FOREGROUND, UNLIKELY
 from enliven_edge.tracking.segment.candidate import Candidate, _unions, measure_blob
 from enliven_edge.tracking.segment.person_shape import measure_shape
 from enliven_edge.tracking.settings import TrackerSettings
@@ -34,7 +34,7 @@ SETTINGS = TrackerSettings()
 @pytest.fixture(scope="module")
 def scene():
     """Returns (view, (h, w) pixels) of a person with both arms held out and up."""
-    z, mask = picture(posture_of(standing(arm_raise=2.0, elbow=0.2)))
+    z, mask = picture(posture_of(standing_pose(arm_raise=2.0, elbow=0.2)))
     return view_of(z), mask
 
 
@@ -67,7 +67,7 @@ def halves(view: FrameView, mask: np.ndarray) -> list[np.ndarray]:
 
 def searched(view: FrameView, newcomers: list[Candidate]):
     results: list[ScoredDetection] = []
-    run_to_end(looking().found(view, newcomers, results, alone=True))
+    run_to_end(looking().search_each(view, newcomers, results, alone=True))
     return results
 
 
@@ -91,7 +91,7 @@ def test_two_halves_of_a_person_become_one(scene):
 
 def test_two_people_holding_hands_stay_two():
     """One body does not explain both of them, so the pixels stay separate."""
-    z, mask = picture(posture_of(standing(arm_raise=0.5)))
+    z, mask = picture(posture_of(standing_pose(arm_raise=0.5)))
     parts = [np.roll(mask, shift, 1) for shift in (-23, 23)]
     view = view_of(np.minimum(np.roll(z, -23, 1), np.roll(z, 23, 1)))
     parts[1] &= ~parts[0]
@@ -128,7 +128,7 @@ def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
     lifted = MOUNT.copy()
     lifted[1, 3] += 0.6
     high = replace(view, points=world_points(view.z, view.camera.ray, lifted), world_from_camera=lifted)
-    monkeypatch.setattr(search, "_likely", lambda *_: True)
+    monkeypatch.setattr(search, "_is_probably_person", lambda *_: True)
     assert not run_to_end(looks.best_guess(high, [newcomer(high, mask)], alone=True))
 
 
@@ -159,7 +159,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
     """Returns a person that the network confirmed in each frame."""
     view, mask = scene
     someone = Person(
-        1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), BodyMeasurements(), 0
+        1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing_pose())), BodyMeasurements(), 0
     )
     someone.follower.follow = lambda *_: good
     someone.follower.confidence = np.ones(20)
@@ -173,7 +173,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
 def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     """The network may reject later postures; a blob that it never accepted is dropped."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
-    assert someone.vague == vague
+    assert someone.is_probably_object == vague
     assert person._CERTAIN_FRAMES == 10
 
 
@@ -184,36 +184,36 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
 def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, later, frames, vague, scene):
     """A fit to the strip of wall next to a person slides along it; after half a second it is recognised."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
-    someone.travelled = someone.shapely = True
-    assert someone.vague == vague
-    assert someone.plain == (plain_frames >= person._CERTAIN_FRAMES)
+    someone.has_moved = someone.has_person_outline = True
+    assert someone.is_probably_object == vague
+    assert someone.is_confirmed == (plain_frames >= person._CERTAIN_FRAMES)
 
 
 def test_network_is_queried_only_if_useful(scene):
     """Of a person with raised arms, sometimes; not of a panel, which no answer could make a person."""
     view, pixels = scene
     raised = newcomer(view, pixels)
-    raised.shape = replace(raised.shape, head=1.0)
-    assert not raised.convincing
+    raised.shape = replace(raised.shape, head_ratio=1.0)
+    assert not raised.is_convincing
     assert [raised.needs_recognition(ns) for ns in (0, 100_000_000, 300_000_000)] == [True, False, True]
-    raised.recognised = True
-    assert raised.convincing
+    raised.is_recognised = True
+    assert raised.is_convincing
     panel = newcomer(view, pixels)
-    panel.shape = replace(panel.shape, head=1.0, thickness=0.01, wide=0.5)
+    panel.shape = replace(panel.shape, head_ratio=1.0, thickness=0.01, width=0.5)
     assert not panel.needs_recognition(0)
-    panel.recognised = True
-    assert not panel.convincing
+    panel.is_recognised = True
+    assert not panel.is_convincing
 
 
 @pytest.mark.parametrize(("share", "due"), [(0.6, True), (0.8, False)])
 def test_blob_without_removed_furniture_is_searched_at_once(scene, share, due):
     view, pixels = scene
     candidate = newcomer(view, pixels)
-    candidate.recognised = True
+    candidate.is_recognised = True
     tried = copy.copy(candidate)
-    tried.failed(0)
-    candidate.settle(tried)
+    tried.postpone_search(0)
+    candidate.copy_search_times(tried)
     now = 33_000_000
-    assert not candidate.due(now, 0.1, alone=False, missing=False)
+    assert not candidate.is_due(now, 0.1, alone=False, missing=False)
     candidate.update(pixels, candidate.centre, candidate.shape, share * candidate.area, (0.0, 1.0), now)
-    assert candidate.due(now, 0.1, alone=False, missing=False) == due
+    assert candidate.is_due(now, 0.1, alone=False, missing=False) == due

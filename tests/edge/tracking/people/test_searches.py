@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven_edge.tracking.body_model.capsules import misfits
-from enliven_edge.tracking.frame.observation import nearest_columns, nearest_pixel, sampled
+from enliven_edge.tracking.frame.observation import nearest_columns, nearest_pixel, sample_pixels
 
 
 @given(st.integers(0, 10_000))
@@ -63,7 +63,7 @@ def test_the_nearest_pixel_is_that_of_the_obvious_search(seed, share):
 def test_samples_are_different_pixels_of_the_person_evenly_spread(seed, points):
     mask = np.random.default_rng(seed).uniform(size=(20, 30)) < 0.5
     rows, columns = np.nonzero(mask)
-    kept = sampled(mask, points)
+    kept = sample_pixels(mask, points)
     assert len(kept) == min(points, len(rows))
     index = {pair: k for k, pair in enumerate(zip(rows, columns, strict=True))}
     order = np.array([index[tuple(pair)] for pair in kept])

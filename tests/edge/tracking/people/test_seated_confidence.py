@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, model, rotation, standing
+from enliven_edge.tracking.body_model import model
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
+from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.people.confidence import limit_when_seated
 
 LEGS = [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))]
@@ -13,7 +15,7 @@ OTHERS = [j for j in Joint if j not in LEGS]
 
 def posture(height: float, pitch: float = 0.0, **pose: float) -> Posture:
     """Returns a person with the hips at a height in metres, bent forward as a whole by ``pitch`` radians."""
-    rotations = standing(**pose)
+    rotations = standing_pose(**pose)
     rotations[model.PELVIS] = rotation(x=pitch) @ rotations[model.PELVIS]
     return Posture(np.array([0.0, height, -2.5]), rotations, model.REFERENCE_LENGTHS.copy())
 

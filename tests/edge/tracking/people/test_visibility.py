@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.body_model import model
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_edge.tracking.fit.gauss_newton import stepped
+from enliven_edge.tracking.fit.gauss_newton import apply_step
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.people.person import heights_beside, mean_point
+from enliven_edge.tracking.people.person import heights_around, mean_point
 from enliven_edge.tracking.people.visibility import occluded_fractions, visible_trunk_fraction
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 50, 48, 39.2, 29.7), 80)
@@ -27,7 +27,7 @@ def view_of(z, mount=MOUNT):
 
 
 def person(z=-2.5, x=0.0):
-    return Posture(np.array([x, 0.95, z]), standing(), lengths=model.lengths_for_height(1.75))
+    return Posture(np.array([x, 0.95, z]), standing_pose(), lengths=model.lengths_for_height(1.75))
 
 
 def wall(metres=4.0):
@@ -36,10 +36,12 @@ def wall(metres=4.0):
 
 def random_person(random) -> Posture:
     """Returns a person with random limbs at a random place around the sensor, possibly behind it."""
-    start = Posture(random.normal([0, 1, -1.5], [1, 0.3, 1.2]), standing(), model.lengths_for_height(1.7))
+    start = Posture(
+        random.normal([0, 1, -1.5], [1, 0.3, 1.2]), standing_pose(), model.lengths_for_height(1.7)
+    )
     step = np.concatenate([np.zeros(3), random.normal(0, 0.7, model.DOFS - 3), np.zeros(12)])
     return Posture(
-        *stepped(start.position, start.rotations, start.lengths, step, model.DOF_FRAME, model.DOF_AXIS)
+        *apply_step(start.position, start.rotations, start.lengths, step, model.DOF_FRAME, model.DOF_AXIS)
     )
 
 
@@ -127,4 +129,4 @@ def test_the_middle_and_the_top_of_somebodys_points_are_those_of_the_list_of_the
     place, listed = points[30, 40] + random.normal(0, 0.1, 3), points[pixels]
     np.testing.assert_allclose(mean_point(points, pixels), listed.mean(0), atol=1e-9)
     away = np.linalg.norm((listed - place)[:, [0, 2]], axis=1)
-    np.testing.assert_array_equal(heights_beside(points, pixels, place, 0.3), listed[away < 0.3, 1])
+    np.testing.assert_array_equal(heights_around(points, pixels, place, 0.3), listed[away < 0.3, 1])

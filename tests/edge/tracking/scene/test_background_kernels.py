@@ -13,7 +13,7 @@ from enliven_edge.tracking.scene.background_kernels import (
     UNSEEN,
     BackgroundState,
     LearningRate,
-    classified,
+    classify_pixels,
     empty_background,
     guard,
     learn_frame,
@@ -26,7 +26,7 @@ def test_pixel_classes_match_the_slow_reference(seed):
     random, shape = np.random.default_rng(seed), (9, 11)
     z, background, likely = (random.uniform(0.2, 5.0, shape) * (random.random(shape) < 0.8) for _ in range(3))
     points = random.uniform(-0.3, 2.0, (*shape, 3))
-    kind = classified(z, points, background, likely, 0.4, 4.5, 0.05)
+    kind = classify_pixels(z, points, background, likely, 0.4, 4.5, 0.05)
     for at in np.ndindex(shape):
         nearer = z[at] - np.array([background[at], likely[at]]) < -(0.05 + 0.012 * z[at] ** 2)
         if not 0.4 < z[at] < 4.5 or points[at][1] <= 0.05:

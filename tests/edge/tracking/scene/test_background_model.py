@@ -8,13 +8,13 @@ from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene.background_fill import background_fill, filled
+from enliven_edge.tracking.scene.background_fill import background_fill, fill_from_nearest
 from enliven_edge.tracking.scene.background_kernels import (
     BACKGROUND,
     FOREGROUND,
     UNLIKELY,
     UNSEEN,
-    widened,
+    dilate,
 )
 from enliven_edge.tracking.scene.background_model import BackgroundModel
 from enliven_edge.tracking.settings import BackgroundSettings
@@ -25,7 +25,7 @@ NOBODY = np.zeros((8, 8), bool)
 
 def in_front(room: BackgroundModel, z: np.ndarray, *, guess: bool) -> np.ndarray:
     """Returns (h, w) pixels in front of the background; unseen ones have a similar depth, or any."""
-    background = filled(room.z) if guess else room.z
+    background = fill_from_nearest(room.z) if guess else room.z
     return (z > 0) & ((background == 0) | (z < background - (0.05 + 0.012 * z * z)))
 
 
@@ -282,7 +282,7 @@ def test_pixels_are_classified():
 def test_filling_takes_about_the_nearest_known_value(seed, share):
     random = np.random.default_rng(seed)
     z = np.where(random.random((20, 30)) < share, random.uniform(1, 4, (20, 30)), 0.0)
-    completed = filled(z)
+    completed = fill_from_nearest(z)
     np.testing.assert_array_equal(completed[z > 0], z[z > 0])
     if (z > 0).any():
         assert np.isin(completed, z[z > 0]).all()
@@ -320,7 +320,7 @@ def test_filling_takes_a_known_value_than_which_none_is_nearer(seed, share):
     is_known[random.integers(13), random.integers(17)] = True
     z = np.zeros(is_known.shape)
     z[is_known] = 1 + np.arange(is_known.sum())
-    far, chosen = chamfer(z), filled(z).astype(int) - 1
+    far, chosen = chamfer(z), fill_from_nearest(z).astype(int) - 1
     np.testing.assert_allclose(np.take_along_axis(far, chosen[None], 0)[0], far.min(0), atol=1e-9)
 
 
@@ -404,7 +404,7 @@ def guessed_slowly(z, ray, mount, floor_band):
     """Computes the same on whole images."""
     rise, height = ray @ mount[1, :2] + mount[1, 2], mount[1, 3]
     patches = ndimage.uniform_filter((z > 0).astype(np.float64), 31) > 0.12
-    completed = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
+    completed = fill_from_nearest(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
     floor = np.where(rise < -1e-3, -height / np.minimum(rise, -1e-3), 0.0)
     return np.where(z > 0, z, np.where(completed < 0, np.maximum(floor, 0.0), completed))
 
@@ -425,4 +425,4 @@ def test_background_filling_matches_the_slow_reference(seed, h, w, coarse):
 def test_widened_is_a_dilation(seed, pixels):
     mask = np.random.default_rng(seed).random((20, 24)) < 0.05
     square = np.ones((2 * pixels + 1, 2 * pixels + 1))
-    np.testing.assert_array_equal(widened(mask, pixels), ndimage.binary_dilation(mask, square))
+    np.testing.assert_array_equal(dilate(mask, pixels), ndimage.binary_dilation(mask, square))

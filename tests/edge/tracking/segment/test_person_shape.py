@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.segment.person_shape import _flattened, measure_shape
+from enliven_edge.tracking.segment.person_shape import _plane_deviation, measure_shape
 from enliven_edge.tracking.segment.pieces import split_people
 from enliven_edge.tracking.segment.shape_kernels import outline_of_pixels
 
@@ -38,9 +38,9 @@ PERSON = ((-0.22, 0.22, 0.8, 1.45, 2.5), (-0.09, 0.09, 1.45, 1.72, 2.5), (-0.16,
 def test_a_head_above_shoulders_is_human():
     view = drawn(*PERSON)
     measured = shape(view, view.z < 3.0)
-    assert measured.upright
-    assert measured.human
-    assert measured.whole
+    assert measured.is_upright
+    assert measured.has_person_shape
+    assert measured.shows_crown
     assert abs(measured.crown - 1.72) < 0.06
 
 
@@ -48,23 +48,23 @@ def test_a_flat_panel_and_a_post_are_not_upright_people():
     z = np.full((120, 160), 4.0)
     z[20:110, 50:90] = 2.5
     panel = FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
-    assert not shape(panel, panel.z < 3.0).human
+    assert not shape(panel, panel.z < 3.0).has_person_shape
     post = drawn((-0.15, 0.15, 0.1, 1.8, 2.5))
-    assert not shape(post, post.z < 3.0).upright
+    assert not shape(post, post.z < 3.0).is_upright
 
 
 def test_a_piece_of_a_wall_is_not_free():
     view = drawn(*PERSON)
     mask = np.zeros((120, 160), bool)
     mask[10:100, 20:50] = True  # of the wall
-    assert not shape(view, mask).possible
+    assert not shape(view, mask).may_be_person
 
 
 def test_occluded_shape_is_not_whole():
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.9, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
-    assert shape(view, mask).behind > 0.2
-    assert not shape(view, mask).whole
+    assert shape(view, mask).occluded_fraction > 0.2
+    assert not shape(view, mask).shows_crown
 
 
 def test_shape_surrounded_by_unknown_depth_is_free():
@@ -153,7 +153,7 @@ def test_the_outline_is_that_of_the_obvious_walk(seed):
 def test_the_best_plane_and_the_longest_way_are_lapacks(seed):
     random = np.random.default_rng(seed)
     points = random.standard_normal((3, 3)) * random.uniform(0.01, 1.0, 3) @ random.standard_normal((3, 60))
-    thickness, along = _flattened(points)
+    thickness, along = _plane_deviation(points)
     centred = points - points.mean(1, keepdims=True)
     covariance = centred @ centred.T / 60
     assert thickness == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance)[0]), abs=1e-6)
@@ -162,7 +162,7 @@ def test_the_best_plane_and_the_longest_way_are_lapacks(seed):
 
 
 def test_points_in_one_place_have_no_thickness():
-    thickness, along = _flattened(np.ones((3, 5)))
+    thickness, along = _plane_deviation(np.ones((3, 5)))
     assert thickness == 0.0
     assert not along.any()
 
@@ -197,8 +197,8 @@ def test_person_partly_occluded_by_others_counts_as_free():
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.3, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
     measured = shape(view, mask)
-    assert measured.behind > 0.2
-    assert measured.possible
+    assert measured.occluded_fraction > 0.2
+    assert measured.may_be_person
 
 
 def test_a_thin_body_with_a_head_is_no_panel():
@@ -211,8 +211,8 @@ def test_a_thin_body_with_a_head_is_no_panel():
         z[v, u] = 2.5
     flat = FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
     measured = shape(flat, flat.z > 0)
-    assert measured.thickness < 0.022 and measured.wide > 0.35
-    assert measured.upright
+    assert measured.thickness < 0.022 and measured.width > 0.35
+    assert measured.is_upright
 
 
 @given(st.integers(0, 10_000))
@@ -244,8 +244,8 @@ def test_the_measures_of_a_shape_are_those_of_the_obvious_way(seed):
     across = np.ptp(np.percentile(points, [3, 97], axis=0), axis=0)
     assert measured.crown == pytest.approx(crown, abs=1e-9)
     assert measured.thickness == pytest.approx(np.sqrt(values[0]), abs=1e-6)
-    assert measured.wide == pytest.approx(max(across[0], across[2]), abs=1e-9)
+    assert measured.width == pytest.approx(max(across[0], across[2]), abs=1e-9)
     # A point on the border of a step may fall to either side of it.
     assert measured.head_width == pytest.approx(width(-1.0, 0.14), abs=0.041)
-    assert measured.head == pytest.approx(width(-1.0, 0.14) / shoulders, abs=0.041 / shoulders * 2)
-    assert measured.fill == pytest.approx(cells * 0.06**2 / box, abs=2 * 0.06**2 / box)
+    assert measured.head_ratio == pytest.approx(width(-1.0, 0.14) / shoulders, abs=0.041 / shoulders * 2)
+    assert measured.box_fill == pytest.approx(cells * 0.06**2 / box, abs=2 * 0.06**2 / box)

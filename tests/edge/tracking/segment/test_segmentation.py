@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from enliven.camera import Intrinsics, world_from_level_camera
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, UNSEEN
+from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
 from enliven_edge.tracking.segment.segmentation import (
     MIN_GROUP_AREA_M2,
     REACH,
-    _candidates,
-    groups_of,
+    _candidate_pixels,
+    label_groups,
     segment_people,
 )
 
@@ -31,7 +31,7 @@ def view_of(z):
 
 
 def person(x, z=-2.5, **pose):
-    return Posture(np.array([x, 0.95, z]), standing(0.0, **pose), lengths_for_height(1.75))
+    return Posture(np.array([x, 0.95, z]), standing_pose(0.0, **pose), lengths_for_height(1.75))
 
 
 def surface_distance(points, posture):
@@ -146,7 +146,7 @@ def test_person_without_pixels_has_an_empty_box():
 def test_loose_groups_match_a_flood_fill(seed):
     mask = np.random.default_rng(seed).random((30, 40)) < 0.5
     kind, nobody = np.where(mask, UNSEEN, 0).astype(np.uint8), np.full((30, 40), -1)
-    labels, count = groups_of(np.ones((30, 40)), _candidates(kind, nobody), 1.0)
+    labels, count = label_groups(np.ones((30, 40)), _candidate_pixels(kind, nobody), 1.0)
     expected, expected_count = ndimage.label(mask)
     assert count == expected_count
     np.testing.assert_array_equal(labels, expected)
@@ -156,7 +156,7 @@ def test_a_step_in_depth_parts_two_groups():
     z = np.ones((10, 10))
     z[:, 5:] = 2.0
     kind, nobody = np.full((10, 10), UNSEEN, np.uint8), np.full((10, 10), -1)
-    assert groups_of(z, _candidates(kind, nobody), 1.0)[1] == 2
+    assert label_groups(z, _candidate_pixels(kind, nobody), 1.0)[1] == 2
 
 
 def contacts_slowly(view, owner, group, people):

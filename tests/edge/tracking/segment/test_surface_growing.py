@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
+from enliven_edge.tracking.segment.surface_growing import grow_surfaces, reassign_detached_pieces
 
 PEOPLE = 3
 SHAPE = (14, 18)
@@ -33,7 +33,7 @@ def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
 def after(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
     """Returns (owner, counts) after returning detached pixels."""
     returned = owner.copy()
-    counts = return_detached(returned, z, np.bincount(owner[owner >= 0], minlength=people))
+    counts = reassign_detached_pieces(returned, z, np.bincount(owner[owner >= 0], minlength=people))
     return returned, counts
 
 

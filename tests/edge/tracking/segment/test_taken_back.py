@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.person.joints import Joint
-from enliven_edge.tracking.body_model.joint_limits import standing
+from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
@@ -27,7 +27,7 @@ def view_of(z):
 
 
 def person(x, z=-2.5, **pose):
-    return Posture(np.array([x, 0.95, z]), standing(0.0, **pose), lengths_for_height(1.75))
+    return Posture(np.array([x, 0.95, z]), standing_pose(0.0, **pose), lengths_for_height(1.75))
 
 
 def surface_distance(points, postures):
@@ -59,7 +59,7 @@ def test_points_near_a_body_and_above_the_floor_belong_to_it(seed, reach, above,
 
 def test_unmeasured_pixels_belong_to_no_body():
     view = view_of(np.zeros((60, 80)))
-    at_the_lens = Posture(MOUNT[:3, 3].copy(), standing(), lengths_for_height(1.75))
+    at_the_lens = Posture(MOUNT[:3, 3].copy(), standing_pose(), lengths_for_height(1.75))
     assert (surface_distance(view.points, [at_the_lens]) < 0.05).all()
     assert not pixels_near_bodies(view, [at_the_lens], 0.0, 0.05).any()
 

@@ -12,15 +12,15 @@ from enliven.document import Project
 from enliven.document.rigged import still_shape
 from enliven.errors import InputError
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import write_gltf
-from enliven.formats.gltf import read_gltf
+from enliven.exporters.gltf.write import write_gltf
+from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import MeshMaterials, Texture, joined_materials, refine, submesh
 from enliven.modeling.edits import mirror_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
 from enliven.modeling.mesh.mesh_union import unite_meshes
-from enliven.modeling.rigged import merge
 from enliven.modeling.rigged.cutting import cut_bone
+from enliven.modeling.rigged.merging import merge
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 PNG = b"\x89PNG\r\n\x1a\n"

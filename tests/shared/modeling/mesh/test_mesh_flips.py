@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
-from enliven.modeling.mesh.flips import flip, slot
+from enliven.meshes.flips import flip, slot
 
 
 def neighbours(triangles: np.ndarray) -> np.ndarray:

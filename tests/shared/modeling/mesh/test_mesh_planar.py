@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from enliven.meshes.planar import refine_triangulation, triangulate_loops
 from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of
 from enliven.modeling.mesh.cut_loops import signed_area
-from enliven.modeling.mesh.planar import refine_triangulation, triangulate_loops
 
 wobbles = st.lists(st.floats(0.4, 1.6), min_size=5, max_size=40)
 

@@ -166,7 +166,7 @@ def test_hole_filling_is_reported():
 @pytest.mark.parametrize(
     ("other", "why"),
     [
-        (ball(0.05, (1.0, 0, 0)), "do not meet"),
+        (ball(0.05, (1.0, 0, 0)), "do not touch"),
         (ball(0.05), "inside"),
         (Mesh(ball(0.06, (0.1, 0, 0)).vertices, ball().faces[::2], "sieve"), "not a solid"),
         (Mesh(ball(0.06, (0.1, 0, 0)).vertices, np.tile(ball().faces[:1], (3, 1)), "leaf"), "not a solid"),

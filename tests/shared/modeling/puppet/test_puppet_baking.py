@@ -10,7 +10,7 @@ from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.examples.baking.settings import BakeSettings
 from enliven.exporters import performance_of
-from enliven.exporters.gltf import glb_of
+from enliven.exporters.gltf.write import glb_of
 from enliven.modeling.edits import merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices

@@ -30,16 +30,13 @@ from enliven.modeling.edits import (
     scale_character,
     turn_character,
 )
-from enliven.modeling.puppet import (
+from enliven.modeling.puppet.edits import make_puppet, play_take
+from enliven.modeling.puppet.points import add_point, change_point, remove_point
+from enliven.modeling.puppet.poses import (
     add_key_pose,
-    add_point,
     change_key_pose,
-    change_point,
-    make_puppet,
     mirror_key_pose,
-    play_take,
     remove_key_pose,
-    remove_point,
     set_symmetry,
 )
 from enliven.rotation import from_rotation_vector, rotate
@@ -287,7 +284,7 @@ FIVE = np.zeros((5, 3))
     [
         (lambda p: add_point(p, "stool", 99999), "the mesh has no vertex 99999. It has 0.."),
         (lambda p: add_point(p, "stool", -1), "the mesh has no vertex -1"),
-        (lambda p: add_point(p, "stool", 100, "top"), "there is a control point 'top' already"),
+        (lambda p: add_point(p, "stool", 100, "top"), "a control point 'top' exists already"),
         (lambda p: add_point(p, "stool", p.puppets["stool"].points[0].vertex), "'left foot' is on vertex"),
         (lambda p: add_point(p, "chair", 1), "there is no puppet 'chair'. Known: stool."),
         (lambda p: change_point(p, "stool", "nose", joint="Head"), "the control point 'nose' does not exist"),
@@ -300,9 +297,9 @@ FIVE = np.zeros((5, 3))
         (lambda p: add_key_pose(p, "stool", "walk", np.nan, FIVE), "nan s is outside"),
         (
             lambda p: add_key_pose(p, "stool", "walk", 2.0, np.zeros((4, 3))),
-            "places (4, 3): they must be finite, one for each of 5 points",
+            "places of shape (4, 3) for 5 points, or not finite",
         ),
-        (lambda p: add_key_pose(p, "stool", "walk", 2.0, np.full((5, 3), np.nan)), "must be finite"),
+        (lambda p: add_key_pose(p, "stool", "walk", 2.0, np.full((5, 3), np.nan)), "not finite"),
         (lambda p: add_key_pose(p, "stool", "walk", 0.0, FIVE), "key pose 0 is of frame 0 of 'walk' already"),
         (lambda p: change_key_pose(p, "stool", 1, time=0.0), "key pose 0 is of frame 0 of 'walk' already"),
         (lambda p: change_key_pose(p, "stool", 9, time=0.0), "key pose 9 does not exist"),
@@ -318,17 +315,17 @@ FIVE = np.zeros((5, 3))
             lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
             "is outside of the motion's frames. Frames are 0..90.",
         ),
-        (lambda p: change_layers(p, "stool", [3], loop=True), "layer 3 does not exist. It has 1."),
+        (lambda p: change_layers(p, "stool", [3], loop=True), "layer 3 does not exist. Number of layers: 1."),
         (lambda p: remove_layer(p, "stool", 1), "layer 1 does not exist"),
         (lambda p: scale_character(p, "stool", 0.0), "it cannot be 0.0 times as large"),
         (lambda p: move_character(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),
         (lambda p: mirror_character(p, "stool", [0, 0, 0]), "is not a direction"),
         (lambda p: copy_character(p, "stool", delay=np.inf), "s late"),
         (lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))), "is not valid. Give a point"),
-        (lambda p: make_puppet(p, stool(), "stool"), "something has that name already"),
+        (lambda p: make_puppet(p, stool(), "stool"), "the name is taken"),
         (lambda p: make_puppet(p, stool(), ""), "it needs a name"),
         (lambda p: make_puppet(p, Mesh(np.zeros((3, 3)), np.zeros((0, 3), np.int32)), "a"), "has no faces"),
-        (lambda p: add_point(make_puppet(p, scrap(), "b"), "b", LOOSE), f"vertex {LOOSE} is loose: no face"),
+        (lambda p: add_point(make_puppet(p, scrap(), "b"), "b", LOOSE), f"vertex {LOOSE} belongs to no face"),
         (
             lambda p: mirror_key_pose(
                 set_symmetry(add_point(p, "stool", 100, "tail"), "stool", SIDES), "stool", 0

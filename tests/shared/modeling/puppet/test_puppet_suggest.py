@@ -10,7 +10,8 @@ from enliven.errors import InputError
 from enliven.examples.coverage import describe_unposed
 from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
-from enliven.modeling.puppet import add_point, change_point, make_puppet
+from enliven.modeling.puppet.edits import make_puppet
+from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.suggest import (
     suggested_joint,
     suggested_pairs,

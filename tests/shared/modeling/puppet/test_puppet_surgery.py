@@ -255,6 +255,6 @@ def test_impossible_merge_is_reported(pair):
     try:
         merge_characters(broken, "bean", other, 0.7)
     except InputError as error:
-        assert "no union" in str(error)
+        assert "cannot be united" in str(error)
     loose = merge_characters(broken, "bean", other, 0.7, loose=True)
     assert np.isfinite(seen(loose, "bean", 1.5)).all()

@@ -163,7 +163,7 @@ def test_impossible_edit_is_reported():
         (lambda: move_character(project, "shape 0", [0, np.inf, 0]), "moved"),
         (lambda: set_bone(project, "shape 0", 1, [0, 0, 0, 0]), "not a rotation"),
         (lambda: turn_bone(project, "shape 0", 1, [2, 0, 0, 0]), "not a rotation"),
-        (lambda: drag_joint(project, "shape 0", 1, [0, 0]), "not a point"),
+        (lambda: drag_joint(project, "shape 0", 1, [0, 0]), "not a position"),
     ]
     for edit, word in refused:
         with pytest.raises(InputError, match=word):

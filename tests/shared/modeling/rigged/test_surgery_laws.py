@@ -264,9 +264,9 @@ def test_impossible_edit_is_reported_and_changes_nothing():
     project, _ = random_project(3)
     refused = [
         (lambda: insert_node(project, "shape 0", 0, 0.5), "root"),
-        (lambda: insert_node(project, "shape 0", 1, 1.0), "joint already"),
-        (lambda: insert_node(project, "shape 0", 1, 1.5), "not a place"),
-        (lambda: insert_node(project, "shape 0", 1, float("nan")), "not a place"),
+        (lambda: insert_node(project, "shape 0", 1, 1.0), "joint at its end already"),
+        (lambda: insert_node(project, "shape 0", 1, 1.5), "not a position"),
+        (lambda: insert_node(project, "shape 0", 1, float("nan")), "not a position"),
         (lambda: insert_node(project, "shape 0", 1, 0.5, name="shape 0 joint 0"), "taken"),
         (lambda: insert_node(project, "nobody", 1, 0.5), "no shape"),
         (lambda: insert_node(project, "shape 0", "nothing", 0.5), "joint 'nothing' does not exist"),

@@ -1,5 +1,1 @@
 """OpenGL 3.3 core: contexts, shader programs and framebuffers."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

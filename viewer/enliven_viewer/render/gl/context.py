@@ -50,5 +50,5 @@ def _make_missing_error(error: Exception) -> ResourceError:
     return ResourceError(
         f"OpenGL 3.3 is not available ({reason})",
         where="OpenGL",
-        mend=INSTALL_HINTS.get(platform, "The graphics driver must offer OpenGL 3.3 core."),
+        remedy=INSTALL_HINTS.get(platform, "The graphics driver must offer OpenGL 3.3 core."),
     )

@@ -30,8 +30,8 @@ def read_shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
     """Returns the source of one shader file. ``#version`` is moved to the top, before any comments.
 
     Args:
-        defines: names for ``#ifdef``. With a uniform instead, a software renderer would execute both
-            branches.
+        defines: names for ``#ifdef``. Defines are used instead of uniforms, because a software renderer would
+            execute both branches.
     """
     text = (resources.files("enliven_viewer.render") / "shaders" / name).read_text(encoding="utf-8")
     text = _INCLUDE.sub(lambda match: read_shader_source(match.group(1)), text)
@@ -48,7 +48,9 @@ def load_program(
     varyings: tuple[str, ...] = (),
     defines: tuple[str, ...] = (),
 ) -> moderngl.Program:
-    """Returns a program of two shader files. Without a fragment shader, ``varyings`` are captured."""
+    """Returns a program of two shader files. Without a fragment shader, the outputs ``varyings`` are captured
+    (transform feedback).
+    """
     program = ctx.program(
         vertex_shader=read_shader_source(vertex, defines),
         fragment_shader=read_shader_source(fragment, defines) if fragment else None,
@@ -64,6 +66,6 @@ def load_program(
 
 
 def set_uniform(program: moderngl.Program, name: str, value: object) -> None:
-    """Sets a uniform, unless the compiler has removed it because it is unused."""
+    """Sets a uniform. Does nothing if the compiler has removed it because it is unused."""
     if name in program:
         program[name] = value

@@ -15,10 +15,10 @@ def regions_around(region: Region, size: tuple[int, int]) -> list[Region]:
     """Returns the rest of an image around a region, as at most four regions."""
     x, y, width, height = region
     right, top = x + width, y + height
-    rest = [
+    outer_regions = [
         (0, 0, size[0], y),
         (0, top, size[0], size[1] - top),
         (0, y, x, height),
         (right, y, size[0] - right, height),
     ]
-    return [part for part in rest if part[2] > 0 and part[3] > 0]
+    return [part for part in outer_regions if part[2] > 0 and part[3] > 0]

@@ -19,8 +19,9 @@ _OUTER_TAP_DISTANCE = 3.23
 class RenderTarget:
     """An image to read, draw over or show, with a multisampled framebuffer for regions with edges.
 
-    The ground is drawn with one sample per pixel. Where objects are in front of it, :attr:`drawn` copies the
-    ground, is drawn into, and is averaged back. Without multisampling, all of them are one framebuffer.
+    The ground is drawn with one sample per pixel. In regions with objects in front of it, the ground is
+    copied into the multisampled framebuffer :attr:`drawn`, the objects are drawn there, and the samples are
+    averaged back. Without multisampling, both are one framebuffer.
 
     Args:
         size: width and height in pixels, at least 1.
@@ -31,16 +32,16 @@ class RenderTarget:
         self.ctx, self.size = ctx, size
         self.samples = _limit_samples(ctx, samples)
         self.texture = ctx.texture(size, 4)
-        near = ctx.depth_renderbuffer(size)
-        self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
-        self._own: list[object] = [self.texture, near, self.ground]
+        depth_buffer = ctx.depth_renderbuffer(size)
+        self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], depth_buffer)
+        self._own: list[object] = [self.texture, depth_buffer, self.ground]
         self.region = full_region(size)
         self._seen: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         if self.samples:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
             self.drawn = ctx.framebuffer([colour], depth)
-            # This framebuffer has no depth, because the copy would average the depths too.
+            # This framebuffer has no depth buffer, because the copy would average depths, too.
             self.resolved = ctx.framebuffer([self.texture])
             self._own += [colour, depth, self.drawn, self.resolved]
 
@@ -57,8 +58,8 @@ class RenderTarget:
 
     def widen(self) -> None:
         """Allows drawing anywhere in the image until the next :meth:`resolve`."""
-        for rest in regions_around(self.region, self.size):
-            self._take_over(rest)
+        for outer_region in regions_around(self.region, self.size):
+            self._take_over(outer_region)
         self.region = self.drawn.scissor = full_region(self.size)
         self.drawn.use()
 
@@ -78,7 +79,9 @@ class RenderTarget:
             self.resolved.use()
 
     def behind(self) -> moderngl.Texture:
-        """Returns the current image as a texture, which transparent meshes drawn next can sample."""
+        """Returns the current image as a texture that transparent meshes can sample when they are drawn
+        next.
+        """
         if self.drawn is not self.ground:
             self.resolve()
             self.drawn.use()

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Alpha = Literal["OPAQUE", "MASK", "BLEND"]
-Transform = tuple[float, float, float, float, float, float]
-"""a, b, c, d, e, f of u' = a u + b v + c and v' = d u + e v + f."""
+TextureTransform = tuple[float, float, float, float, float, float]
+"""The coefficients a, b, c, d, e, f of the texture transform u' = a u + b v + c, v' = d u + e v + f."""
 
-IDENTITY_TRANSFORM: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+IDENTITY_TRANSFORM: TextureTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 """The identity transform of texture coordinates."""
 MAP_NAMES = ("base", "finish", "normal", "occlusion", "emissive")
 """The textures of a material, by their names in the shaders."""
 _MAX_EMISSION = 1000.0
-"""Maximum emission relative to white. Beyond it, everything is white anyway."""
+"""Maximum emission relative to white. Beyond it, every colour appears white."""
 _MAX_REPEATS = 1e4
 """Maximum number of texture repeats. Beyond it, the image is not recognisable."""
 
@@ -26,14 +26,14 @@ class Map:
     """A texture of a material.
 
     Attributes:
-        texture: number among the textures of the mesh.
-        uvs: number of the set of texture coordinates.
+        texture: index of the texture in the mesh.
+        uvs: index of the set of texture coordinates.
         transform: transform of the coordinates (KHR_texture_transform).
     """
 
     texture: int
     uvs: int = 0
-    transform: Transform = IDENTITY_TRANSFORM
+    transform: TextureTransform = IDENTITY_TRANSFORM
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class SurfaceMaterial:
         unlit: whether it shows its colour without lighting.
         normal_scale: strength of the normal map.
         occlusion_strength: strength of the occlusion map, 0..1.
-        maps: its textures by the names in :data:`MAP_NAMES`.
+        maps: the textures by the names in :data:`MAP_NAMES`.
     """
 
     base: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
@@ -115,10 +115,10 @@ def _read_map(value: dict[str, Any], name: str) -> Map | None:
     texture_transform = _read_table(_read_table(texture_info, "extensions"), "KHR_texture_transform")
     uvs = texture_transform.get("texCoord", texture_info.get("texCoord", 0))
     x, y = _read_numbers(texture_transform, "offset", (0.0, 0.0), _MAX_REPEATS, -_MAX_REPEATS)
-    across, down = _read_numbers(texture_transform, "scale", (1.0, 1.0), _MAX_REPEATS, -_MAX_REPEATS)
-    turn = _read_number(texture_transform, "rotation", 0.0, _MAX_REPEATS, -_MAX_REPEATS)
-    c, s = math.cos(turn), math.sin(turn)
-    transform = (c * across, s * down, x, -s * across, c * down, y)
+    scale_u, scale_v = _read_numbers(texture_transform, "scale", (1.0, 1.0), _MAX_REPEATS, -_MAX_REPEATS)
+    angle = _read_number(texture_transform, "rotation", 0.0, _MAX_REPEATS, -_MAX_REPEATS)
+    c, s = math.cos(angle), math.sin(angle)
+    transform = (c * scale_u, s * scale_v, x, -s * scale_u, c * scale_v, y)
     return Map(index, uvs if isinstance(uvs, int) and uvs >= 0 else 0, transform)
 
 

@@ -14,9 +14,9 @@ from enliven_viewer.render.materials.parts import PLAIN_PART, Part, make_parts
 from enliven_viewer.render.surface import DrawnSurface
 
 DEFAULT_COLOUR = (226, 142, 84)
-"""sRGB of a mesh without colours: warm, in contrast to the cold stage."""
+"""sRGB of a mesh without colours: warm, in contrast to the cold colours of the stage."""
 _DEFAULT_MATERIAL = SurfaceMaterial()
-"""The material of a surface without one: like skin, wood or matt paint."""
+"""The material of faces without one: like skin, wood or matt paint."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class PaintedFaces:
 
 
 def paint_keys(character: Character) -> Int32 | None:
-    """Returns (3 F, K) keys: two corners of a vertex with different keys need separate drawn vertices.
+    """Returns (3 F, K) sort keys of face corners. Two corners of a vertex with different keys need separate
+    drawn vertices.
 
     None if all corners are alike.
     """
@@ -67,10 +68,12 @@ def paint_surface(character: Character, surface: DrawnSurface) -> PaintedFaces:
     number = np.array([kinds.index(part) for part in parts])[mesh_materials.of]
     counts = np.bincount(number, minlength=len(kinds))
     starts = np.concatenate([[0], np.cumsum(counts)])
-    drawn = (
+    parts_in_order = (
         (part, int(start), int(count)) for part, start, count in zip(kinds, starts, counts, strict=False)
     )
-    return PaintedFaces(np.argsort(number, kind="stable"), tuple(batch for batch in drawn if batch[2]), rows)
+    return PaintedFaces(
+        np.argsort(number, kind="stable"), tuple(batch for batch in parts_in_order if batch[2]), rows
+    )
 
 
 def _paint(
@@ -95,8 +98,8 @@ def _paint(
                 d * u + e * v + f,
             )
     if mesh_materials.tints is not None:
-        some = np.flatnonzero(material_of_face >= 0)
-        rows[some, 4:8] *= mesh_materials.tints[face[some], corner[some]]
+        material_corners = np.flatnonzero(material_of_face >= 0)
+        rows[material_corners, 4:8] *= mesh_materials.tints[face[material_corners], corner[material_corners]]
 
 
 def _find_linear_colours(character: Character) -> Float32:
@@ -108,7 +111,9 @@ def _find_linear_colours(character: Character) -> Float32:
 
 
 def linear_from_srgb(srgb: np.ndarray) -> Float32:
-    """Returns linear RGB, float32, of sRGB values 0..255 (IEC 61966-2-1)."""
-    coded = np.asarray(srgb, np.float64) / 255
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((np.maximum(coded, 0.0) + 0.055) / 1.055) ** 2.4)
+    """Converts sRGB values 0..255 to linear RGB, float32 (IEC 61966-2-1)."""
+    encoded = np.asarray(srgb, np.float64) / 255
+    linear = np.where(
+        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
+    )
     return np.asarray(linear, dtype=np.float32)

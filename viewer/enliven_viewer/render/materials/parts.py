@@ -1,4 +1,6 @@
-"""Batches of faces for one draw call. Numeric differences between materials are stored in the vertices."""
+"""Batches of faces for one draw call. Materials that differ only in numbers share a batch, because the
+numbers are stored in the vertices.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from enliven.meshes import Texture
-from enliven_viewer.render.materials.material import MAP_NAMES, Alpha, SurfaceMaterial, Transform
+from enliven_viewer.render.materials.material import MAP_NAMES, Alpha, SurfaceMaterial, TextureTransform
 from enliven_viewer.render.materials.textures import find_mirrored_axes
 
-TextureMapping = tuple[int, Transform]
+TextureMapping = tuple[int, TextureTransform]
 """A set of texture coordinates, and its transform."""
 
 _ALPHA_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
@@ -37,20 +39,20 @@ class Part:
 
     @property
     def rank(self) -> int:
-        """Returns its rank in the drawing order: opaque parts first, transparent parts last."""
+        """Returns the part's rank in the drawing order: opaque parts first, transparent parts last."""
         return _ALPHA_ORDER.index(self.alpha)
 
     @property
     def defines(self) -> tuple[str, ...]:
-        """Returns the preprocessor defines of its shaders."""
+        """Returns the preprocessor defines of the part's shaders."""
         places = ("uv.xy", "uv.zw")
-        named = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
+        map_defines = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
         flags = ("UNLIT",) * self.unlit + ("EMISSIVE",) * self.glows
-        return named + flags + (self.alpha,) * (self.alpha != "OPAQUE")
+        return map_defines + flags + (self.alpha,) * (self.alpha != "OPAQUE")
 
     @property
     def cutter(self) -> tuple[str, ...]:
-        """Returns the preprocessor defines of its shadow shader, which only needs the opacity."""
+        """Returns the preprocessor defines of the part's shadow shader, which only needs the opacity."""
         return (*(define for define in self.defines if define.startswith("BASE_MAP")), self.alpha)
 
 
@@ -73,14 +75,14 @@ def _make_part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: 
         texture_map = material.maps.get(name)
         if texture_map is None or not sets:
             continue
-        across, down = (0.5 if fold else 1.0 for fold in folds[texture_map.texture])
+        scale_u, scale_v = (0.5 if fold else 1.0 for fold in folds[texture_map.texture])
         a, b, c, d, e, f = texture_map.transform
-        moved = across * a, across * b, across * c, down * d, down * e, down * f
-        placing = min(texture_map.uvs, sets - 1), moved
+        scaled_transform = scale_u * a, scale_u * b, scale_u * c, scale_v * d, scale_v * e, scale_v * f
+        placing = min(texture_map.uvs, sets - 1), scaled_transform
         if placing not in placings and len(placings) < 2:
             placings.append(placing)
         maps.append((name, texture_map.texture, placings.index(placing) if placing in placings else 0))
-    named = {name for name, *_ in maps}
+    map_names = {name for name, *_ in maps}
     return Part(
         alpha=material.alpha,
         double_sided=material.double_sided,
@@ -88,11 +90,11 @@ def _make_part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: 
         maps=tuple(maps),
         texture_mappings=tuple(placings),
         cutoff=material.cutoff if material.alpha == "MASK" else 0.5,
-        normal_scale=material.normal_scale if "normal" in named else 1.0,
-        occlusion_strength=material.occlusion_strength if "occlusion" in named else 1.0,
+        normal_scale=material.normal_scale if "normal" in map_names else 1.0,
+        occlusion_strength=material.occlusion_strength if "occlusion" in map_names else 1.0,
         glows=any(material.emissive),
     )
 
 
 PLAIN_PART = Part()
-"""The part for faces without a material."""
+"""The batch of faces without a material."""

@@ -21,7 +21,7 @@ _MAX_IMAGE_PIXELS = 1 << 26
 into memory.
 """
 _SRGB8_ALPHA8 = 0x8C43
-"""GL_SRGB8_ALPHA8: converted to linear light when read and filtered."""
+"""GL_SRGB8_ALPHA8: a texture format that the GPU converts to linear light before filtering."""
 _GL_NEAREST = 9728
 """OpenGL constant in a glTF sampler: no smoothing between texels."""
 _GL_CLAMP_TO_EDGE = 33071
@@ -29,7 +29,7 @@ _GL_CLAMP_TO_EDGE = 33071
 _GL_MIRRORED_REPEAT = 33648
 """OpenGL constant in a glTF sampler: mirrored repeat."""
 _SRGB_MAPS = ("base", "emissive")
-"""Colour textures, which are in sRGB; the others contain numbers."""
+"""Names of colour textures, which are in sRGB. The others contain numbers."""
 _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swiftshader")
 """Software renderers. On these, anisotropic filtering took a third of the frame time."""
 _WHITE_PIXEL = np.full((1, 1, 4), 255, np.uint8)
@@ -41,11 +41,11 @@ _Key = tuple[int, bool]
 class SharedTexture:
     """A texture on the GPU with its number of users.
 
-    It keeps the source alive, since its key contains the source's id.
+    The object keeps the source alive, since the texture's key contains the source's id.
 
     Attributes:
         texture: white until the image is decoded.
-        decoding: the pending image; None once it is there.
+        decoding: the future of the decoded image; None once it is uploaded.
     """
 
     texture: moderngl.Texture
@@ -76,7 +76,7 @@ class Textures:
         self._pool: ThreadPoolExecutor | None = None
 
     def take(self, source: Texture, name: str) -> SharedTexture:
-        """Returns the texture for a map of a material. The caller must give it back."""
+        """Returns the texture for a map of a material. The caller must call :meth:`give_back` later."""
         key = id(source), name in _SRGB_MAPS
         if key not in self._held:
             self._held[key] = self._create_texture(source, key[1])
@@ -85,11 +85,11 @@ class Textures:
 
     def upload_decoded(self) -> None:
         """Uploads the images that have been decoded since the last call. Call once per frame."""
-        for (_, colours), held in self._held.items():
-            if held.decoding is not None and held.decoding.done():
-                pixels, held.decoding = held.decoding.result(), None
-                held.texture.release()
-                held.texture = self._upload(held.source, colours, pixels)
+        for (_, colours), shared_texture in self._held.items():
+            if shared_texture.decoding is not None and shared_texture.decoding.done():
+                pixels, shared_texture.decoding = shared_texture.decoding.result(), None
+                shared_texture.texture.release()
+                shared_texture.texture = self._upload(shared_texture.source, colours, pixels)
 
     def _create_texture(self, source: Texture, colours: bool) -> SharedTexture:
         if not self.decodes_in_background:
@@ -101,11 +101,11 @@ class Textures:
     def give_back(self, source: Texture, name: str) -> None:
         """Removes one user of a texture. A texture without users is freed."""
         key = id(source), name in _SRGB_MAPS
-        held = self._held[key]
-        held.users -= 1
-        if not held.users:
+        shared_texture = self._held[key]
+        shared_texture.users -= 1
+        if not shared_texture.users:
             del self._held[key]
-            held.texture.release()
+            shared_texture.texture.release()
 
     def __len__(self) -> int:
         return len(self._held)
@@ -126,9 +126,9 @@ class Textures:
 
 
 def find_mirrored_axes(source: Texture) -> tuple[bool, bool]:
-    """Returns whether a texture repeats mirrored across and down.
+    """Returns whether a texture is repeated mirrored in x and in y.
 
-    Such a texture is stored unfolded, twice as long.
+    Such a texture is stored together with its mirror image, twice as large.
     """
     sampler = _read_sampler(source)
     return sampler.get("wrapS") == _GL_MIRRORED_REPEAT, sampler.get("wrapT") == _GL_MIRRORED_REPEAT
@@ -153,9 +153,9 @@ def _decode_pixels(source: Texture, max_side: int) -> UInt8:
             if picture.width * picture.height > _MAX_IMAGE_PIXELS:
                 raise InputError(f"it has {picture.width} x {picture.height} pixels")
             picture.draft("RGB", (max_side, max_side))
-            whole = picture.convert("RGBA")
-            whole.thumbnail((max_side, max_side), Image.Resampling.BOX)
-            return np.asarray(whole, np.uint8)
+            rgba_picture = picture.convert("RGBA")
+            rgba_picture.thumbnail((max_side, max_side), Image.Resampling.BOX)
+            return np.asarray(rgba_picture, np.uint8)
     except Exception as error:  # Third-party decoders may raise any exception for untrusted bytes.
         log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))
         return _WHITE_PIXEL

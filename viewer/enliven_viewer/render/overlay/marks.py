@@ -8,9 +8,9 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.playback import CueFrame
-from enliven_viewer.render.gl import load_program, set_uniform
-from enliven_viewer.render.materials import linear_from_srgb
+from enliven_viewer.playback.timeline import CueFrame
+from enliven_viewer.render.gl.program import load_program, set_uniform
+from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.render.scene import Scene, SceneCharacter
 from enliven_viewer.theme import PERFORMER_COLOURS
 
@@ -23,9 +23,9 @@ EDGE_TINT = (0.30, 0.62, 1.0, 0.34)
 CUE_RADIUS = 0.030
 """Radius in metres of an attachment point at full strength: as thick as a wrist."""
 NODE_RADIUS = 0.012
-"""Radius of a node in metres: small, since a graph has hundreds of them."""
+"""Radius of a node in metres. It is small, since a graph has hundreds of nodes."""
 POINT_RADIUS = 0.020
-"""Radius in metres of a control point of a puppet, which has only a few."""
+"""Radius in metres of a puppet's control point. It is larger than a node, since a puppet has only a few."""
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
@@ -43,8 +43,8 @@ def make_cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] 
     rows = np.empty((int(is_valid.sum()), 8), np.float32)
     rows[:, :3] = actor.pose.positions[cues.nodes[is_valid]]
     rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * levels)
-    several = len(set(cues.owners.tolist())) > 1
-    rows[:, 4:7] = find_cue_tints(cues, bodies)[is_valid] if several else CUE_TINT
+    has_several = len(set(cues.owners.tolist())) > 1
+    rows[:, 4:7] = find_cue_tints(cues, bodies)[is_valid] if has_several else CUE_TINT
     rows[:, 7] = strength * (0.35 + 0.65 * levels) * np.where(cues.firm[is_valid], 1.0, 0.45)
     return rows
 
@@ -102,7 +102,8 @@ class Marks:
 
     def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:
         ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
-        if len(ends) and actor.character.kind != "points":  # Control points have no edges between them.
+        # A puppet has no edges between its control points.
+        if len(ends) and actor.character.kind != "points":
             self._points.orphan(ends.nbytes)
             self._points.write(np.ascontiguousarray(ends))
             self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

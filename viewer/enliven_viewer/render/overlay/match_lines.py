@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.matching import MatchList, MatchRow, joints_of_limb
+from enliven.matching.body_limbs import joints_of_limb
+from enliven.matching.match_list import MatchList, MatchRow
 from enliven_viewer.render.overlay.tubes import make_tube_rows
 from enliven_viewer.theme import LIMB_COLOURS
 
 Tint = tuple[float, float, float]
 """Red, green and blue, sRGB in [0, 1]."""
 _TUBE_RADIUS = 0.012
-"""Tube radius as a fraction of the longest chain; halved once the chain is driven."""
+"""Tube radius as a fraction of the longest chain. It is halved once the chain is driven."""
 _VISIBLE_DEPTH = 0.3
 """Depth below the surface up to which a tube is visible, as a fraction of the longest chain: as deep as the
 bone of a thick limb.
@@ -34,14 +35,18 @@ def make_match_rows(boards: dict[str, MatchList]) -> tuple[Float32, float]:
 
 
 def find_highlighted_rows(board: MatchList) -> tuple[MatchRow, ...]:
-    """Returns the match that drives the character, or the highlighted candidate; empty if there is none."""
+    """Returns the match that drives the character, or the highlighted candidate. Empty if there is
+    neither.
+    """
     if board.state == "off" or board.shown < 0:
         return ()
     return board.rows if board.state == "playing" else board.rows[board.shown : board.shown + 1]
 
 
 def find_tints(row: MatchRow) -> tuple[Tint, ...]:
-    """Returns the colour of each line of a match: that of the performer's limb, or else by order."""
+    """Returns the colour of each line of a match: that of the performer's limb, or a colour by order if it is
+    unknown.
+    """
     limbs = row.limbs if len(row.limbs) == len(row.lines) else range(len(row.lines))
     tints = [(red, green, blue) for red, green, blue in LIMB_COLOURS]
     return tuple(tints[limb % len(tints)] for limb in limbs)

@@ -7,7 +7,8 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven_viewer.render.capsules import CapsulePass
-from enliven_viewer.render.gl import RenderTarget, load_program
+from enliven_viewer.render.gl.program import load_program
+from enliven_viewer.render.gl.targets import RenderTarget
 
 OCCLUDED_OPACITY = 0.2
 """Opacity of occluded parts."""

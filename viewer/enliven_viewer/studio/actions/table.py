@@ -36,19 +36,33 @@ class ActionTable:
         self.recent: list[str] = []
         self.workspace: Callable[[], str] = lambda: ""
 
-    def add(self, *actions: Action) -> None:
+    def add(self, *actions: Action, after: str = "") -> None:
         """Adds actions to their menus.
 
+        Args:
+            after: id of the action that they follow in the menus and in the palette; empty for the end.
+
         Raises:
-            InputError: if an id already exists, or a shortcut is taken.
+            InputError: if an id already exists, a shortcut is taken, or the action ``after`` does not exist.
         """
+        if after and after not in self:
+            remedy = tr("Give the id of an action that is there.")
+            raise InputError(
+                tr("the action {0} is unknown", after), where=f"action {actions[0].id}", remedy=remedy
+            )
         for action in actions:
             rivals = [other for other in self if other.conflicts_with(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
                 problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
-                raise InputError(problem, where=f"action {action.id}", mend="Give it another id or key.")
+                raise InputError(problem, where=f"action {action.id}", remedy="Give it another id or key.")
             self._actions[action.id] = action
+        if after:
+            added = {action.id: action for action in actions}
+            ids = [action_id for action_id in self._actions if action_id not in added]
+            place = ids.index(after) + 1
+            order = [*ids[:place], *added, *ids[place:]]
+            self._actions = {action_id: self._actions[action_id] for action_id in order}
 
     def __iter__(self) -> Iterator[Action]:
         return iter(self._actions.values())

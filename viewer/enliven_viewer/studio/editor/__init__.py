@@ -1,5 +1,1 @@
 """The editor without a window: the project with its history, time, camera and selection."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

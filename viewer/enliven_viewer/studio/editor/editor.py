@@ -13,16 +13,23 @@ from enliven.document import FREE, History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
 from enliven_viewer.language import later, tr
-from enliven_viewer.playback import find_bounds
-from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.camera import Box, OrbitCamera
+from enliven_viewer.render.camera_moves import CameraMoves
+from enliven_viewer.render.renderer import EMPTY_BOX
+from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.studio.background import BackgroundTask
 from enliven_viewer.studio.editor.framing import find_visible_points, sample_path_boxes
 from enliven_viewer.studio.editor.studio_stage import StudioStage
-from enliven_viewer.studio.examples import MotionSolver
-from enliven_viewer.studio.puppets import PuppetEditor
+from enliven_viewer.studio.examples.motion_solver import MotionSolver
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StageCharacter, length_of
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.project_length import length_of
+from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport.snapping import Snapping
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
@@ -291,9 +298,7 @@ class Editor:
 
     def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
-        if name in self.project.puppets:
-            return self.solving.newest_solution(self.project, name)
-        return self.project, self.project.character(name)
+        return self.solving.shown(self.project, name)
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)

@@ -8,7 +8,8 @@ from typing import Protocol
 from enliven.arrays import Float
 from enliven.document import Pose, Project, RigBase
 from enliven.modeling.edits import rig_of
-from enliven_viewer.studio.viewport import DrawnMeshes, StageCharacter
+from enliven_viewer.studio.viewport.colours import DrawnMeshes
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 
 class ShownState(Protocol):

@@ -12,16 +12,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.examples import (
-    SuggestedPoses,
-    collect_material,
-    convert_to_reference,
-    distance_to,
-    further_poses,
-    missing,
-    performed,
-    suggest_poses,
-)
+from enliven.examples.performer import performed
+from enliven.examples.puppet_examples import collect_material, missing
+from enliven.examples.puppet_solve import convert_to_reference
+from enliven.examples.suggest import SuggestedPoses, distance_to, further_poses, suggest_poses
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,14 +13,9 @@ from enliven.document import Coupling, Kind, Position, Project, Puppet, Switch, 
 from enliven.errors import InputError
 from enliven.meshes import fit_height
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet import (
-    add_key_pose,
-    add_point,
-    change_key_pose,
-    change_point,
-    mirror_key_pose,
-    suggested_pairs,
-)
+from enliven.modeling.puppet.points import add_point, change_point
+from enliven.modeling.puppet.poses import add_key_pose, change_key_pose, mirror_key_pose
+from enliven.modeling.puppet.suggest import suggested_pairs
 from enliven_viewer.language import tr
 
 _AUTOMATIC_NAME = re.compile(r"point \d+")
@@ -38,7 +33,7 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
     puppet = project.puppet(puppet_id)
     if take not in project.takes:
         raise InputError(
-            tr("no take is shown"), where="joints", mend=tr("Choose one in the performer's view.")
+            tr("no take is shown"), where="joints", remedy=tr("Choose one in the performer's view.")
         )
     for pair in suggested_pairs(project, puppet_id, take):
         number = puppet.index(pair.point)
@@ -81,8 +76,8 @@ def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     """
     puppet = project.puppet(puppet_id)
     if puppet.points:
-        mend = tr("Turn it with Ctrl+Left and Ctrl+Right, or remove its points first.")
-        raise InputError(tr("it has control points already"), where=f"puppet {puppet_id!r}", mend=mend)
+        remedy = tr("Turn it with Ctrl+Left and Ctrl+Right, or remove its points first.")
+        raise InputError(tr("it has control points already"), where=f"puppet {puppet_id!r}", remedy=remedy)
     x, y, z = puppet.mesh.vertices.T
     turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
     height = float(np.ptp(turned[:, 1]))

@@ -11,9 +11,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from dataclasses import dataclass
 
-from enliven.document import Project, Puppet
+from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
-from enliven.examples import missing, motion_of
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_motion import motion_of
 from enliven_viewer.studio.toasts import Toasts
 
 _MAX_WAIT_S = 0.012
@@ -60,6 +61,13 @@ class MotionSolver:
         self._pool: ThreadPoolExecutor | None = None
         self._known: dict[str, _SolveState] = {}
 
+    def shown(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
+        """Returns a character that can be shown now: a puppet with its newest solution, or any other
+        character unchanged."""
+        if character_id in project.puppets:
+            return self.newest_solution(project, character_id)
+        return project, project.character(character_id)
+
     def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
         """Returns the newest solved project and puppet; without layers if nothing has been solved yet.
 
@@ -90,17 +98,17 @@ class MotionSolver:
         solved = self._known.get(puppet_id)
         return solved is not None and solved.future is not None
 
-    def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """Returns the same as :meth:`newest_solution`, but waits until the motion is solved or refused.
+    def settle(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
+        """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.
 
         For sessions without a window.
         """
-        shown = self.newest_solution(project, puppet_id)
-        while self.busy(puppet_id):
-            future = self._known[puppet_id].future
+        shown = self.shown(project, character_id)
+        while self.busy(character_id):
+            future = self._known[character_id].future
             if future is not None:
                 wait_for([future])
-            shown = self.newest_solution(project, puppet_id)
+            shown = self.shown(project, character_id)
         return shown
 
     def close(self) -> None:

@@ -100,7 +100,7 @@ class _Reader:
             value = self.sum()
             if not self.left or self.left.pop() != ")":
                 raise self.refused(tr("a bracket is not closed"))
-        elif token[:1].isdigit() or token[:1] == ".":
+        elif token[:1].isdecimal() or token[:1] == ".":
             value = float(token)
         else:
             raise self.refused()
@@ -115,5 +115,5 @@ class _Reader:
         unit_names = ", ".join(self._units)
         return InputError(
             problem or tr("that is not a number"),
-            mend=tr("Write one such as 1.2 + 0.3; units: {0}.", unit_names),
+            remedy=tr("Write one such as 1.2 + 0.3; units: {0}.", unit_names),
         )

@@ -10,8 +10,8 @@ from enliven.errors import InputError
 from enliven.modeling.edits import group_centre, move_characters, scale_characters
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.viewport import Selection
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.viewport.selection import Selection
 
 AXES = ("x", "y", "z")
 _MIN_SCALABLE_HEIGHT_M = 1e-3
@@ -97,7 +97,7 @@ class SelectionTransform:
                 if height <= _MIN_SCALABLE_HEIGHT_M
                 else tr("{0:g} m is not a possible height", metres)
             )
-            raise InputError(problem, mend=tr("Give a height such as 1.7 m or 150 %."))
+            raise InputError(problem, remedy=tr("Give a height such as 1.7 m or 150 %."))
         self.scale(metres / height)
 
     def scale(self, factor: float) -> None:

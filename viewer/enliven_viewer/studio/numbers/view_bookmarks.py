@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from enliven.document import CameraMark
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.editor.editor import Editor
 
 _VIEW_NUMBERS = (1, 2, 3, 4)
 """The bookmarks with a shortcut."""

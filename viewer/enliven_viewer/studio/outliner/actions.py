@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.outliner.outliner import Outliner
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from enliven.document import FREE, DisplayState, Project
 from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
 from enliven_viewer.language import language_in_use, later
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, make_rows
 
 _HEIGHT_FRACTION = 0.46

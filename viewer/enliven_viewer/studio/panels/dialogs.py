@@ -8,15 +8,17 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
-from enliven_viewer.studio.panels.files import draw_export_options
+from enliven_viewer.studio.app.style import draw_note, push_colours
+from enliven_viewer.studio.panels.files.export_options import draw_export_options
 from enliven_viewer.studio.panels.history import draw_history
 from enliven_viewer.studio.panels.key_list import draw_key_list
 from enliven_viewer.studio.panels.modal import button, choice, modal
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
-from enliven_viewer.studio.panels.saving import draw_changed_file, draw_unsaved
-from enliven_viewer.studio.panels.style import draw_note, push_colours
-from enliven_viewer.studio.workspace import ORDER_LABELS, FileBrowser, Workspace, list_places
+from enliven_viewer.studio.panels.saving.changed_file import draw_changed_file
+from enliven_viewer.studio.panels.saving.unsaved import draw_unsaved
+from enliven_viewer.studio.workspace.file_browser import ORDER_LABELS, FileBrowser, list_places
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
 _FOLDER_ICON = "\uf07b"
@@ -135,7 +137,7 @@ def _draw_browser_head(workspace: Workspace, browser: FileBrowser) -> None:
             browser.make_folder()
             browser.refusal = ""
         except EnlivenError as error:
-            browser.refusal = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
+            browser.refusal = f"{error.what[:1].upper()}{error.what[1:]}. {error.remedy}"
 
 
 def _draw_places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
@@ -163,7 +165,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     try:
         path = browser.chosen()
     except EnlivenError as error:
-        browser.refusal, browser.awaits_retry = f"{error.what}. {error.mend}", True
+        browser.refusal, browser.awaits_retry = f"{error.what}. {error.remedy}", True
         return
     workspace.attempt(lambda: workspace.chosen(path))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.studio.panels.style import push_colours
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.style import push_colours
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK
 
 _LIST_SIZE = 250.0, 300.0

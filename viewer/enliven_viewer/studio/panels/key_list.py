@@ -5,10 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import ActionTable
+from enliven_viewer.studio.actions.table import ActionTable
+from enliven_viewer.studio.app.style import draw_note
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import draw_note
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _DIALOG_SIZE = (1000.0, 580.0)
 """Size in pixels: three columns, at the height of the longest."""

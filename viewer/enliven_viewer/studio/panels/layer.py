@@ -8,11 +8,11 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import FEET, Layer, LayerBase, Project, RigBase, Shape
 from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_mode, lock_feet, remove_layer
-from enliven.motion.layers import set_travel
+from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
-from enliven_viewer.studio.panels.style import draw_heading, draw_note
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.fields import Change, slider, switch, tooltip
+from enliven_viewer.studio.app.style import draw_heading, draw_note
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _NUMBER_RANGES = {
     "weight": (0.0, 1.0, later("weight %.2f")),
@@ -138,7 +138,7 @@ def _draw_chain_options(workspace: Workspace, shape: Shape, layer: Layer, number
 
 def _draw_foot_lock(workspace: Workspace, character: RigBase, number: int, feet: str) -> None:
     """Draws the foot lock mode for the clips of the lane; a change is one edit of all its layers."""
-    name, jointed = character.id, isinstance(character, Shape)
+    name, jointed = character.id, character.jointed
     draw_note("feet")
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])

@@ -8,10 +8,10 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.stage import measure_tabs
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.app.fields import action_tip
+from enliven_viewer.studio.panels.stage.workspace_tabs import measure_tabs
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _MENU_ICON = "\uf0c9"
 """Icon with three lines: the menu that contains all others in a narrow window."""

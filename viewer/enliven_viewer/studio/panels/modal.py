@@ -1,4 +1,4 @@
-"""Modal dialogues over the window, and buttons that run actions."""
+"""Modal dialogues over the window, and their buttons."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _WINDOW_FLAGS = (
     imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
@@ -50,27 +50,3 @@ def choice(workspace: Workspace, yes: str, no: str) -> bool:
     if button(workspace, no) or imgui.is_key_pressed(imgui.Key.escape):
         workspace.cancel()
     return pressed
-
-
-def action_button(workspace: Workspace, action_id: str, width: float = 0.0) -> None:
-    """Draws a button that runs an action.
-
-    If the action is unavailable, the button is grey and the tooltip says why.
-
-    Args:
-        width: width in pixels; 0 fits the label.
-    """
-    action = workspace.actions[action_id]
-    imgui.begin_disabled(bool(action.why_not()))
-    if imgui.button(f"{tr(action.label)}###{action.id}", ImVec2(width, 0)):
-        workspace.actions.do(action_id)
-    imgui.end_disabled()
-    workspace.remember(f"do {action.label}")
-    action_tip(workspace, action_id)
-
-
-def action_tip(workspace: Workspace, action_id: str) -> None:
-    """Shows the tooltip of an action on the last widget, even if that is disabled."""
-    flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
-    if imgui.is_item_hovered(flags):
-        imgui.set_tooltip(workspace.actions.make_tooltip(workspace.actions[action_id]))

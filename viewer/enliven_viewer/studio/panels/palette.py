@@ -5,10 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.app.style import pack_colour
 from enliven_viewer.studio.panels.modal import modal
-from enliven_viewer.studio.panels.style import pack_colour
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
 _DIALOG_SIZE = (600.0, 420.0)

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import LANGUAGES, Texts, tr
-from enliven_viewer.studio.actions import KEYS, Action, held_keys, key_label
-from enliven_viewer.studio.panels.fields import tooltip
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.actions.imgui_keys import KEYS, held_keys
+from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import draw_note, push_colours
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import draw_note, push_colours
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
 _DIALOG_SIZE = (620.0, 520.0)

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven.document import FREE, Project, RigBase, Shape
-from enliven.mapping import own_clips, play_own_clip, played_clip
-from enliven.modeling.edits import handle_characters
-from enliven.wire import MAX_EXAGGERATION
-from enliven_viewer.language import Texts, labelled, later, tr, tr_n
+from enliven.document import RigBase, Shape
+from enliven.mapping.model_clips import own_clips, play_own_clip, played_clip
+from enliven_viewer.language import Texts, later, tr, tr_n
+from enliven_viewer.studio.app.fields import action_button, character_name, tooltip
+from enliven_viewer.studio.app.style import draw_heading, draw_note, open_panel
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import character_name, slider, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
-from enliven_viewer.studio.panels.modal import action_button
-from enliven_viewer.studio.panels.outliner import draw_numbers
-from enliven_viewer.studio.panels.style import draw_heading, draw_note, open_panel
-from enliven_viewer.studio.tools import BRUSHES, MAX_RADIUS_PX, MIN_RADIUS_PX, PaintTool
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.panels.outliner.numbers import draw_numbers
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _BUTTON_WIDTH = 126.0
 """Width of a button in pixels: two are side by side."""
@@ -38,8 +34,6 @@ _SELECTION_ACTIONS = (
     "edit.delete",
 )
 """Actions on the whole selection."""
-_SWING_TITLE = later("of soft spots")
-"""Name of the slider's value in the history."""
 _NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
 """Labels of the clip field if none of the clips plays."""
 _BONE_ACTIONS = ("motion.spread", "motion.clear")
@@ -54,10 +48,11 @@ def draw_side(workspace: Workspace, area: Area) -> None:
     with open_panel("side", area):
         chosen = editor.chosen()
         several = editor.selection.several
+        draw_options = workspace.tool_options.get(workspace.input.tool.name)
         if several:
             _draw_several_actions(workspace)
-        elif isinstance(workspace.input.tool, PaintTool):
-            _draw_brush_options(workspace, workspace.input.tool)
+        elif draw_options is not None:
+            draw_options()
         elif chosen is not None:
             _draw_selection(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
@@ -114,47 +109,6 @@ def _play_clip(workspace: Workspace, name: str, clip: str | None) -> None:
     """Makes a shape play one of its clips, or none."""
     step = later("play {0}", clip) if clip else later("play no clip")
     workspace.editor.edit(step, lambda project: play_own_clip(project, name, clip))
-
-
-def _draw_brush_options(workspace: Workspace, tool: PaintTool) -> None:
-    """Draws the options of the stiffness brush."""
-    draw_heading("Brush")
-    for number, (brush, label) in enumerate(BRUSHES.items()):
-        if number:
-            imgui.same_line()
-        if imgui.radio_button(f"{tr(label)}###brush {brush}", tool.brush == brush):
-            workspace.actions.do(f"paint.{brush}")
-        workspace.remember(f"brush {brush}")
-        tooltip(workspace.actions.make_tooltip(workspace.actions[f"paint.{brush}"]))
-    imgui.set_next_item_width(-1)
-    tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
-    workspace.remember("brush size")
-    tooltip("The keys [ and ]")
-    if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
-        workspace.actions.do("paint.both_sides")
-    workspace.remember("both sides")
-    tooltip(workspace.actions.make_tooltip(workspace.actions["paint.both_sides"]))
-    character = workspace.editor.chosen()
-    if character is not None and character.mesh is not None and character.kind == "graph":
-        _draw_swing(workspace, character.id)
-    action_button(workspace, "paint.clear", 2 * _BUTTON_WIDTH)
-    draw_note("It takes effect as soon as a performer steps in. Soft spots swing further than the performer.")
-
-
-def _draw_swing(workspace: Workspace, name: str) -> None:
-    """Draws the slider for the exaggeration of soft parts.
-
-    It takes effect on the stage during the drag.
-    """
-    project = workspace.editor.draft or workspace.editor.project
-    given = project.handling.get(name, FREE).exaggeration
-    far = 1.0 if given is None else given
-
-    def change(project: Project, wanted: float) -> Project:
-        return handle_characters(project, [name], exaggeration=wanted)
-
-    slider(workspace, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
-    tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
 
 
 def _draw_several_actions(workspace: Workspace) -> None:

@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.mapping import (
+from enliven.mapping.plan import Plan
+from enliven.mapping.quality import (
     MAX_FLOOR_DISTANCE,
     MAX_INTERSECTION,
     MAX_SLIDE_CM_S,
     MAX_STRETCH,
     MotionQuality,
-    Plan,
-    limb_name,
 )
+from enliven.mapping.softening import limb_name
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import (
     FIXED_WINDOW_FLAGS,
     draw_heading,
     draw_note,
@@ -25,9 +24,10 @@ from enliven_viewer.studio.panels.style import (
     pack_colour,
     use_small_text,
 )
-from enliven_viewer.studio.sources import MotionMatch
-from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.sources.motion_matches import MotionMatch
+from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
 _HEIGHT_FRACTION = 0.56

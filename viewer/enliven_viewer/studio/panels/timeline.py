@@ -5,23 +5,22 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.live import format_time
-from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, Area
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.stage import draw_recorded_clip
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.live.hud import format_time
+from enliven_viewer.studio.app.fields import action_tip, tooltip
+from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
     pack_colour,
     push_colours,
     use_small_text,
 )
+from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, Area
+from enliven_viewer.studio.panels.stage.recorded_clip import draw_recorded_clip
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
-from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
+from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_span
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, draw_details_tooltip
-from enliven_viewer.studio.timeline import LABEL_WIDTH, RULER_HEIGHT
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START_ICON, _PLAY_ICON, _PAUSE_ICON, _LOOP_ICON = "\uf048", "\uf04b", "\uf04c", "\uf01e"
@@ -225,7 +224,8 @@ def _set_cursor(kind: str) -> None:
 def _draw_ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     draw_list.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER_HEIGHT), pack_colour(DARK))
-    draw_sounds(workspace, origin)
+    for draw_layer in workspace.ruler_layers:
+        draw_layer(origin.x, origin.y)
     with use_small_text():
         for time, numbered in layout.ticks():
             x = origin.x + layout.x(time)

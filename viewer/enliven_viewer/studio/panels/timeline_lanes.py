@@ -11,20 +11,18 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Clip, PoseStream, Segment
-from enliven_viewer.render.gl import get_window_context
-from enliven_viewer.studio.panels.style import CLOSED_EYE_ICON, EYE_ICON, pack_colour, use_small_text
-from enliven_viewer.studio.timeline import (
+from enliven_viewer.render.gl.context import get_window_context
+from enliven_viewer.studio.app.style import CLOSED_EYE_ICON, EYE_ICON, pack_colour, use_small_text
+from enliven_viewer.studio.timeline.clip_pictures import POSE_COUNT, SHEET_COLUMNS, ClipPictures
+from enliven_viewer.studio.timeline.layout import (
     HEAD_HEIGHT,
     LABEL_WIDTH,
     LANE_HEIGHT,
-    POSE_COUNT,
-    SHEET_COLUMNS,
     TAKES_BUTTON_WIDTH,
-    ClipPictures,
     Lane,
     TimelineLayout,
 )
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, INK, LANE_COLOURS, LINE, ON_COLOUR, QUIET, RAISED, Colour
 
 _LOCK_ICON, _UNLOCK_ICON, _SOLO_ICON, _OPEN_ICON, _FOLDED_ICON = (

@@ -1,22 +1,18 @@
-"""The timeline's ruler: sounds, the marked span, markers, and the field that renames a marker."""
+"""The timeline's ruler: the marked span, markers, and the field that renames a marker."""
 
 from __future__ import annotations
 
-import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven.modeling.edits import remove_marker, rename_marker
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.studio.panels.fields import name_field
-from enliven_viewer.studio.panels.style import pack_colour, use_small_text
-from enliven_viewer.studio.sound import compute_envelope
-from enliven_viewer.studio.timeline import LABEL_WIDTH, RULER_HEIGHT, SPAN_BAND_HEIGHT
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.fields import name_field
+from enliven_viewer.studio.app.style import pack_colour, use_small_text
+from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT, SPAN_BAND_HEIGHT
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, INK
 
 _POPUP_ID = "marker name"
-_WAVEFORM_LINE_WIDTH = 2.0
-"""Width in pixels of a line of a sound's waveform."""
 
 
 def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -43,31 +39,6 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     if timeline.marker and not imgui.is_popup_open(_POPUP_ID):
         imgui.open_popup(_POPUP_ID)
     _draw_marker_popup(workspace)
-
-
-def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
-    """Draws the waveform of the sounds along the ruler, with their names at the left."""
-    draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
-    first, last = LABEL_WIDTH, workspace.timeline.width
-    count = int((last - first) / _WAVEFORM_LINE_WIDTH)
-    if not layout.project.sounds or count < 1:
-        return
-    middle, tint = origin.y + RULER_HEIGHT / 2, pack_colour(ACCENT, 0.5 if workspace.sound.is_on else 0.2)
-    for sound in layout.project.sounds.values():
-        loud = compute_envelope(
-            sound, layout.time(first), layout.time(first + count * _WAVEFORM_LINE_WIDTH), count
-        )
-        for column in np.flatnonzero(loud):
-            x, height = (
-                origin.x + first + column * _WAVEFORM_LINE_WIDTH,
-                max(loud[column] * (RULER_HEIGHT / 2 - 2), 0.5),
-            )
-            draw_list.add_line(
-                ImVec2(x, middle - height), ImVec2(x, middle + height), tint, _WAVEFORM_LINE_WIDTH
-            )
-    with use_small_text():
-        name = f"\uf001  {', '.join(layout.project.sounds)}"
-        draw_list.add_text(ImVec2(origin.x + 8, origin.y + 5), pack_colour(INK, 0.9), name)
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:

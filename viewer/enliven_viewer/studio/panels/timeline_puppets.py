@@ -7,11 +7,11 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Position, Velocity
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.examples import list_constraints
-from enliven_viewer.studio.panels.examples import describe_constraint
-from enliven_viewer.studio.panels.style import pack_colour, use_small_text
-from enliven_viewer.studio.timeline import Lane, TimelineLayout
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.style import pack_colour, use_small_text
+from enliven_viewer.studio.examples.example_edits import list_constraints
+from enliven_viewer.studio.panels.examples.motion import describe_constraint
+from enliven_viewer.studio.timeline.layout import Lane, TimelineLayout
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import (
     ACCENT,
     BAD,

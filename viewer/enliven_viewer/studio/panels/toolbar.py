@@ -5,11 +5,11 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.app.fields import action_tip
+from enliven_viewer.studio.app.style import open_panel, pack_colour
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.style import open_panel, pack_colour
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
 _BUTTON_WIDTH = 72.0

@@ -6,13 +6,14 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import key_label
+from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.app.marks import draw_mark
+from enliven_viewer.studio.app.style import SMALL_TEXT_SIZE, pack_colour
 from enliven_viewer.studio.panel_layout import HOLDER_LINE_HEIGHT, Area
-from enliven_viewer.studio.panels.start import draw_start
-from enliven_viewer.studio.panels.style import SMALL_TEXT_SIZE, pack_colour
+from enliven_viewer.studio.panels.start.page import draw_start
 from enliven_viewer.studio.toasts import Toast
-from enliven_viewer.studio.viewport import Disc, Fill, Label, Line, make_axes_marks
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.viewport.axes import make_axes_marks
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, DARK, GLASS, GOOD, INK, QUIET
 
 _BRACKET_GAP = 8.0
@@ -87,37 +88,6 @@ def _draw_brackets(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area
                     ImVec2(corner.x, corner.y + down),
                 ]
                 draw_list.add_polyline(ends, colour, 2.0, 0)
-
-
-def _find_window_points(mark: Line | Fill, area: Area) -> list[ImVec2Like]:
-    """Returns a mark's points in pixels of the window."""
-    return [ImVec2(area.x + x, area.y + y) for x, y in mark.points]
-
-
-def draw_mark(draw_list: imgui.ImDrawList, area: Area, mark: Disc | Fill | Line | Label) -> None:
-    """Draws one mark; its pixels count from the area's top left corner."""
-    if isinstance(mark, Line):
-        points = _find_window_points(mark, area)
-        closed = imgui.ImDrawFlags_.closed if mark.closed else 0
-        draw_list.add_polyline(points, pack_colour(mark.colour), mark.width, closed)
-    elif isinstance(mark, Disc):
-        position = ImVec2(area.x + mark.at[0], area.y + mark.at[1])
-        if mark.width > 0:
-            draw_list.add_circle(position, mark.radius, pack_colour(mark.colour), 0, mark.width)
-        else:
-            draw_list.add_circle_filled(position, mark.radius, pack_colour(mark.colour))
-    elif isinstance(mark, Fill):
-        points = _find_window_points(mark, area)
-        draw_list.add_convex_poly_filled(points, pack_colour(mark.colour))
-    else:
-        position = ImVec2(area.x + mark.at[0], area.y + mark.at[1] - 8)
-        written = imgui.calc_text_size(mark.text)
-        low, high = (
-            ImVec2(position.x - 4, position.y - 1),
-            ImVec2(position.x + written.x + 4, position.y + written.y + 1),
-        )
-        draw_list.add_rect_filled(low, high, pack_colour(GLASS, mark.colour[3]), 4.0)
-        draw_list.add_text(position, pack_colour(mark.colour), mark.text)
 
 
 def _draw_hint(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area) -> None:
@@ -197,7 +167,7 @@ def _draw_toasts(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area) 
 def _draw_toast(draw_list: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> float:
     """Draws one message above ``bottom``. Returns its top."""
 
-    texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.mend, QUIET)) if text]
+    texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.remedy, QUIET)) if text]
     extents = [imgui.calc_text_size(text, wrap_width=_MAX_MESSAGE_WIDTH) for text, _ in texts]
     width = max(extent.x for extent in extents) + 34
     left, top = area.x + 14, bottom - sum(extent.y for extent in extents) - 16

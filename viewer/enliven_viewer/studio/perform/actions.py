@@ -9,8 +9,9 @@ from functools import partial
 
 from enliven.wire import Mode
 from enliven_viewer.language import later
-from enliven_viewer.live import PART_CHOICES, LiveStage
-from enliven_viewer.studio.actions import Action
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.live.possession_choice import PART_CHOICES
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.perform.physics import LOOSE_LABELS
 from enliven_viewer.studio.perform.session import WORKSPACES, PerformSession
 
@@ -190,6 +191,7 @@ PERFORM_ACTIONS = (
         ("Less smoothed", "comma", lambda live: live.change_smoothing(-1)),
         ("More smoothed", "period", lambda live: live.change_smoothing(1)),
         ("Only who is here now performs", "k", LiveStage.toggle_lock),
+        ("Learn the room again", "", LiveStage.learn_room),
     ),
     *_make_group(
         "Matches",

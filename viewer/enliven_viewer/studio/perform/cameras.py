@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from enliven.arrays import UInt8
-from enliven.commands import start_process
+from enliven.commands.processes import start_process
 from enliven_viewer.language import later, tr
 
 log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ class Camera(msgspec.Struct, frozen=True):
         title: name shown to people.
         sensor: name of the driver; empty if there is none.
         options: options of the driver.
-        trouble, mend: why it cannot be used, and what to do; empty if it can.
+        trouble, remedy: why it cannot be used, and what to do; empty if it can.
         hint: a note although it can be used; or empty.
         depth: whether it measures depth, so that a test image can be made.
     """
@@ -44,7 +44,7 @@ class Camera(msgspec.Struct, frozen=True):
     sensor: str = ""
     options: dict[str, str] = {}
     trouble: str = ""
-    mend: str = ""
+    remedy: str = ""
     hint: str = ""
     depth: bool = True
 

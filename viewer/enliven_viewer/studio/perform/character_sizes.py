@@ -14,8 +14,8 @@ from enliven.document import FREE
 from enliven.modeling.edits import handle_characters
 from enliven.wire import SIZES, Answer, Order, Refused, Resize, SizeMessage
 from enliven_viewer.language import later, tr
-from enliven_viewer.link import EdgeClient
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.studio.editor.editor import Editor
 
 _SIZE_TOLERANCE = 0.005
 """Relative difference below which two sizes count as equal; an edge ignores it too."""

@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.playback import find_bounds
-from enliven_viewer.render import Box, OrbitCamera, Scene, SceneCharacter
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.viewport import Lens
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.camera import Box, OrbitCamera
+from enliven_viewer.render.scene import Scene, SceneCharacter
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.viewport.picking import Lens
 
 _FRAMING_MARGIN = 1.7
 """Framing margin around the limb, so that neighbouring parts are visible too."""

@@ -12,10 +12,11 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Character, GraphShape, Project, RigBase, Shape
-from enliven.matching import MatchList
-from enliven.takes import LiveLayer, LiveOverdub, has_motion
-from enliven_viewer.render import Scene, SceneCharacter
-from enliven_viewer.studio.editor import Editor
+from enliven.matching.match_list import MatchList
+from enliven.takes.live_layer import LiveLayer
+from enliven.takes.overdub import LiveOverdub, has_motion
+from enliven_viewer.render.scene import Scene, SceneCharacter
+from enliven_viewer.studio.editor.editor import Editor
 
 _Key = tuple[Project, frozenset[int]]
 

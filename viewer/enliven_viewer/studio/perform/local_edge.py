@@ -8,7 +8,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from enliven.commands import start_process
+from enliven.commands.processes import start_process
 from enliven.errors import ResourceError
 from enliven.wire import Endpoint, free_ports
 from enliven_viewer.language import tr
@@ -32,8 +32,8 @@ class LocalEdge:
 
     def __init__(self, *arguments: str) -> None:
         if find_spec("enliven_edge") is None:
-            mend = tr("Install it: pip install enliven-edge, or connect to an edge on the network.")
-            raise ResourceError(tr("the camera program is not installed here"), where="stage", mend=mend)
+            remedy = tr("Install it: pip install enliven-edge, or connect to an edge on the network.")
+            raise ResourceError(tr("the camera program is not installed here"), where="stage", remedy=remedy)
         pose, control = free_ports()[:2]
         self.endpoint = Endpoint("127.0.0.1", pose, control)
         ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")

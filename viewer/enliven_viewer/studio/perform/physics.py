@@ -6,8 +6,8 @@ from typing import Literal, get_args
 
 from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
 from enliven_viewer.language import later, tr
-from enliven_viewer.link import EdgeClient
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.topic_state import NOT_READY_TEXT, TopicState
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
@@ -56,7 +56,7 @@ class StagePhysics:
             return _OLD_EDGE if self._state.is_unsupported else NOT_READY_TEXT
         if state.state in _STATE_HINTS:
             return _STATE_HINTS[state.state]
-        return f"{state.what[:1].upper()}{state.what[1:]}. {state.mend}"
+        return f"{state.what[:1].upper()}{state.what[1:]}. {state.remedy}"
 
     @property
     def has_problem(self) -> bool:

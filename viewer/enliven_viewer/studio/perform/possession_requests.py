@@ -8,9 +8,10 @@ from typing import Protocol
 
 from enliven.wire import SCAN, SUPERSEDED, Answer, Mode, Refused, ScanMessage
 from enliven_viewer.language import tr
-from enliven_viewer.link import NO_ANSWER_TEXT, EdgeClient
-from enliven_viewer.live import LiveStage
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.link.edge_connection import NO_ANSWER_TEXT
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.stage_sender import StageSender
 
 MAX_WAIT_S = 120.0
@@ -65,6 +66,7 @@ class _PendingPress:
         of_scan: whether it applies to the character of a running scan.
         had_to_wait: whether no performer was in view at some time.
         seen_since: monotonic time since which a performer is in view.
+        is_accepted: whether it could be carried out, or could wait, at some time.
     """
 
     mode: Mode
@@ -75,6 +77,7 @@ class _PendingPress:
     of_scan: bool = False
     had_to_wait: bool = False
     seen_since: float | None = None
+    is_accepted: bool = False
 
 
 class PossessionRequests:
@@ -125,6 +128,7 @@ class PossessionRequests:
         if lacking:
             self._refuse(lacking)
             return
+        press.is_accepted = True
         self.words = self._waits_for(press)
         if self.words and time.monotonic() > press.until:
             self._refuse(tr("Possess has waited too long") + ". " + self.words)
@@ -137,7 +141,8 @@ class PossessionRequests:
         if live is None:
             return stage.lacks_edge()
         if not stage.connected:
-            is_coming = live.is_local and not len(live.document.timeline)
+            # An edge is silent for seconds while it prepares a character. An earlier press outlasts this.
+            is_coming = press.is_accepted or (live.is_local and not len(live.document.timeline))
             return "" if is_coming else stage.lacks_edge()
         name, phase = press.character, self._scan.phase
         state = stage.sender.states.get(name, "")
@@ -164,6 +169,8 @@ class PossessionRequests:
         stage, live = self._stage, self._stage.live
         if live is None or stage.client is None:
             return ""
+        if not stage.connected and len(live.document.timeline):
+            return stage.lacks_edge()
         if not stage.connected or not (stage.stage_ids or stage.client.edges[0].complete):
             return live.preparation_text
         if self._scan.phase == "finishing":
@@ -230,8 +237,8 @@ class PossessionRequests:
     def _refuse(self, reason: str) -> None:
         """Shows the reason and the advice, and cancels the press."""
         self.forget()
-        problem, _, mend = reason.partition(". ")
-        self._stage.editor.toasts.say(problem[:1].upper() + problem[1:].removesuffix("."), mend)
+        problem, _, remedy = reason.partition(". ")
+        self._stage.editor.toasts.say(problem[:1].upper() + problem[1:].removesuffix("."), remedy)
 
     @property
     def _scan(self) -> ScanMessage:

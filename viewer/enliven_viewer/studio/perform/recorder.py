@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from enliven.frames import BodyFrame
-from enliven.takes import PerformedMotion
+from enliven.takes.performed import PerformedMotion
 from enliven.wire import BODIES, HOLDS, POSE, Topic
-from enliven_viewer.playback import NS_PER_S
+from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.studio.perform.holders import Holders
 from enliven_viewer.studio.perform.stillness import Stillness
 

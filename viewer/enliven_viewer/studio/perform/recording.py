@@ -8,10 +8,10 @@ from typing import Literal
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import alternatives_of, choose_take
-from enliven.takes import PerformedMotion, add_performance
+from enliven.takes.performed import PerformedMotion, add_performance
 from enliven_viewer.language import later, tr
-from enliven_viewer.live import LiveStage
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
 
@@ -304,6 +304,6 @@ def _insert_recording(
         after, new = add_performance(after, recording, begin, replaces=replaces, beside=alternatives)
         names += new
     if not names:
-        problem, mend = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")
-        raise InputError(problem, where="recording", mend=mend)
+        problem, remedy = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")
+        raise InputError(problem, where="recording", remedy=remedy)
     return after, names

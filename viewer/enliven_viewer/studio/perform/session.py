@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import CALLS, CameraMessage, Topic, parse_endpoint
 from enliven_viewer.language import tr
-from enliven_viewer.link import EdgeClient, EdgeFeed, StageLink, TakeFeed
-from enliven_viewer.live import LiveStage
-from enliven_viewer.playback import Document, Timeline
-from enliven_viewer.render import Scene
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.link.edge_feed import EdgeFeed
+from enliven_viewer.link.edge_search import EdgeSearch
+from enliven_viewer.link.stage_link import StageLink
+from enliven_viewer.link.take_feed import TakeFeed
+from enliven_viewer.live.followed_edge import get_camera, merge_scenes
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.live.shared_space import SharedSpace
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.timeline import Timeline
+from enliven_viewer.render.scene import Scene
 from enliven_viewer.settings import PlaybackSettings
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
 from enliven_viewer.studio.perform.cameras import CameraSearch
 from enliven_viewer.studio.perform.character_sizes import CharacterSizes
@@ -26,7 +34,7 @@ from enliven_viewer.studio.perform.physics import StagePhysics
 from enliven_viewer.studio.perform.possession_requests import PossessionRequests
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, get_camera, merge_scenes
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
 from enliven_viewer.studio.perform.stage_sender import StageSender
 from enliven_viewer.studio.perform.voice import StageVoice
 
@@ -55,6 +63,8 @@ class PerformSession:
         close_up: the view of the limb that is about to be attached.
         address: text in the address field.
         cameras: the cameras of this machine.
+        edge_search: the edges on the network.
+        shared_space: places several edges in one space.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -74,8 +84,10 @@ class PerformSession:
         self.sender, self.sizes = StageSender(editor.toasts.say), CharacterSizes(editor)
         self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
         self.possession_requests = PossessionRequests(self)
-        self.address, self.cameras = "", CameraSearch()
+        self.address, self.cameras, self.edge_search = "", CameraSearch(), EdgeSearch()
+        self.shared_space = SharedSpace(editor.toasts.say)
         self._client: EdgeClient | None = None
+        self._feed: EdgeFeed | None = None
         self._local_edge: LocalEdge | None = None
         self._framed: tuple[str, ...] = ()
         self._awaiting_stage: tuple[str, ...] = ()  # These characters wait for a stage.
@@ -103,7 +115,7 @@ class PerformSession:
         """Follows the edge at an address in place of the current one."""
         client = EdgeClient([address], "enliven window")
         self.disconnect()
-        self._client, feed = client, EdgeFeed(client)
+        self._client, self._feed = client, (feed := EdgeFeed(client))
         feed.on_message, feed.restarted = self._handle_message, self._handle_restart
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
@@ -122,9 +134,14 @@ class PerformSession:
             *(parse_endpoint(guest.address) for guest in self.secondary_edges),
         ]
         if parse_endpoint(wanted) in endpoints:
-            mend = tr("Give the address of another camera's computer.")
-            raise InputError(tr("that stage is here already"), where=wanted, mend=mend)
-        self.secondary_edges.append(SecondaryEdge(wanted, len(self.secondary_edges) + 1, settings))
+            remedy = tr("Give the address of another camera's computer.")
+            raise InputError(tr("that stage is here already"), where=wanted, remedy=remedy)
+        # The first of these numbers that is free, so that no two edges have one.
+        taken = {guest.number for guest in self.secondary_edges}
+        number = next(n for n in range(1, len(taken) + 2) if n not in taken)
+        self._client.edges[0].align_clock()
+        prefix = partial(self.shared_space.prefix_of, number)
+        self.secondary_edges.append(SecondaryEdge(wanted, number, settings, prefix))
         self.addresses.remember(wanted)
 
     def make_primary(self, guest: SecondaryEdge, settings: PlaybackSettings | None = None) -> None:
@@ -178,6 +195,7 @@ class PerformSession:
             stood = (name for name, state in self.sender.states.items() if not state.startswith("refused"))
             self._awaiting_stage = tuple(dict.fromkeys((*self._awaiting_stage, *stood)))
         self.cameras.close()
+        self.edge_search.close()
         for guest in self.secondary_edges:
             guest.close()
         self.secondary_edges.clear()
@@ -185,7 +203,8 @@ class PerformSession:
             self.live.close()
         if self._local_edge is not None:
             self._local_edge.close()
-        self.live = self.scene = self._client = self._local_edge = None
+        self.live = self.scene = self._client = self._feed = self._local_edge = None
+        self.shared_space.forget()
         self.close_up.advance(0.0, None, None)
         self.stage_selection = ""
         self.editor.live_box = None
@@ -276,9 +295,7 @@ class PerformSession:
             return
         self.live.target, self.live.held = self.target, {holder.character for holder in self.holders}
         self.live.holding = {holder.body for holder in self.recording.recorder.holders.now}
-        self.live.advance(seconds)
-        for guest in self.secondary_edges:
-            guest.advance(seconds)
+        self._advance_stages(self.live, seconds)
         self.live.report_view(self.editor.lens.view)
         self._watch_edge()
         if self._client is not None:
@@ -304,6 +321,19 @@ class PerformSession:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
             self._framed = self.live.present
 
+    def _advance_stages(self, live: LiveStage, seconds: float) -> None:
+        """Processes the messages of all edges, and makes their scenes of one moment."""
+        if self._client is not None and self._client.status is not None and self.secondary_edges:
+            self.shared_space.place(self._client.edges[0].name, self.secondary_edges)
+        live.receive(seconds)
+        for guest in self.secondary_edges:
+            guest.receive(seconds)
+        if self._feed is not None:
+            stages = [(live, self._feed), *((guest.live, guest.feed) for guest in self.secondary_edges)]
+            self.shared_space.align(stages)
+        for stage in (live, *(guest.live for guest in self.secondary_edges)):
+            stage.compose(seconds)
+
     def _watch_edge(self) -> None:
         """Detects a local edge that failed to start or has ended."""
         if (
@@ -311,8 +341,10 @@ class PerformSession:
             and not self.connected
             and (why := self._local_edge.ended) is not None
         ):
-            problem, _, mend = why.removeprefix("enliven: ").partition(". ")
-            self.editor.toasts.complain(EnlivenError(problem, where="the stage on this machine", mend=mend))
+            problem, _, remedy = why.removeprefix("enliven: ").partition(". ")
+            self.editor.toasts.complain(
+                EnlivenError(problem, where="the stage on this machine", remedy=remedy)
+            )
             self.disconnect()
 
     def _handle_restart(self) -> None:

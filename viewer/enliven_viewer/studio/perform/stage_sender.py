@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from enliven.document import GraphShape, Project, Puppet, RigBase
-from enliven.formats.project import project_of_mesh, texture_bytes
+from enliven.document import GraphShape, Project, RigBase
+from enliven.formats.project.one_character import texture_bytes
 from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
 from enliven_viewer.language import later, tr
-from enliven_viewer.link import StageLink
+from enliven_viewer.link.stage_link import StageLink
 
 _SEND_DELAY_S = 0.25
 """Seconds without another edit after which an edited character is sent, so that a dragged slider sends
@@ -40,12 +40,7 @@ class StageSender:
         is_resent = self.states.get(name) == "on the stage"
         self._sent[name], self.states[name] = character, "being sent"
         on_answer = partial(self._handle_answer, name, is_resent)
-        if isinstance(character, Puppet) and len(character.poses) < 2 and character.mesh is not None:
-            # A puppet without examples cannot move by itself. So send only its mesh, which a performer can
-            # possess.
-            stage.put(project_of_mesh(character.mesh, name), name, fit=True, then=on_answer)
-        else:
-            stage.put(project, name, then=on_answer)
+        stage.put(project, name, then=on_answer)
 
     def mark_sent(self, name: str, character: RigBase) -> None:
         """Records that a character made by the edge is on the stage in its current state."""

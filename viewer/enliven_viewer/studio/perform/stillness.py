@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
-from enliven_viewer.playback import NS_PER_S
+from enliven_viewer.playback.timeline import NS_PER_S
 
 _MAX_MOVEMENT_M = 0.06
 """Maximum movement of a joint in metres while a performer holds still: breathing and sensor noise."""

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from enliven.wire import Topic
 from enliven_viewer.language import later
-from enliven_viewer.link import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 NOT_READY_TEXT = later("Waiting for the stage")
 """Shown instead of a state that an edge has not sent yet."""

@@ -6,8 +6,8 @@ import time
 
 from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, VoiceMessage
 from enliven_viewer.language import later, tr
-from enliven_viewer.link import EdgeClient
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.topic_state import NOT_READY_TEXT, TopicState
 
 UTTERANCE_DISPLAY_S = 5.0
@@ -90,7 +90,7 @@ class StageVoice:
         if self.state is None:
             return ""
         if self.state.state == "missing":
-            return self.state.mend
+            return self.state.remedy
         return (
             tr("Say: {0} ...", ", ".join(self.state.phrases[:2])) if self.state.state == "listening" else ""
         )

@@ -13,14 +13,16 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
-from enliven.examples import yaw_of
-from enliven.mapping import facing_of, rotate_about_y
-from enliven.modeling.puppet import play_take
+from enliven.examples.performer import yaw_of
+from enliven.modeling.puppet.edits import play_take
+from enliven.skeletons.facing import facing_of, rotate_about_y
 from enliven_viewer.language import later, tr
-from enliven_viewer.render import TURN_PER_PIXEL, OrbitCamera
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import find_layer_number, with_joint
-from enliven_viewer.studio.viewport import Lens, Point, find_joints
+from enliven_viewer.render.camera import TURN_PER_PIXEL, OrbitCamera
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.examples.example_edits import find_layer_number, with_joint
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.stage_character import find_joints
 
 _FRAMING_MARGIN = 1.3
 """Framing margin: size of the view relative to the performer at rest, so that raised arms fit."""

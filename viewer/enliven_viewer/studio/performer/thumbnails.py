@@ -12,9 +12,12 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Puppet
 from enliven.meshes import Mesh
-from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.render.renderer import Renderer
+from enliven_viewer.render.scene import PLAIN, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.puppets import PuppetSurfaces, create_puppet_meshes
+from enliven_viewer.studio.puppets.puppet_stage import create_puppet_meshes
+from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
 from enliven_viewer.theme import get_theme, look_in_theme
 
 log = logging.getLogger(__name__)

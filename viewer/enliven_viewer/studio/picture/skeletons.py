@@ -7,9 +7,12 @@ import itertools
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import make_tube_rows
-from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StageCharacter
+from enliven_viewer.render.materials.paint import linear_from_srgb
+from enliven_viewer.render.overlay.tubes import make_tube_rows
+from enliven_viewer.studio.viewport.overlay import Overlay
+from enliven_viewer.studio.viewport.picking import Lens
+from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 from enliven_viewer.theme import (
     CHAINED_BONE,
     HOVERED_JOINT,

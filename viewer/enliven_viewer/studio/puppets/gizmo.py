@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import make_tube_rows
-from enliven_viewer.studio.viewport import Disc, Fill, Lens, Line, Point
+from enliven_viewer.render.materials.paint import linear_from_srgb
+from enliven_viewer.render.overlay.tubes import make_tube_rows
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Line, Point
+from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import AXIS_COLOURS, HELD_AXIS, MARK, Colour, Paint
 
 ARROW_LENGTH_PX = 84.0

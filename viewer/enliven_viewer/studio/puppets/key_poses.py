@@ -6,8 +6,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import KeyPose, Project, Puppet
-from enliven.examples import State
-from enliven.modeling.puppet import add_key_pose, change_key_pose, key_pose_at, remove_key_pose
+from enliven.examples.puppet_motion import State
+from enliven.modeling.puppet.dragging import key_pose_at
+from enliven.modeling.puppet.poses import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 from enliven_viewer.studio.puppets.puppet_selection import PuppetSelection

@@ -13,7 +13,7 @@ import scipy
 from enliven.arrays import Float, Int32
 from enliven.document import Plane
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import plane_of_symmetry
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
 Cached = TypeVar("Cached")
 _MAX_MESHES = 8

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import make_tube_rows
+from enliven_viewer.render.materials.paint import linear_from_srgb
+from enliven_viewer.render.overlay.tubes import make_tube_rows
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
-from enliven_viewer.studio.viewport import Lens, Point
+from enliven_viewer.studio.viewport.overlay import Point
+from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import get_point_colour
 
 GHOST_RADIUS = 7.0

@@ -7,7 +7,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 import scipy
 
-from enliven.deformation.graph import extremities, scatter
+from enliven.deformation.graph.sampling import scatter
+from enliven.deformation.graph.surface_ends import extremities
 from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.studio.puppets.mesh_cache import measure_mesh

@@ -7,10 +7,10 @@ from typing import Protocol, TypeVar
 
 from enliven.arrays import Float
 from enliven.document import KeyPose, Project, Puppet, RigBase
-from enliven.examples import State
-from enliven_viewer.studio.examples import MotionSolver
+from enliven.examples.puppet_motion import State
+from enliven_viewer.studio.examples.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport import Selection
+from enliven_viewer.studio.viewport.selection import Selection
 
 R = TypeVar("R", bound=RigBase)
 

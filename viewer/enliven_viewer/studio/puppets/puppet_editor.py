@@ -15,7 +15,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Puppet
-from enliven.modeling.puppet import change_key_pose, remove_point
+from enliven.modeling.puppet.points import remove_point
+from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
 from enliven_viewer.studio.puppets.mesh_cache import find_mesh_centre, measure_mesh

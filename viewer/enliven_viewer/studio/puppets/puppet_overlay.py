@@ -6,7 +6,8 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8
-from enliven_viewer.render.gl import TEXTURE_UNITS, RenderTarget, load_program
+from enliven_viewer.render.gl.program import TEXTURE_UNITS, load_program
+from enliven_viewer.render.gl.targets import RenderTarget
 from enliven_viewer.theme import GHOST, WARNING, Paint
 
 _OUTLINE_WIDTH_PX = 2.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.document import Project, Puppet
-from enliven.modeling.puppet import add_point
+from enliven.modeling.puppet.points import add_point
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet

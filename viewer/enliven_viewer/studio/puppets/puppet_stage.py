@@ -11,13 +11,15 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Character, Puppet, RigBase, SkinWeights
-from enliven.examples import State, in_world, pose_of_state
+from enliven.examples.puppet_motion import State, in_world, pose_of_state
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
 from enliven_viewer.studio.puppets.puppet_states import find_playback_state
 from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
-from enliven_viewer.studio.viewport import DrawnMeshes, StageCharacter, moved
+from enliven_viewer.studio.viewport.colours import DrawnMeshes
+from enliven_viewer.studio.viewport.ray import moved
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 
 @dataclass(frozen=True, eq=False)

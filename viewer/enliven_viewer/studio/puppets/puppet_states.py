@@ -7,7 +7,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
-from enliven.examples import State, missing, motion_of, state_of
+from enliven.examples.puppet_examples import missing
+from enliven.examples.puppet_motion import State, motion_of, state_of
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap import SelfIntersection
+from enliven.deformation.arap.self_intersection import SelfIntersection
 from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.language import tr

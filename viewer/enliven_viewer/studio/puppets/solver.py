@@ -7,7 +7,7 @@ from concurrent.futures import Executor, Future
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.arap import PuppetSurface
+from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import Puppet
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Plane, Puppet
-from enliven.examples import reflect_points
+from enliven.examples.symmetric import reflect_points
 from enliven_viewer.studio.puppets.mesh_cache import build_vertex_tree, find_mesh_plane, measure_mesh
 
 _MIRROR_TOLERANCE = 0.05

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Shape
-from enliven.matching import Matcher, source_of_skeleton
-from enliven.matching import ScreenView as MatchView
-from enliven.motion.layers import bind_chain
+from enliven.matching.ranking import Matcher
+from enliven.matching.source import source_of_skeleton
+from enliven.matching.views import ScreenView as MatchView
+from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.sources.source_view import pose_take
-from enliven_viewer.studio.viewport import Lens
+from enliven_viewer.studio.viewport.picking import Lens
 
 Chain = tuple[int, ...]
 

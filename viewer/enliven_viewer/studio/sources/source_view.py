@@ -5,19 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.document import Clip, joint_places, still_shape
-from enliven.motion.layers import ShapePose, pose_from
-from enliven_viewer.playback import find_bounds
-from enliven_viewer.render import OrbitCamera
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.viewport import (
-    Hit,
-    Lens,
-    Overlay,
-    Point,
-    Selection,
-    StageCharacter,
-    joint_at,
-)
+from enliven.motion.layers.evaluate import ShapePose, pose_from
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.camera import OrbitCamera
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.viewport.picking import Hit, Lens, joint_at
+from enliven_viewer.studio.viewport.selection import Selection
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 _ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel of a drag: more than on the stage, since the view is small."""

@@ -8,9 +8,9 @@ import scipy
 from enliven.arrays import Float, Float32, Int
 from enliven.document import GraphShape
 from enliven.meshes import Mesh
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.start.target import Rectangle, Target
-from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.app.targets import Rectangle, Target
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.viewport.overlay import Point
 
 Stroke = tuple[Point, Point]
 """Both ends of a stroke, in pixels of the image."""
@@ -75,7 +75,7 @@ def _search_legs(mesh: Mesh) -> tuple[Int, ...]:
             if heights[leg].min() < _MAX_FLOOR_GAP * height
         ]
         if len(parts) >= max(len(best), 2):
-            # If the number of legs is equal, prefer the greater height, which comes later.
+            # Heights are tried from low to high. If two have the same number of legs, take the greater one.
             best = tuple(parts)
     if best:
         return best

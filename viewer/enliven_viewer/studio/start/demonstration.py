@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from enliven_viewer.studio.start.target import Target
+from enliven_viewer.studio.app.targets import Target
 from enliven_viewer.studio.start.tour_state import TourState
 from enliven_viewer.studio.start.tour_steps import TourPart
-from enliven_viewer.studio.viewport import Point
+from enliven_viewer.studio.viewport.overlay import Point
 
 _GLIDE_S = 0.9
 """Duration in seconds of the hand's movement to the target, slow enough to follow."""

@@ -9,12 +9,13 @@ from typing import Protocol
 
 from enliven.arrays import Float, Float32
 from enliven.document import GraphShape
-from enliven.takes import has_motion
-from enliven_viewer.studio.actions import ActionTable
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.tools import Tool
-from enliven_viewer.studio.viewport import Point
+from enliven.takes.overdub import has_motion
+from enliven_viewer.studio.actions.table import ActionTable
+from enliven_viewer.studio.app.contributions import Panel
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.tools.base import Tool
+from enliven_viewer.studio.viewport.overlay import Point
 
 _TOOL_WORKSPACES = ("Animate", "Model")
 """The workspaces with tools."""
@@ -87,6 +88,10 @@ class TourWorkspace(Protocol):
     @property
     def input(self) -> TourInput:
         """Returns the input over the view."""
+
+    @property
+    def panels(self) -> Sequence[Panel]:
+        """Returns the panels that features have added."""
 
     @property
     def asking(self) -> str:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from enliven_viewer.language import later
-from enliven_viewer.playback import find_bounds
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.studio.app.targets import Target
 from enliven_viewer.studio.start.chair_legs import find_chair_in_image, find_leg_to_cut, find_piece_to_carry
-from enliven_viewer.studio.start.target import Target
 from enliven_viewer.studio.start.tour_state import TourCounts, TourState
 
 _DANCE_S = 3.0
@@ -76,6 +76,11 @@ class TourStep:
 
 def _target_widget(*names: str) -> Callable[[TourState], Target]:
     return lambda toured: Target(names)
+
+
+def _target_perform_widget(*names: str) -> Callable[[TourState], Target]:
+    """Targets a widget of the Perform panel, or the one that leads back to that panel from another one."""
+    return lambda toured: Target((*names, *(panel.back for panel in toured.desk.panels if panel.back)))
 
 
 def _run_action(action: str) -> Callable[[TourState], object]:
@@ -181,7 +186,7 @@ TOUR_STEPS = (
             _PERFORM_PART,
             TourPart(
                 later("Click “A recorded person”, or a camera of yours above it."),
-                _target_widget("recorded person", "leave", "scan back"),
+                _target_perform_widget("recorded person", "leave"),
                 lambda t, before: t.has_stage,
                 _call_dancer,
             ),
@@ -200,7 +205,7 @@ TOUR_STEPS = (
             _PERFORM_PART,
             TourPart(
                 later("Click “Possess”: the dancer slips into the chair."),
-                _target_widget("possess", "scan back"),
+                _target_perform_widget("possess"),
                 lambda t, before: t.is_held,
                 _step_in,
             ),
@@ -214,7 +219,7 @@ TOUR_STEPS = (
             _PERFORM_PART,
             TourPart(
                 later("Click “Record”, and count along: three, two, one."),
-                _target_widget("record", "scan back"),
+                _target_perform_widget("record"),
                 lambda t, before: t.records or t.dances,
                 _run_action("perform.record_or_end_the_recording"),
             ),
@@ -225,7 +230,7 @@ TOUR_STEPS = (
             ),
             TourPart(
                 later("Click “Stop” when you have seen enough."),
-                _target_widget("record", "scan back"),
+                _target_perform_widget("record"),
                 lambda t, before: t.dances and not t.records,
                 _run_action("perform.record_or_end_the_recording"),
             ),

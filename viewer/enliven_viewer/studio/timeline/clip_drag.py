@@ -13,7 +13,7 @@ from enliven.modeling.edits import (
     trim_clip,
 )
 from enliven_viewer.language import later
-from enliven_viewer.studio.editor import Edit
+from enliven_viewer.studio.editor.editor import Edit
 from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
 

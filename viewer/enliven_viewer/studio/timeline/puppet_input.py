@@ -7,13 +7,12 @@ from typing import Any
 
 from enliven.document import Switch
 from enliven.errors import EnlivenError
-from enliven.examples import motion_of
+from enliven.examples.puppet_motion import motion_of
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import later
-from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.examples import (
-    CoverageCache,
-    TakeCoverage,
+from enliven_viewer.studio.editor.editor import Edit, Editor
+from enliven_viewer.studio.examples.coverage import CoverageCache, TakeCoverage
+from enliven_viewer.studio.examples.example_edits import (
     add_switch,
     list_constraints,
     move_switch,

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from enliven.document import Puppet, PuppetLayer, RigBase, Switch
-from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, list_constraints
+from enliven_viewer.studio.examples.coverage import TakeCoverage
+from enliven_viewer.studio.examples.example_edits import HardConstraint, list_constraints
 from enliven_viewer.studio.timeline.layout import END_MARGIN, LABEL_WIDTH, Lane, TimelineLayout
 
 POSE_ROW_HEIGHT = 30.0

@@ -7,7 +7,7 @@ from typing import Any
 from enliven.document import LayerBase, Project, Switch
 from enliven.modeling.edits import change_layers, choose_take, move_marker
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Edit, Editor
+from enliven_viewer.studio.editor.editor import Edit, Editor
 from enliven_viewer.studio.timeline.clip_drag import ClipDrag
 from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
 from enliven_viewer.studio.timeline.layout import LANE_GAP, RULER_HEIGHT, Lane, LaneHandle, TimelineLayout

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from enliven.arrays import Float, Float32, Int32, UInt8
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at, surface_at
 
 _DISTANCE_TOLERANCE_PX = 3.0
 """Tolerance in pixels within which two joints count as equally near: after a cut, two joints coincide."""
@@ -54,6 +55,7 @@ class Tool:
         key: the shortcut that activates it.
         icon: its glyph in Font Awesome 4.
         hint: what to do next, in one line.
+        hides_performer: if True, the performer and the key poses of a puppet are hidden meanwhile.
         plays_on: if True, playback only pauses during a drag and continues afterwards.
     """
 
@@ -62,6 +64,7 @@ class Tool:
     key: ClassVar[str] = ""
     icon: ClassVar[str] = ""
     plays_on: ClassVar[bool] = False
+    hides_performer: ClassVar[bool] = False
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor

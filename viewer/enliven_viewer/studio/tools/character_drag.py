@@ -11,11 +11,11 @@ from enliven.document import Project
 from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
 from enliven.rotation import IDENTITY, from_rotation_vector
 from enliven_viewer.language import later
-from enliven_viewer.playback import find_bounds
-from enliven_viewer.render import EMPTY_BOX
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.renderer import EMPTY_BOX
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
-from enliven_viewer.studio.viewport import Hit
+from enliven_viewer.studio.viewport.picking import Hit
 
 _ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel."""

@@ -7,11 +7,12 @@ import numpy as np
 from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import cut_character
-from enliven.modeling.mesh import StrokeCut
+from enliven.modeling.mesh.cut_surfaces import StrokeCut
 from enliven_viewer.language import tr, tr_n
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, StrokeTool
-from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, find_crossings
+from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
+from enliven_viewer.studio.viewport.picking import Hit, find_crossings
 from enliven_viewer.theme import CUT
 
 

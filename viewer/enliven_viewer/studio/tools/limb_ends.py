@@ -14,9 +14,11 @@ from enliven.meshes import Mesh
 from enliven.person import Joint
 from enliven.possession import find_person_in_mesh, standing_figure
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_at, vertex_hit
+from enliven_viewer.studio.viewport.overlay import Disc, Label, Overlay, Point
+from enliven_viewer.studio.viewport.picking import surface_at
+from enliven_viewer.studio.viewport.ray import vertex_hit
 from enliven_viewer.theme import ACCENT, MARK, QUIET
 
 _END_WORDS = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))

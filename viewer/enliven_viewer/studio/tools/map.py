@@ -6,27 +6,19 @@ from dataclasses import dataclass, replace
 
 from enliven.document import Project, Shape
 from enliven.errors import EnlivenError, InputError
-from enliven.mapping import (
-    MotionQuality,
-    Plan,
-    RetargetedShape,
-    automatic,
-    is_own_take,
-    loop_takes,
-    mute_takes,
-    own_clips,
-    play_own_take,
-    played_clip,
-    quality_of,
-    retarget,
-    soften_plan,
-)
-from enliven.motion.layers import bind_chain, is_downward
+from enliven.mapping.automatic_mapping import RetargetedShape, automatic, play_own_take, retarget
+from enliven.mapping.model_clips import is_own_take, loop_takes, mute_takes, own_clips, played_clip
+from enliven.mapping.plan import Plan
+from enliven.mapping.quality import MotionQuality, quality_of
+from enliven.mapping.softening import soften_plan
+from enliven.motion.layers.polyline import is_downward
+from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.language import later, tr, tr_n
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import Chain, MotionMatch, SourceView, apply_match, rank_matches
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.sources.motion_matches import Chain, MotionMatch, apply_match, rank_matches
+from enliven_viewer.studio.sources.source_view import SourceView
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import Overlay
+from enliven_viewer.studio.viewport.overlay import Overlay
 
 
 @dataclass(frozen=True)
@@ -65,6 +57,7 @@ class MapTool(Tool):
     """
 
     name, label, key, icon = "map", "Map motion", "m", "\uf0ec"
+    hides_performer = True
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
@@ -161,8 +154,10 @@ class MapTool(Tool):
         itself = is_own_take(clip, shape)
         plan = replace(automatic(clip, shape), **vars(self.whole_body))
         if not (itself or plan.chains):
-            mend = tr("Map it chain by chain, or pose the take and find matches.")
-            error = InputError(tr("no limb of the take fits a limb of the shape"), where=clip.id, mend=mend)
+            remedy = tr("Map it chain by chain, or pose the take and find matches.")
+            error = InputError(
+                tr("no limb of the take fits a limb of the shape"), where=clip.id, remedy=remedy
+            )
             editor.toasts.complain(error)
             return
 

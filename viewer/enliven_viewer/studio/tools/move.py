@@ -11,10 +11,11 @@ import scipy
 from enliven.arrays import Float, Int32
 from enliven.document import Project
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.character_drag import CharacterDrag
-from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
+from enliven_viewer.studio.viewport.overlay import Disc, Label, Line, Overlay
+from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
 from enliven_viewer.theme import GOOD, INK, STROKE
 
 _MERGE_DISTANCE = 0.05
@@ -151,23 +152,23 @@ class MoveTool(Tool):
     def _report_no_merge(self, held: CharacterDrag) -> None:
         """Reports why a drop with Shift merged nothing."""
         if held.several:
-            problem, mend = (
+            problem, remedy = (
                 tr("Several were moved, and none merged"),
                 tr("Choose one, and let go of it with Shift."),
             )
         elif not [
             character for character in self.editor.pickable_characters if character.id != held.character
         ]:
-            problem, mend = (
+            problem, remedy = (
                 tr("You need a second shape to merge"),
                 tr("Draw or open one; locked shapes cannot be merged."),
             )
         else:
-            problem, mend = (
+            problem, remedy = (
                 tr("No shape is near {0}", held.character),
                 tr("Let go over another, or where they touch."),
             )
-        self.editor.toasts.say(problem, mend)
+        self.editor.toasts.say(problem, remedy)
 
     def cancel(self) -> None:
         super().cancel()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from enliven.document import Project
-from enliven.modeling.rigged import insert_node, remove_node
-from enliven_viewer.studio.editor import Editor
+from enliven.modeling.rigged.nodes import insert_node, remove_node
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import Disc, Hit, Overlay, bone_at, joint_at
+from enliven_viewer.studio.viewport.overlay import Disc, Overlay
+from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
 from enliven_viewer.theme import CUT, STROKE
 
 

@@ -11,10 +11,10 @@ from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.modeling.edits import drag_handle, key_handle, keys_of
 from enliven_viewer.language import later
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.character_drag import CharacterDrag
-from enliven_viewer.studio.viewport import Disc, Overlay
+from enliven_viewer.studio.viewport.overlay import Disc, Overlay
 from enliven_viewer.theme import ACCENT, GOOD, QUIET
 
 _NODE_RADIUS_PX = 3.5

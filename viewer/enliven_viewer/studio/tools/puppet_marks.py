@@ -8,22 +8,17 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_viewer.language import later
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.puppets import (
-    GHOST_RADIUS,
-    POINT_RADIUS,
-    Gizmo,
-    PointSuggestions,
-    PuppetEditor,
-    StagePuppet,
-    find_mesh_centre,
-    find_mesh_normals,
-    find_partner_vertex,
-    make_point_rows,
-    measure_mesh,
-)
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.gizmo import Gizmo
+from enliven_viewer.studio.puppets.mesh_cache import find_mesh_centre, find_mesh_normals, measure_mesh
+from enliven_viewer.studio.puppets.point_marks import GHOST_RADIUS, POINT_RADIUS, make_point_rows
+from enliven_viewer.studio.puppets.point_suggestions import PointSuggestions
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
+from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
+from enliven_viewer.studio.puppets.symmetry import find_partner_vertex
 from enliven_viewer.studio.tools.base import Pointer, ToolPicture
-from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
+from enliven_viewer.studio.viewport.overlay import Disc, Fill, Label, Line, Point
+from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import ACCENT, INK, MARK, QUIET, SHADOW
 
 _DEPTH_BIAS = 0.08

@@ -8,7 +8,6 @@ from enliven_viewer.studio.tools.limb_ends import LimbEndsTool
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.tools.move import MoveTool
 from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
-from enliven_viewer.studio.tools.paint import PaintTool
 from enliven_viewer.studio.tools.pose import PoseTool
 from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.tools.select import SelectTool
@@ -25,6 +24,5 @@ TOOLS: tuple[type[Tool], ...] = (
     MapTool,
     PuppetTool,
     LimbEndsTool,
-    PaintTool,
 )
-"""Every tool."""
+"""The tools of the studio itself. Features add others."""

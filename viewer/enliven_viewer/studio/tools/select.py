@@ -6,9 +6,9 @@ import numpy as np
 
 from enliven.document import Shape
 from enliven_viewer.language import tr
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.viewport import Fill, Line, Overlay, Point
+from enliven_viewer.studio.viewport.overlay import Fill, Line, Overlay, Point
 from enliven_viewer.theme import ACCENT
 
 _MAX_TESTED_VERTICES = 500

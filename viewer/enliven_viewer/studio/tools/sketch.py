@@ -6,10 +6,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, unused
-from enliven.modeling.sketching import SketchPlane, shape_from_stroke
+from enliven.modeling.sketching.sketch import SketchPlane, shape_from_stroke
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.tools.base import Pointer, StrokeTool
-from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
+from enliven_viewer.studio.viewport.overlay import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
 
 _CLOSING_DISTANCE_PX = 22.0

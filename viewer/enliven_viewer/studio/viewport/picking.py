@@ -11,11 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float
-from enliven_viewer.render import CameraView
+from enliven.arrays import Float, Float32
+from enliven_viewer.render.camera import CameraView
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.viewport.ray import NEAREST, first_hit
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
+
+_TUBE_DEPTH_BIAS = 0.4
+"""Depth bias of bones and trails as a fraction of the camera distance. They are visible through geometry that
+covers them by less.
+"""
+_MIN_TUBE_DISTANCE_M = 0.05
+"""Camera distance in metres below which the depth bias does not shrink further."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,15 @@ class Lens:
     def forward(self) -> Float:
         """Returns the (3,) unit viewing direction."""
         return np.asarray(-self.view.camera_from_world[2, :3])
+
+    def tube_bias(self, positions: Float | Float32) -> float:
+        """Returns the depth in metres up to which tubes are visible through the geometry that covers them.
+
+        Args:
+            positions: (N, 3) metres on the tubes.
+        """
+        near = float(((positions - self.view.eye) @ self.forward).min())
+        return _TUBE_DEPTH_BIAS * max(near, _MIN_TUBE_DISTANCE_M)
 
     @property
     def up(self) -> Float:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.deformation import skin_vertices
+from enliven.deformation.skinning import skin_vertices
 from enliven.document import Character, Pose, RigBase, Skeleton
 from enliven.rotation import rotate
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from enliven.errors import EnlivenError
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.numbers import make_view_actions
-from enliven_viewer.studio.outliner import make_choosing_actions, require_single_shape
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.numbers.view_bookmarks import make_view_actions
+from enliven_viewer.studio.outliner.actions import make_choosing_actions, require_single_shape
 from enliven_viewer.studio.preferences import Preferences
-from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace.brush_actions import make_painting_actions
+from enliven_viewer.studio.tools.registry import TOOLS
 from enliven_viewer.studio.workspace.clip_actions import make_clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, list_exportable
@@ -25,13 +25,11 @@ from enliven_viewer.studio.workspace.view_actions import (
     make_playing_actions,
     make_reading_actions,
 )
-from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
 _SINGLE_SHAPE_ACTIONS = (
     "file.session",
     *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
     *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
-    "paint.clear",
     "view.best",
 )
 """Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
@@ -64,8 +62,7 @@ def _make_actions(
     yield from _make_key_actions(commands)
     yield from _make_shape_actions(commands)
     yield from make_fitting_actions(commands.fitting)
-    yield from make_painting_actions(user_input)
-    yield from _make_tool_actions(user_input)
+    yield from (make_tool_action(user_input, kind) for kind in TOOLS)
     yield from make_clip_actions(commands.clips)
     yield from make_take_actions(commands.takes)
     yield from make_playing_actions(commands)
@@ -119,7 +116,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         try:
             list_exportable(commands.editor.project)
         except EnlivenError as error:
-            return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
+            return f"{error.what[0].upper()}{error.what[1:]}. {error.remedy}"
         return ""
 
     yield Action(
@@ -345,16 +342,3 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         c.puppets.lacks_examples,
         about="Turns it into a possessed character, which can be cut and merged.",
     )
-
-
-def _make_tool_actions(user_input: ViewportInput) -> Iterator[Action]:
-    for kind in TOOLS:
-        yield Action(
-            f"tool.{kind.name}",
-            "Tools",
-            kind.label,
-            (kind.key,),
-            lambda name=kind.name: user_input.take(name),
-            is_on=lambda name=kind.name: user_input.tool.name == name,
-            icon=kind.icon,
-        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 
 

@@ -17,8 +17,8 @@ from enliven.modeling.edits import (
     split_clip,
 )
 from enliven_viewer.language import later
-from enliven_viewer.studio.editor import Edit, Editor
-from enliven_viewer.studio.timeline import Lane, TimelineLayout
+from enliven_viewer.studio.editor.editor import Edit, Editor
+from enliven_viewer.studio.timeline.layout import Lane, TimelineLayout
 
 _BLEND_S = 0.4
 """Duration, in seconds, of a blend made with the shortcut: about one step."""
@@ -82,7 +82,7 @@ class ClipCommands:
         try:
             self._edit(edit_id)(self.editor.project)
         except InputError as error:
-            return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
+            return f"{error.what[0].upper()}{error.what[1:]}. {error.remedy}"
         return ""
 
     def _edit(self, edit_id: str) -> Edit:

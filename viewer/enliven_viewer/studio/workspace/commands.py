@@ -11,7 +11,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, Shape
-from enliven.matching import EqualLimbs, best_view, equal_limbs
+from enliven.matching.symmetry import EqualLimbs, equal_limbs
+from enliven.matching.views import best_view
 from enliven.modeling.edits import (
     copy_characters,
     delete_character,
@@ -21,14 +22,14 @@ from enliven.modeling.edits import (
     shift_characters,
     turn_characters,
 )
-from enliven.modeling.rigged import spread_motion
-from enliven.motion.contact import pin_feet, unpin
-from enliven.motion.layers import clear_chain
+from enliven.modeling.rigged.spread import spread_motion
+from enliven.motion.contact.pin import pin_feet, unpin
+from enliven.motion.layers.retarget import clear_chain
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import make_match_view
-from enliven_viewer.studio.tools import remove_joint
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.sources.motion_matches import make_match_view
+from enliven_viewer.studio.tools.nodes import remove_joint
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, order_from_root

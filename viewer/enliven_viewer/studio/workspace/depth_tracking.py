@@ -11,10 +11,10 @@ from pathlib import Path
 from enliven.errors import EnlivenError, InputError
 from enliven.files import TemporaryFolder
 from enliven.recording import DEPTH_TOPIC, Recording
-from enliven.takes import clips_of_recording
+from enliven.takes.recorded import clips_of_recording
 from enliven.wire import BODIES, POSE
 from enliven_viewer.language import tr
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
 _MAX_OUTPUT_LINES = 20
@@ -63,8 +63,8 @@ class DepthTracking:
             InputError: if another recording is still being tracked.
         """
         if self.busy:
-            mend = tr("Wait until it is done, or stop it.")
-            raise InputError(tr("{0} is still being tracked", self.name), where=str(path), mend=mend)
+            remedy = tr("Wait until it is done, or stop it.")
+            raise InputError(tr("{0} is still being tracked", self.name), where=str(path), remedy=remedy)
         self._folder = TemporaryFolder("tracking")
         output = Path(self._folder.name) / path.name
         arguments = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(output), "--lines"]
@@ -93,16 +93,16 @@ class DepthTracking:
         with folder:
             if child.returncode:
                 problem = self._said[-1] if self._said else tr("it did not start")
-                mend = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
-                self._editor.toasts.complain(InputError(problem, where=name, mend=mend))
+                remedy = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
+                self._editor.toasts.complain(InputError(problem, where=name, remedy=remedy))
                 return
             output = Path(folder.name) / name
             try:
                 clips_of_recording(output, whole=True)
                 add_file(self._editor, output)
             except EnlivenError as error:
-                mend = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
-                self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))
+                remedy = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
+                self._editor.toasts.complain(InputError(error.what, where=name, remedy=remedy))
 
     def cancel(self) -> None:
         """Stops the tracker; nothing is added to the project."""
@@ -120,7 +120,7 @@ class DepthTracking:
         assert child.stdout is not None
         for line in child.stdout:
             done, slash, total = line.strip().partition(" of ")
-            if slash and done.isdigit() and total.isdigit():
+            if slash and done.isdecimal() and total.isdecimal():
                 self.share = int(done) / max(int(total), 1)
             elif line.strip():
                 self._said.append(line.strip())

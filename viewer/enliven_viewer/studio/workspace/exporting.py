@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from enliven.document import Project, Puppet, RigBase
-from enliven.errors import InputError
-from enliven.exporters import Performance, exporter_of, performance_of
+from enliven.errors import EnlivenError, InputError
+from enliven.exporters import (
+    IN_PLACE,
+    SCALE,
+    SHARED_OPTIONS,
+    UNIT,
+    UP,
+    Performance,
+    exporter_of,
+    performance_of,
+)
 from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.background import WorkProgress
-from enliven_viewer.studio.workspace.files import list_exportable
+from enliven_viewer.studio.workspace.files import FILM_SUFFIX, list_exportable
 
 FRAME_RATES = (12, 15, 24, 25, 30, 48, 50, 60)
 """Frame rates, in frames per second, that the dialogue offers."""
@@ -34,7 +44,7 @@ class ExportOptions:
         size: image size of a film.
         look: look of a film; empty for the look of the stage.
         morphs: if True, puppets are written to a .glb as morph targets instead of bones.
-        unit: unit of length, "m" or "cm", of formats that support both.
+        unit, scale, up, in_place: options of some formats, see :mod:`enliven.exporters.option_table`.
     """
 
     left_out: set[str] = field(default_factory=set)
@@ -44,7 +54,10 @@ class ExportOptions:
     size: str = "1280x720"
     look: str = ""
     morphs: bool = False
-    unit: str = "m"
+    unit: str = UNIT.default
+    scale: float = SCALE.default
+    up: str = UP.default
+    in_place: bool = IN_PLACE.default
 
     def chosen(self, characters: Sequence[RigBase]) -> list[RigBase]:
         """Returns the characters that are exported.
@@ -54,7 +67,7 @@ class ExportOptions:
         """
         included = [character for character in characters if character.id not in self.left_out]
         if not included:
-            raise InputError(tr("no character is chosen"), where="export", mend=tr("Tick one."))
+            raise InputError(tr("no character is chosen"), where="export", remedy=tr("Tick one."))
         return included
 
     def checked_range(self, length: float) -> tuple[float, float | None]:
@@ -68,7 +81,7 @@ class ExportOptions:
         last = min(self.last or length, length)
         if last - self.first < 1.0 / self.rate:
             problem = tr("nothing lies between {0:.2f} and {1:.2f} s", self.first, last)
-            raise InputError(problem, where="export", mend=tr("Choose a later end, or an earlier start."))
+            raise InputError(problem, where="export", remedy=tr("Choose a later end, or an earlier start."))
         return self.first, last
 
 
@@ -133,12 +146,25 @@ def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None
 def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]) -> dict[str, Any]:
     """Returns the selected options as arguments of the exporter for this file type."""
     ending = path.suffix.lower()
-    if ending == ".mp4":
+    supported = exporter_of(path).options
+    shared: dict[str, Any] = {
+        option.name: getattr(options, option.name)
+        for option in SHARED_OPTIONS
+        if option.name in supported and getattr(options, option.name) != option.default
+    }
+    if ending == FILM_SUFFIX:
         return {"size": options.size, "rate": float(options.rate), "look": options.look}
-    if "unit" in exporter_of(path).options:
-        return {"unit": options.unit}
     puppets = any(isinstance(character, Puppet) for character in chosen)
-    return {"morphs": True} if ending == ".glb" and options.morphs and puppets else {}
+    return shared | ({"morphs": True} if ending == ".glb" and options.morphs and puppets else {})
+
+
+@cache
+def supported_options(suffix: str) -> frozenset[str]:
+    """Returns the options that a format supports. None of them for an unknown suffix."""
+    try:
+        return exporter_of(Path(f"export{suffix}")).options
+    except EnlivenError:
+        return frozenset()
 
 
 def _scale_progress(progress: WorkProgress, done: float) -> Callable[[float], None]:

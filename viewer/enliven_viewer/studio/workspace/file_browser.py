@@ -134,18 +134,18 @@ class FileBrowser:
         name = (self.new_folder_name or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
             raise InputError(
-                tr("no folder can have that name"), where="file", mend=tr("Use letters and digits.")
+                tr("no folder can have that name"), where="file", remedy=tr("Use letters and digits.")
             )
         new_folder = self.folder / name
         try:
             new_folder.mkdir()
         except FileExistsError:
             raise InputError(
-                tr("{0} is there already", name), where="file", mend=tr("Give another name.")
+                tr("{0} is there already", name), where="file", remedy=tr("Give another name.")
             ) from None
         except OSError as error:
             problem = tr("the folder cannot be made ({0})", error.strerror)
-            raise ResourceError(problem, where=str(new_folder), mend=tr("Choose another place.")) from None
+            raise ResourceError(problem, where=str(new_folder), remedy=tr("Choose another place.")) from None
         self.new_folder_name = None
         self.enter(new_folder)
 
@@ -162,13 +162,13 @@ class FileBrowser:
         """
         name = self.name.strip()
         if not name:
-            raise InputError(tr("no file is chosen"), where="file", mend=tr("Click one, or type a name."))
+            raise InputError(tr("no file is chosen"), where="file", remedy=tr("Click one, or type a name."))
         try:
             return self._find_path(name)
         # The name is too long, or it begins with the home folder of an unknown user.
         except (OSError, RuntimeError, ValueError):
             raise InputError(
-                tr("no file can have that name"), where="file", mend=tr("Give a shorter name.")
+                tr("no file can have that name"), where="file", remedy=tr("Give a shorter name.")
             ) from None
 
     def _find_path(self, name: str) -> Path:
@@ -179,13 +179,13 @@ class FileBrowser:
         if self.saving and path.suffix.lower() not in self.endings:
             path = path.with_name(path.name + self.endings[0])
         if not self.saving and not path.is_file():
-            raise InputError(tr("there is no such file"), where=str(path), mend=tr("Choose another."))
+            raise InputError(tr("there is no such file"), where=str(path), remedy=tr("Choose another."))
         if self.saving and path.exists() and path not in (self.project_path, self._warned):
             self._warned = path
             raise InputError(
                 tr("{0} is there already", path.name),
                 where="file",
-                mend=tr("Press Save again to replace it."),
+                remedy=tr("Press Save again to replace it."),
             )
         return path
 

@@ -9,21 +9,23 @@ from typing import Any
 
 from enliven.document import Clip, Project, RigBase, same, unused
 from enliven.errors import InputError
-from enliven.example_sessions import Session, read_session, write_session
+from enliven.example_sessions.session import Session, read_session
+from enliven.example_sessions.text import write_session
 from enliven.exporters import suffixes
-from enliven.formats.gltf import read_gltf
-from enliven.formats.project import project_of_mesh
-from enliven.formats.rig import Rig, scale_to_height
-from enliven.mapping import clip_to_open, own_clips, play_own_clip, played_clip
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.project.one_character import project_of_mesh
+from enliven.formats.rig.rig import Rig, scale_to_height
+from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
-from enliven.modeling.puppet import make_puppet
-from enliven.samples import dancing_cactus, load_sample
-from enliven.sounds import Sound
-from enliven.takes import clips_of_recording, read_possessed, read_take
+from enliven.modeling.puppet.edits import make_puppet
+from enliven.samples.shipped import dancing_cactus, load_sample
+from enliven.takes.files import read_take
+from enliven.takes.possessed import read_possessed
+from enliven.takes.recorded import clips_of_recording
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sound import SOUND_SUFFIXES, read_sound
+from enliven_viewer.studio.app.contributions import FileType
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.model_size import choose_size
 
 MODEL_SUFFIXES = GLTF_SUFFIXES
@@ -41,17 +43,20 @@ _CHARACTER_GAP_M = 0.3
 """Distance in metres between an opened model and the existing characters."""
 
 
-def add_file(editor: Editor, path: Path) -> None:
+def add_file(editor: Editor, path: Path, types: Sequence[FileType] | None = None) -> None:
     """Adds a model, a mesh, a take or a session to the project. A mesh without a rig becomes a puppet.
+
+    Args:
+        types: the types of files; None for :data:`FILE_TYPES`.
 
     Raises:
         InputError: if the file cannot be read, or its type is not supported.
     """
-    add, value = read_to_add(path)
+    add, value = read_to_add(path, FILE_TYPES if types is None else types)
     add(editor, path, value)
 
 
-def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
+def read_to_add(path: Path, types: Sequence[FileType]) -> tuple[Callable[[Editor, Path, Any], None], Any]:
     """Reads a file.
 
     Returns the function that adds it to the project, and the content. Reading may run in a thread.
@@ -60,28 +65,17 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
         InputError: if the file cannot be read, or its type is not supported.
     """
     ending = path.suffix.lower()
-    for endings, read, add in _FILE_TYPES:
-        if ending in endings:
-            return add, read(path)
-    known_endings = ", ".join(
-        (
-            *MODEL_SUFFIXES,
-            *MESH_SUFFIXES,
-            *TAKE_SUFFIXES,
-            *PERFORMANCE_SUFFIXES,
-            *SESSION_SUFFIXES,
-            *SOUND_SUFFIXES,
-        )
-    )
+    for file_type in types:
+        if ending in file_type.suffixes:
+            return file_type.add, file_type.read(path)
+    known_endings = ", ".join(list_suffixes(types))
     problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
-    raise InputError(problem, where=str(path), mend=tr("Known: {0}.", known_endings))
+    raise InputError(problem, where=str(path), remedy=tr("Known: {0}.", known_endings))
 
 
-def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
-    """Adds a sound to perform along with. It begins at the playhead and replaces an existing sound."""
-    sound = replace(read, begin=editor.time)
-    if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
-        editor.toasts.say(tr("{0} begins here", path.name), tr("It is heard while you play and record."))
+def list_suffixes(types: Sequence[FileType]) -> tuple[str, ...]:
+    """Returns the extensions of all file types."""
+    return tuple(suffix for file_type in types for suffix in file_type.suffixes)
 
 
 def add_sample(editor: Editor, name: str) -> None:
@@ -105,8 +99,8 @@ def list_exportable(project: Project) -> list[RigBase]:
     lacking = [rig_of(character).lacking(project, character) for character in solid]
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
-        mend = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
-        raise InputError(tr("nothing has a surface that moves"), where="export", mend=mend)
+        remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
+        raise InputError(tr("nothing has a surface that moves"), where="export", remedy=remedy)
     return movable
 
 
@@ -237,12 +231,12 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
 
     if editor.edit(later("open {0}", path.name), add):
         puppet = editor.puppets.puppet
-        mend = (
+        remedy = (
             tr("Choose it in the performer's view for {0}.", puppet.id)
             if puppet
             else tr("Map it onto a shape with M.")
         )
-        _show_notes(editor, path, notes, mend)
+        _show_notes(editor, path, notes, remedy)
 
 
 def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
@@ -255,10 +249,10 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
         return project
 
     if editor.edit(later("open {0}", path.name), add):
-        mend = tr("Possessed characters can be cut and merged.")
+        remedy = tr("Possessed characters can be cut and merged.")
         if editor.puppets.puppet is not None:
-            mend = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
-        editor.toasts.say(tr("{0} brought {1}", path.name, ", ".join(added)), mend)
+            remedy = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
+        editor.toasts.say(tr("{0} brought {1}", path.name, ", ".join(added)), remedy)
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
@@ -315,7 +309,7 @@ def _with_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[
     return project, tuple(added)
 
 
-def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
+def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], remedy: str) -> None:
     """Shows one message with the name of the opened file and its notes."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
@@ -325,19 +319,14 @@ def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -
             else f"{notes[0][:_MAX_NOTE_LETTERS].rsplit(' ', 1)[0]} ..."
         )
         editor.toasts.say(f"{path.name}: {first}{more}")
-    editor.toasts.say(tr("Opened {0}", path.name), mend)
+    editor.toasts.say(tr("Opened {0}", path.name), remedy)
 
 
-_FILE_TYPES: tuple[
-    tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...
-] = (
-    (MODEL_SUFFIXES, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
-    (MESH_SUFFIXES, load_mesh, _add_mesh),
-    (TAKE_SUFFIXES, read_take, _add_take),
-    (SESSION_SUFFIXES, read_session, _add_session),
-    (PERFORMANCE_SUFFIXES, _read_performance, _add_performance),
-    (SOUND_SUFFIXES, read_sound, _add_sound),
+FILE_TYPES: tuple[FileType, ...] = (
+    FileType(MODEL_SUFFIXES, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
+    FileType(MESH_SUFFIXES, load_mesh, _add_mesh),
+    FileType(TAKE_SUFFIXES, read_take, _add_take),
+    FileType(PERFORMANCE_SUFFIXES, _read_performance, _add_performance),
+    FileType(SESSION_SUFFIXES, read_session, _add_session),
 )
-"""The supported file types: extensions, the function that reads the file, and the function that adds it to
-the project.
-"""
+"""The types of files that the studio opens without any feature."""

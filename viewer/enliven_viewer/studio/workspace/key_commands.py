@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enliven.document import KEY_STEP
 from enliven.modeling.edits import keys_of, remove_key, set_key
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 
 
 class KeyCommands:

@@ -8,10 +8,10 @@ from functools import partial
 from enliven.document import GraphShape, Project, RigBase, Shape
 from enliven.errors import InputError
 from enliven.modeling.edits import move_character, performance_in, transfer_performance
-from enliven.modeling.possessed import solve_again
-from enliven.motion.layers import copy_motion
+from enliven.modeling.possessed.solving import solve_again
+from enliven.motion.layers.copying import copy_motion
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.puppet_commands import find_side_offset
 
 Chain = tuple[str, tuple[int, ...]]
@@ -106,8 +106,10 @@ class MotionClipboard:
             return
         name, notes = target.id, list[str]()
         if performed is None:
-            mend = tr("Copy the motion of another one.")
-            self.editor.toasts.complain(InputError(tr("{0} no longer exists", source), where=name, mend=mend))
+            remedy = tr("Copy the motion of another one.")
+            self.editor.toasts.complain(
+                InputError(tr("{0} no longer exists", source), where=name, remedy=remedy)
+            )
             return
 
         offset = find_side_offset(self.editor, [target])
@@ -141,9 +143,9 @@ class MotionClipboard:
 
         def change(project: Project) -> Project:
             if project.characters.get(guarded.id) is not guarded:
-                mend = tr("Repeat the command.")
+                remedy = tr("Repeat the command.")
                 raise InputError(
-                    tr("it was changed while its motion was computed"), where=guarded.where, mend=mend
+                    tr("it was changed while its motion was computed"), where=guarded.where, remedy=remedy
                 )
             needed = shape.needed()
             bodies = [solved_project.bodies[body] for body in needed.get("bodies", ())]

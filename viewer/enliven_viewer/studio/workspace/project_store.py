@@ -16,17 +16,17 @@ from pathlib import Path
 from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.files import PART_SUFFIX, read_file, user_data_folder, write_file
-from enliven.formats.project import (
+from enliven.formats.project.file import (
     project_bytes,
     project_of,
     read_project,
     refuse_later_project,
     write_project,
 )
-from enliven.modeling.possessed import solve_lost
+from enliven.modeling.possessed.solving import solve_lost
 from enliven_viewer.language import tr
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform import StageRecording
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform.recording import StageRecording
 
 PROJECT_SUFFIX = ".enliven"
 _DEFAULT_NAME = "Untitled"
@@ -189,7 +189,7 @@ class ProjectStore:
             raise FileChangedError(
                 tr("{0} was saved by another window or program since it was opened here", target.name),
                 where=str(target),
-                mend=tr("Save under another name, or compare the two."),
+                remedy=tr("Save under another name, or compare the two."),
             )
 
     def autosave(self, now: float | None = None) -> None:
@@ -213,8 +213,8 @@ class ProjectStore:
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
-        # Write in the background. The window can continue, because a project is immutable, and the recording
-        # edit has its own copy.
+        # Write in the background. The window can continue, because a project is immutable, and the change
+        # to be stored is a copy.
         self._writing = (self._writer.submit(self._write, project, change), project)
 
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
@@ -318,7 +318,7 @@ def _is_same_file(first: Path, second: Path) -> bool:
 def _is_owner_running(path: Path) -> bool:
     """Returns True if the studio that wrote a recovery file is still running."""
     number = path.stem.removeprefix("recovery-")
-    if not number.isdigit():
+    if not number.isdecimal():
         return False
     if int(number) == os.getpid():
         return True

@@ -12,9 +12,10 @@ from enliven.document import Project, Puppet, RigBase, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
-from enliven.modeling.puppet import bake_puppet, make_puppet
+from enliven.modeling.puppet.baking import bake_puppet
+from enliven.modeling.puppet.edits import make_puppet
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.editor.editor import Editor
 
 _COPY_GAP_M = 0.3
 """Gap in metres between a character and the copy next to it, so that both are visible."""
@@ -98,7 +99,7 @@ class PuppetCommands:
             def change(project: Project) -> Project:
                 if project.characters.get(puppet.id) is not puppet:
                     problem = tr("it was changed while it was baked")
-                    raise InputError(problem, where=puppet.where, mend=tr("Bake it again."))
+                    raise InputError(problem, where=puppet.where, remedy=tr("Bake it again."))
                 streams = [baked_project.streams[stream] for stream in shape.needed()["streams"]]
                 return project.without(puppet.id).with_streams(*streams).with_characters(shape)
 
@@ -158,7 +159,7 @@ def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
     """
     if not len(mesh.faces):
         raise InputError(
-            tr("it has no surface"), where=f"mesh {mesh.name!r}", mend=tr("Open a mesh with faces.")
+            tr("it has no surface"), where=f"mesh {mesh.name!r}", remedy=tr("Open a mesh with faces.")
         )
     place = foot_of(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place

@@ -10,8 +10,8 @@ from enliven.arrays import Float
 from enliven.document import Project
 from enliven.modeling.edits import foot_of, move_character, scale_character, vertices_of
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.editor.editor import Editor
 
 _MISMATCH_RATIO = 2.0
 """Height ratio to the other characters, in either direction, above which a mismatch is reported."""

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from enliven.document import Project
 from enliven.modeling.edits import alternative_takes, choose_take, delete_take, drop_take, keep_take
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.editor.editor import Editor
 
 _NO_ALTERNATIVES = later(
     "No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane."

@@ -7,9 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.curves import CurveInput
-from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.theme import is_light
@@ -178,31 +176,4 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         c.lacks_shape,
         group="From a side",
         about="Turns the view so that the bones of the chosen shape hide one another least.",
-    )
-
-
-def make_ghost_action(ghosts: Ghosts) -> Action:
-    """Returns the action that toggles ghosts and motion trails."""
-    return Action(
-        "view.ghosts",
-        "View",
-        "Ghosts and trails",
-        ("shift+g",),
-        ghosts.toggle,
-        is_on=lambda: ghosts.on,
-        about="Past (blue) and future (orange) poses of the chosen shape, and paths of its hands and feet.",
-        apart=True,
-    )
-
-
-def make_curve_action(curves: CurveInput) -> Action:
-    """Returns the action that toggles the curves."""
-    return Action(
-        "view.curves",
-        "View",
-        "Curves",
-        ("shift+c",),
-        curves.toggle,
-        is_on=lambda: curves.on,
-        about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
     )

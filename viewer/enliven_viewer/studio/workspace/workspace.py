@@ -8,24 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from enliven.document import Project, Puppet
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import ActionTable, PaletteSearch, ShortcutCapture
+from enliven_viewer.studio.actions.palette_search import PaletteSearch
+from enliven_viewer.studio.actions.shortcut_capture import ShortcutCapture
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.background import WorkProgress
-from enliven_viewer.studio.curves import CurveInput
-from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import find_layer_number
-from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.examples.example_edits import find_layer_number
+from enliven_viewer.studio.features.registry import register_features
 from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.numbers import SelectionTransform
-from enliven_viewer.studio.outliner import Outliner, make_outliner_actions
-from enliven_viewer.studio.perform import PerformSession, make_perform_actions
-from enliven_viewer.studio.performer import PerformerView
-from enliven_viewer.studio.preferences import Preferences
-from enliven_viewer.studio.scan import ScanSession, make_scan_actions
-from enliven_viewer.studio.sound import SOUND_SUFFIXES, SoundPlayer, make_sound_actions
-from enliven_viewer.studio.start import DrawnWidgets, Tour
-from enliven_viewer.studio.timeline import TimelineInput
+from enliven_viewer.studio.numbers.selection_transform import SelectionTransform
+from enliven_viewer.studio.outliner.actions import make_outliner_actions
+from enliven_viewer.studio.outliner.outliner import Outliner
+from enliven_viewer.studio.perform.actions import make_perform_actions
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.performer.performer_view import PerformerView
+from enliven_viewer.studio.start.tour import Tour
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
@@ -33,15 +33,15 @@ from enliven_viewer.studio.workspace.exporting import ExportOptions, write_expor
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
     EXPORT_SUFFIXES,
+    FILE_TYPES,
     FILM_SUFFIX,
-    MESH_SUFFIXES,
-    MODEL_SUFFIXES,
     PERFORMANCE_SUFFIXES,
     SESSION_SUFFIXES,
     TAKE_SUFFIXES,
     add_file,
     add_sample,
     list_exportable,
+    list_suffixes,
     read_to_add,
     save_session,
 )
@@ -51,11 +51,7 @@ from enliven_viewer.studio.workspace.project_comparison import (
     with_saved_items,
 )
 from enliven_viewer.studio.workspace.project_store import PROJECT_SUFFIX, FileChangedError, ProjectStore
-from enliven_viewer.studio.workspace.view_actions import make_curve_action, make_ghost_action
-from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
-Rectangle = tuple[float, float, float, float]
-"""Left, top, right and bottom, in pixels of the window."""
 _BACKGROUND_READ_BYTES = 6_000_000
 """File size in bytes above which a file is read in the background. Smaller files open within half a
 second.
@@ -64,20 +60,14 @@ _FRAMING_MARGIN = 1.35
 """Framing factor when the camera moves to a puppet: 1 fills the view, larger values leave a margin."""
 
 
-class Workspace:
+class Workspace(App):
     """The complete state that panels draw and change. It also works without a window.
 
     Attributes:
-        preferences: the artist's lasting preferences.
-        actions: every action, for menus, shortcuts, buttons and the command palette.
         commands: the functions behind the studio's own actions.
-        ghosts: ghosts and trails of past and future poses. curves: the curves of the selection over time.
         outliner: the tree of all objects.
         selection_transform: position and size of the selection. typing: unfinished text in their fields.
         depth: the tracker for opened depth recordings.
-        sound: plays the sound to perform along with.
-        widgets: the last drawn rectangle of each widget, by name, so that a scripted session can click it.
-        drawn: the same rectangles, with the frame in which each was drawn, for the tour.
         asking: the open dialogue, or empty.
         browser: the state of a file dialogue.
         exporting: the options of the next export or film.
@@ -94,42 +84,30 @@ class Workspace:
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
-        self.editor = editor
-        self.preferences = Preferences(folder)
+        super().__init__(editor, folder)
         if self.preferences.refusal is not None:
             editor.toasts.complain(self.preferences.refusal)
-        self.actions = ActionTable(editor.toasts, self.preferences)
         editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
-        self.input = ViewportInput(editor, self.actions)
-        self.ghosts = Ghosts(editor)
+        self.file_types += FILE_TYPES
         self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
-        self.timeline = TimelineInput(editor)
-        self.curves = CurveInput(editor, self.timeline)
-        self.sound = SoundPlayer(editor)
-        self.actions.add(*make_sound_actions(self.sound))
-        self.actions.add(make_ghost_action(self.ghosts), make_curve_action(self.curves))
-        self.perform = PerformSession(editor, folder)
+        self.timeline = self.add_state(TimelineInput(editor))
+        self.perform = self.add_state(PerformSession(editor, folder))
         self.actions.add(*make_perform_actions(self.perform))
         self.actions.workspace = lambda: self.perform.keys_of
-        self.scan = ScanSession(editor, self.perform)
-        self.input.over = self.scan
-        self.actions.add(*make_scan_actions(self.scan))
         self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*make_outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: (
             self.actions.press(key, workspace_only=True)
-            or self.curves.type(key)
+            or any(handle(key) for handle in self.key_handlers)
             or self.timeline.rows.type(key)
         )
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.store.recording = self.perform.recording
-        self.widgets: dict[str, Rectangle] = {}
-        self.drawn = DrawnWidgets()
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
@@ -141,6 +119,7 @@ class Workspace:
         self.tour: Tour | None = None
         self._after = ""
         self._wanted: Path | None = None
+        register_features(self)
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
@@ -182,7 +161,7 @@ class Workspace:
         """
         add_sample(self.editor, name)
         character = self.editor.chosen()
-        if character is not None and character.kind == "graph":
+        if character is not None and character.possessable:
             self.perform.active_workspace = "Perform"
             self.perform.put_soon(character.id)
 
@@ -202,7 +181,7 @@ class Workspace:
             self.depth.begin(path)
         elif path.suffix.lower() != PROJECT_SUFFIX:
             before = len(self.editor.project.characters)
-            add_file(self.editor, path)
+            add_file(self.editor, path, self.file_types)
             if len(self.editor.project.characters) > before:
                 self.commands.fitting.tell()
         else:
@@ -224,7 +203,11 @@ class Workspace:
             self.preferences.remember_file(path)
 
         def work() -> Any:
-            return self.store.read(path) if path.suffix.lower() == PROJECT_SUFFIX else read_to_add(path)
+            return (
+                self.store.read(path)
+                if path.suffix.lower() == PROJECT_SUFFIX
+                else read_to_add(path, self.file_types)
+            )
 
         self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
 
@@ -406,30 +389,11 @@ class Workspace:
             return False
         return True
 
-    def widget(self, name: str) -> Rectangle:
-        """Returns the rectangle in which a widget was last drawn.
-
-        Raises:
-            InputError: if the widget has not been drawn.
-        """
-        if name not in self.widgets:
-            widget_names = ", ".join(sorted(self.widgets))
-            problem = f"no widget {name!r} is on the screen"
-            raise InputError(problem, where="session", mend=f"Known: {widget_names}.")
-        return self.widgets[name]
-
-    def remember(self, name: str) -> None:
-        """Records the rectangle of the last widget."""
-        from imgui_bundle import imgui
-
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        self.widgets[name] = (low.x, low.y, high.x, high.y)
-        self.drawn.note(name, self.widgets[name])
-        if name in self.drawn.wanted and not self.drawn.left_alone:
-            clip = imgui.get_window_draw_list()
-            top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
-            if low.y < top or high.y > bottom:
-                imgui.set_scroll_here_y(0.5)  # Scroll to the widget at which the tour or a script points.
+    @property
+    def export_suffix(self) -> str:
+        """Suffix of the file name in the export dialogue. It is the default suffix if the name has none."""
+        typed = Path(self.browser.name).suffix.lower() if self.browser is not None else ""
+        return typed or EXPORT_SUFFIXES[0]
 
     def _export(self, path: Path) -> None:
         """Writes the file in the background, since surfaces may have to be solved for it."""
@@ -451,15 +415,7 @@ class Workspace:
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
         endings = {
-            "open": (
-                PROJECT_SUFFIX,
-                *MODEL_SUFFIXES,
-                *MESH_SUFFIXES,
-                *TAKE_SUFFIXES,
-                *PERFORMANCE_SUFFIXES,
-                *SESSION_SUFFIXES,
-                *SOUND_SUFFIXES,
-            ),
+            "open": (PROJECT_SUFFIX, *list_suffixes(self.file_types)),
             "save as": (PROJECT_SUFFIX,),
             "export": EXPORT_SUFFIXES,
             "film": (FILM_SUFFIX,),

@@ -6,16 +6,16 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Coupling, Position, Puppet, Velocity
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.examples import (
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import draw_heading, draw_note, use_small_text
+from enliven_viewer.studio.examples.example_edits import (
     HardConstraint,
     find_layer_number,
     list_constraints,
     with_constraint,
     without_constraint,
 )
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import draw_heading, draw_note, use_small_text
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _REMOVE_ICON = "\uf00d"
 

@@ -10,22 +10,22 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
 from enliven_viewer.language import tr
-from enliven_viewer.studio.examples import find_layer_number, with_guessed_joints
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.examples.motion import draw_constraints
-from enliven_viewer.studio.panels.examples.points import draw_points, suggest_points
-from enliven_viewer.studio.panels.examples.settings import draw_settings
-from enliven_viewer.studio.panels.fields import character_name, tooltip
-from enliven_viewer.studio.panels.layer import draw_layer
-from enliven_viewer.studio.panels.outliner import draw_numbers
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.studio.app.fields import character_name, tooltip
+from enliven_viewer.studio.app.style import (
     open_panel,
     pack_colour,
     push_colours,
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.examples.example_edits import find_layer_number, with_guessed_joints
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.examples.motion import draw_constraints
+from enliven_viewer.studio.panels.examples.points import draw_points, suggest_points
+from enliven_viewer.studio.panels.examples.settings import draw_settings
+from enliven_viewer.studio.panels.layer import draw_layer
+from enliven_viewer.studio.panels.outliner.numbers import draw_numbers
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK_ICON = "\uf060"
@@ -105,7 +105,7 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
     if lacking:
         _draw_box(workspace, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:
-        _draw_box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.mend))
+        _draw_box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.remedy))
     else:
         count = len(puppet.poses)
         doubled = tr(" and their mirror images") if puppet.symmetry is not None else ""

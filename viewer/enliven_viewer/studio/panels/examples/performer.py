@@ -5,14 +5,14 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.live import format_time
-from enliven_viewer.studio.examples import find_layer_number
+from enliven_viewer.live.hud import format_time
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.marks import draw_mark
+from enliven_viewer.studio.app.style import draw_note, open_panel, pack_colour, use_small_text
+from enliven_viewer.studio.examples.example_edits import find_layer_number
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import draw_note, open_panel, pack_colour, use_small_text
-from enliven_viewer.studio.panels.viewport_overlay import draw_mark
-from enliven_viewer.studio.viewport import make_axes_marks
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.viewport.axes import make_axes_marks
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
 _MIN_ARROW_WIDTH = 110.0

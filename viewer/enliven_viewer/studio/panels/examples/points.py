@@ -7,20 +7,22 @@ from collections.abc import Callable
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import ControlPoint, Project, Puppet
-from enliven.modeling.puppet import change_point, set_symmetry, suggested_joint, suggested_vertices
+from enliven.modeling.puppet.points import change_point
+from enliven.modeling.puppet.poses import set_symmetry
+from enliven.modeling.puppet.suggest import suggested_joint, suggested_vertices
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.examples import turn_quarter, with_guessed_joints, with_points
-from enliven_viewer.studio.panels.examples.motion import draw_constraint_buttons
-from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, tooltip
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.studio.app.fields import Change, name_field, slider, switch, tooltip
+from enliven_viewer.studio.app.style import (
     draw_heading,
     draw_note,
     pack_colour,
     push_colours,
     use_small_text,
 )
-from enliven_viewer.studio.puppets import find_plane
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.panels.examples.motion import draw_constraint_buttons
+from enliven_viewer.studio.puppets.symmetry import find_plane
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, get_point_colour
 
 _ROW_HEIGHT = 24.0

@@ -8,10 +8,10 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.examples import with_default_settings, with_setting
-from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
-from enliven_viewer.studio.panels.style import push_colours
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.fields import Change, slider, switch, tooltip
+from enliven_viewer.studio.app.style import push_colours
+from enliven_viewer.studio.examples.example_edits import with_default_settings, with_setting
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import PRESSED, RAISED
 
 SETTING_SLIDERS = (

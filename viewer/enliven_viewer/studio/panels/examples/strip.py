@@ -7,14 +7,11 @@ from contextlib import nullcontext
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
-from enliven.modeling.puppet import remove_key_pose
+from enliven.modeling.puppet.poses import remove_key_pose
 from enliven_viewer.language import later, tr
-from enliven_viewer.live import format_time
-from enliven_viewer.studio.examples import TakeCoverage, duplicate_pose, mirror_pose, retime_pose
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.examples.strokes import draw_dashed_rectangle, draw_stick_figure
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.live.hud import format_time
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
     pack_colour,
@@ -22,8 +19,12 @@ from enliven_viewer.studio.panels.style import (
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.performer import Thumbnails
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.examples.coverage import TakeCoverage
+from enliven_viewer.studio.examples.example_edits import duplicate_pose, mirror_pose, retime_pose
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.examples.strokes import draw_dashed_rectangle, draw_stick_figure
+from enliven_viewer.studio.performer.thumbnails import Thumbnails
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
 TILE_SIZE = ImVec2(88, 80)

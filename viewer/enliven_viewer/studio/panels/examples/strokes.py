@@ -8,7 +8,8 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.performer import SIDE, PerformerFigure
+from enliven_viewer.studio.performer.performer_view import PerformerFigure
+from enliven_viewer.studio.performer.thumbnails import SIDE
 
 
 def draw_stick_figure(draw_list: imgui.ImDrawList, figure: PerformerFigure, area: Area, colour: int) -> None:

@@ -1,5 +1,1 @@
 """The panels about files: export options, and work in progress."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

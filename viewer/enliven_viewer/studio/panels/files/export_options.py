@@ -5,16 +5,22 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
+from enliven.exporters import IN_PLACE, MAX_SCALE, SCALE, UNIT, UP
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.render import LOOKS
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import draw_note
-from enliven_viewer.studio.workspace import EXPORT_SUFFIXES, FILM_SIZES, FRAME_RATES, Workspace
+from enliven_viewer.render.stage_look import LOOKS
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import draw_note
+from enliven_viewer.studio.workspace.exporting import FILM_SIZES, FRAME_RATES, supported_options
+from enliven_viewer.studio.workspace.files import EXPORT_SUFFIXES
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _LABEL_WIDTH = 96.0
 """Width in pixels of the label before a field."""
 _FIELD_WIDTH = 110.0
 """Width of a field in pixels."""
+_AXIS_WIDTH = 56.0
+"""Width in pixels of the choice of the vertical axis."""
+_SCALE_FLAGS = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
 _CHARACTERS_HEIGHT = 74.0
 """Height in pixels of the list of characters: three lines."""
 
@@ -112,8 +118,43 @@ def _draw_format_options(workspace: Workspace) -> None:
             "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
         )
         imgui.same_line(0.0, 18.0)
+    supported = supported_options(workspace.export_suffix)
+    imgui.begin_disabled(UNIT.name not in supported)
     centimetres = imgui.checkbox(labelled(tr("Centimetres"), "Centimetres (.bvh)"), options.unit == "cm")[1]
     options.unit = "cm" if centimetres else "m"
+    imgui.end_disabled()
     workspace.remember("export centimetres")
     tooltip("Many programs that read .bvh expect centimetres; a .glb is always in metres")
+    _draw_placement_options(workspace, supported)
     draw_note(tr("The ending of the name chooses the kind of file: {0}.", ", ".join(EXPORT_SUFFIXES)))
+
+
+def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> None:
+    """Draws scale, vertical axis, and motion in place. Options that the format lacks are grey."""
+    options = workspace.exporting
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(tr("Scale"))
+    imgui.same_line(_LABEL_WIDTH)
+    imgui.set_next_item_width(_FIELD_WIDTH - 30)
+    imgui.begin_disabled(SCALE.name not in supported)
+    scale = imgui.drag_float("##scale", options.scale, 0.01, 1 / MAX_SCALE, MAX_SCALE, "%g", _SCALE_FLAGS)[1]
+    options.scale = scale if 1 / MAX_SCALE <= scale <= MAX_SCALE else SCALE.default
+    imgui.end_disabled()
+    workspace.remember("export scale")
+    tooltip("Factor of all lengths")
+    imgui.same_line(0.0, 18.0)
+    imgui.begin_disabled(UP.name not in supported)
+    imgui.text_unformatted(tr("Vertical axis"))
+    imgui.same_line()
+    imgui.set_next_item_width(_AXIS_WIDTH)
+    index = imgui.combo("##up axis", UP.choices.index(options.up), [axis.upper() for axis in UP.choices])[1]
+    options.up = UP.choices[index]
+    imgui.end_disabled()
+    workspace.remember("export up")
+    tooltip("Vertical axis of the file; some formats fix it")
+    imgui.same_line(0.0, 18.0)
+    imgui.begin_disabled(IN_PLACE.name not in supported)
+    options.in_place = imgui.checkbox(labelled(tr("In place"), "In place"), options.in_place)[1]
+    imgui.end_disabled()
+    workspace.remember("export in place")
+    tooltip("Without the horizontal motion of each character's root")

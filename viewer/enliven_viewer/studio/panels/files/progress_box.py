@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _BOX_WIDTH = 300.0
 """Width of the box in pixels: the name of a file, and the button."""

@@ -8,10 +8,10 @@ from imgui_bundle import imgui
 
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import tr
-from enliven_viewer.studio.numbers import ANGLE, LENGTH, TIME, Quantity
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import push_colours, use_small_text
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import push_colours, use_small_text
+from enliven_viewer.studio.numbers.quantity import ANGLE, LENGTH, TIME, Quantity
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import QUIET
 
 _AXES = ("x", "y", "z")

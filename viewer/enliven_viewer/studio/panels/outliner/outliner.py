@@ -5,10 +5,8 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import (
     CLOSED_EYE_ICON,
     EYE_ICON,
     open_panel,
@@ -16,9 +14,12 @@ from enliven_viewer.studio.panels.style import (
     push_colours,
     use_small_text,
 )
-from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.viewport import choose_default_colour
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.outliner.outliner import Outliner
+from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.viewport.colours import choose_default_colour
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
 _MIN_HEIGHT_FRACTION = 0.12

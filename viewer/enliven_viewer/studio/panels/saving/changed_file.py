@@ -5,9 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
+from enliven_viewer.studio.app.style import draw_note
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import draw_note
-from enliven_viewer.studio.workspace import Difference, Workspace
+from enliven_viewer.studio.workspace.project_comparison import Difference
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 _LIST_HEIGHT = 150.0
 """Height in pixels of the list of differences: seven rows; more scroll."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.live import format_time
+from enliven_viewer.live.hud import format_time
+from enliven_viewer.studio.app.style import push_colours
 from enliven_viewer.studio.panels.modal import button, choice, modal
-from enliven_viewer.studio.panels.style import push_colours
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD
 
 

@@ -12,22 +12,22 @@ from imgui_bundle import ImVec2, imgui
 from enliven.person import Body, Joint
 from enliven.wire import CameraMessage
 from enliven_viewer.language import tr
-from enliven_viewer.live import LiveStage
-from enliven_viewer.playback import find_bounds
-from enliven_viewer.render.overlay import find_limb_tints
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.playback.document import find_bounds
+from enliven_viewer.render.overlay.match_lines import find_limb_tints
+from enliven_viewer.studio.app.style import draw_caption, pack_colour
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.style import draw_caption, pack_colour
-from enliven_viewer.studio.perform import (
+from enliven_viewer.studio.perform.preview_placement import (
     DEFAULT_ASPECT,
-    PerformSession,
     PreviewPlacement,
     ProjectedBody,
     find_aspect,
     find_rectangle,
     project_bodies,
 )
-from enliven_viewer.studio.picture import PreviewTextures
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.picture.preview_textures import PreviewTextures
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, get_performer_colour
 
 _LIMB_THICKNESS = 0.075

@@ -7,12 +7,12 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.render.gl import get_window_context
+from enliven_viewer.render.gl.context import get_window_context
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import draw_heading, draw_note, open_list_box, push_colours
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import draw_heading, draw_note, open_list_box, push_colours
-from enliven_viewer.studio.perform import Camera, CameraSearch
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.perform.cameras import Camera, CameraSearch
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
 _EYE_ICON = "\uf06e"
@@ -114,7 +114,7 @@ def _draw_camera(
             imgui.push_text_wrap_pos(0.0)
             imgui.text_unformatted(f"{camera.trouble[:1].upper()}{camera.trouble[1:]}.")
             imgui.pop_text_wrap_pos()
-        draw_note(camera.mend)
+        draw_note(camera.remedy)
     elif camera.hint:
         draw_note(f"{camera.hint[:1].upper()}{camera.hint[1:]}")
     return looks

@@ -7,14 +7,15 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.live import Hud, HudState, LiveStage, format_time, make_cards, timeline_fraction
-from enliven_viewer.playback import NS_PER_S
-from enliven_viewer.render.overlay import Pen
+from enliven_viewer.live.hud import Hud, HudState, format_time, timeline_fraction
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.live.match_cards import make_cards
+from enliven_viewer.playback.timeline import NS_PER_S
+from enliven_viewer.render.overlay.canvas import Pen
+from enliven_viewer.studio.app.style import pack_colour
 from enliven_viewer.studio.panel_layout import HOLDER_LINE_HEIGHT, Area
-from enliven_viewer.studio.panels.stage.scan import ADVICE_BOTTOM
-from enliven_viewer.studio.panels.style import pack_colour
-from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, get_performer_colour
 
 _PERFORMER_TEXT_SIZE = 26.0
@@ -36,7 +37,7 @@ _UTTERANCE_BOTTOM = 96.0
 _LINE_PADDING = 14.0
 """Total height in pixels of the margins above and below a line of large text."""
 _GAP = 8.0
-"""Gap in pixels between the instruction of a scan and the recognised words."""
+"""Gap in pixels between the text of an overlay and the recognised words."""
 _MIN_LINE_WIDTH = 240.0
 """Minimum width in pixels of the lines next to the inset. With less space they cover it."""
 
@@ -72,7 +73,8 @@ def draw_live(workspace: Workspace, area: Area, frame_rate: float) -> None:
                 bottom,
             )
         draw_size(perform, draw_list, area)
-        draw_utterance(perform, draw_list, area, find_utterance_bottom(is_scanned=workspace.scan.active))
+        text_bottom = max((overlay.find_bottom() for overlay in workspace.overlays), default=0.0)
+        draw_utterance(perform, draw_list, area, find_utterance_bottom(text_bottom))
     _draw_recording(perform, draw_list, area)
     draw_list.pop_clip_rect()
 
@@ -143,12 +145,13 @@ def draw_holders(perform: PerformSession, draw_list: imgui.ImDrawList, area: Are
     return 0.0 if bottom == begin else area.y + area.height - bottom
 
 
-def find_utterance_bottom(*, is_scanned: bool) -> float:
+def find_utterance_bottom(text_bottom: float) -> float:
     """Returns the lower end of the recognised words in pixels from the top.
 
-    It lies below the instruction of a scan.
+    It lies below the text of overlays, which ends ``text_bottom`` pixels from the top; 0 without text.
     """
-    return ADVICE_BOTTOM + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING if is_scanned else _UTTERANCE_BOTTOM
+    below_text = text_bottom + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING
+    return max(below_text, _UTTERANCE_BOTTOM) if text_bottom else _UTTERANCE_BOTTOM
 
 
 def draw_utterance(

@@ -8,12 +8,11 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.live import PART_CHOICES, LiveStage, describe_delay, format_time
-from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.stage.cameras import draw_cameras, shorten_text
-from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
-from enliven_viewer.studio.panels.style import (
+from enliven_viewer.live.hud import describe_delay, format_time
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.live.possession_choice import PART_CHOICES
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import (
     draw_heading,
     draw_note,
     open_list_box,
@@ -23,8 +22,13 @@ from enliven_viewer.studio.panels.style import (
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.perform import PerformSession, StageRecording
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.stage.cameras import draw_cameras, shorten_text
+from enliven_viewer.studio.panels.stage.edge_list import draw_edge_list
+from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
+from enliven_viewer.studio.perform.recording import StageRecording
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
 _FULL_WIDTH = ImVec2(-1, 0)
@@ -61,10 +65,8 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         # Draw these also in the frame in which the user leaves the stage.
         _draw_performers(workspace, perform, live)
         _draw_characters(workspace, perform)
-        if imgui.button(labelled("\uf030  " + tr("Scan an object..."), "Scan an object..."), _FULL_WIDTH):
-            workspace.actions.do("scan.open")
-        workspace.remember("scan")
-        tooltip("Carry the camera round an object to make it a character")
+        for draw_section in workspace.perform_sections:
+            draw_section()
         if perform.client is not None:
             draw_physics(workspace, perform)
         _draw_recording_options(workspace, perform.recording)
@@ -164,6 +166,7 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
     workspace.remember("voice wanted")
     tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
     draw_heading("A camera elsewhere")
+    draw_edge_list(workspace)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
@@ -229,7 +232,7 @@ def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveS
         for state in edge.health[:2]:
             with push_colours(WAIT, imgui.Col_.text):
                 _draw_wrapped_text(state.what)
-            draw_note(state.mend)
+            draw_note(state.remedy)
     imgui.end_child()
     workspace.remember("stage state")
 

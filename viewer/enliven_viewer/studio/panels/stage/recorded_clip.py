@@ -5,9 +5,9 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.panels.style import pack_colour, use_small_text
-from enliven_viewer.studio.timeline import LANE_GAP, LANE_HEIGHT, RULER_HEIGHT, TimelineLayout
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.style import pack_colour, use_small_text
+from enliven_viewer.studio.timeline.layout import LANE_GAP, LANE_HEIGHT, RULER_HEIGHT, TimelineLayout
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import Texts, tr
-from enliven_viewer.studio.panels.fields import tooltip
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import draw_heading, draw_note, push_colours, use_small_text
 from enliven_viewer.studio.panels.stage.cameras import shorten_text
-from enliven_viewer.studio.panels.style import draw_heading, draw_note, push_colours, use_small_text
-from enliven_viewer.studio.perform import LOOSE_LABELS, PerformSession
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.perform.physics import LOOSE_LABELS
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
 
 _MICROPHONE_ICON, _MUTED_ICON = "\uf130", "\uf131"

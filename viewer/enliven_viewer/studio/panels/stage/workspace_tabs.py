@@ -5,10 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import pack_colour
-from enliven_viewer.studio.perform import WORKSPACES
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import pack_colour
+from enliven_viewer.studio.perform.session import WORKSPACES
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, INK
 
 _TAB_TIPS = {

@@ -7,10 +7,11 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
+from enliven_viewer.studio.app.fields import action_button
+from enliven_viewer.studio.app.style import BODY_TEXT_SIZE, draw_heading, draw_note, pack_colour
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.modal import action_button
-from enliven_viewer.studio.panels.style import BODY_TEXT_SIZE, draw_heading, draw_note, pack_colour
-from enliven_viewer.studio.workspace import SAMPLES, Workspace
+from enliven_viewer.studio.workspace.files import SAMPLES
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import INK, QUIET
 
 _PAGE_WIDTH = 560.0

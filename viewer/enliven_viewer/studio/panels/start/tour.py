@@ -8,11 +8,12 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.style import pack_colour, push_fill
 from enliven_viewer.studio.panel_layout import MENU_HEIGHT, Area, PanelLayout
 from enliven_viewer.studio.panels.start.card_placement import Rectangle, place_arrow, place_card
-from enliven_viewer.studio.panels.style import pack_colour, push_fill
-from enliven_viewer.studio.start import TOUR_STEPS, Tour
-from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.studio.start.tour import Tour
+from enliven_viewer.studio.start.tour_steps import TOUR_STEPS
+from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 
 _CARD_WIDTH = 330.0

@@ -1,0 +1,78 @@
+"""``enliven relay``: passes the streams of an edge on to many viewers."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import time
+from typing import Annotated
+
+import typer
+
+log = logging.getLogger(__name__)
+
+_REPORT_INTERVAL_S = 60.0
+"""Seconds between two log lines with the number of viewers."""
+
+
+def relay(
+    edge: Annotated[str, typer.Argument(metavar="HOST[:PORT]", help="Address of the edge, or of a relay.")],
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port for the viewers of this relay, 0 for a free one.")
+    ] = 5600,
+    control_port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help="Port of their requests; by default the next one."),
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = "127.0.0.1",
+    name: Annotated[str, typer.Option(help="Name of this relay on the network.")] = "relay",
+    viewers: Annotated[
+        int, typer.Option(min=1, max=20_000, help="Maximum number of viewers at the same time.")
+    ] = 1000,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Use no keys: everyone that reaches --host can watch.")
+    ] = False,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
+) -> None:
+    """Pass the streams of an edge on to hundreds of viewers, which cost the edge as much as one.
+
+    The viewers can only watch. They get the characters, the newest poses and the edge's clock from the relay.
+    An edge with keys must be paired with this computer first; the role watch is enough.
+
+    \b
+      enliven relay 192.168.1.20 --host 0.0.0.0
+      enliven relay 127.0.0.1 --port 5600
+      enliven view --edge 127.0.0.1:5600
+    """
+    from enliven.wire import parse_endpoint
+    from enliven_edge.commands.progress import handle_signals
+    from enliven_edge.network.access import open_access
+    from enliven_edge.network.announcing import announce
+    from enliven_edge.network.tcp_listener import raise_descriptor_limit
+    from enliven_edge.relay.relay import Relay, relay_settings
+
+    wire = relay_settings(name, host, port, control_port, insecure)
+    access = open_access(wire)
+    raise_descriptor_limit()
+    stopped = False
+
+    def stop() -> None:
+        nonlocal stopped
+        stopped = True
+
+    started = reported = time.monotonic()
+    with contextlib.ExitStack() as stack:
+        opened = stack.enter_context(Relay(parse_endpoint(edge), wire, access, viewers))
+        announcer = announce(wire, opened.endpoint, has_keys=access is not None, relay_of=edge)
+        if announcer is not None:
+            stack.enter_context(announcer)
+        with handle_signals(stop, signal.SIGINT, signal.SIGTERM):
+            log.info("%s listens on %s and relays %s", name, opened.endpoint, edge)
+            if access is not None:
+                access.begin()
+            while not stopped and (seconds is None or time.monotonic() - started < seconds):
+                opened.poll()
+                if time.monotonic() - reported > _REPORT_INTERVAL_S:
+                    reported = time.monotonic()
+                    log.info("%d viewers", opened.viewers)

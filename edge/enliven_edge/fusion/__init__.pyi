@@ -1,1 +1,0 @@
-from .settings import CalibrationSettings as CalibrationSettings, FusionSettings as FusionSettings

@@ -1,1 +1,0 @@
-from .orbbec import check_playback as check_playback

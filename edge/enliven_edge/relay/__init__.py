@@ -1,0 +1,1 @@
+"""A relay: receives the streams of one edge and forwards them to hundreds of viewers."""

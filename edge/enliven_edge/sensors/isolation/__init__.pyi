@@ -1,1 +1,0 @@
-from .isolated import IsolatedOpener as IsolatedOpener

@@ -1,2 +1,0 @@
-from .tracker_sensor import TrackerSensor as TrackerSensor
-from .vmc_sensor import VmcSensor as VmcSensor

@@ -1,0 +1,86 @@
+"""The common part of sensors that receive the motion of another program over UDP."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from typing import Generic, Protocol, TypeVar
+
+from enliven.frames import BodyFrame
+from enliven.person import Body
+from enliven.supervision.closeable import Closeable
+from enliven_edge.sensors.base import Sensor
+
+MAX_METRES = 1000.0
+"""Positions farther away than this are refused, in metres."""
+_MIN_WAIT_S = 1e-3
+"""Shortest wait for a packet, in seconds. A wait of 0 would mean not to wait at all."""
+
+
+Message = tuple[str, list[object]]
+"""An OSC address and its arguments."""
+Data = TypeVar("Data")
+"""The content of the packets of one frame, such as a list of OSC messages."""
+DataOfPort = TypeVar("DataOfPort", covariant=True)
+
+
+class FramePort(Closeable, Protocol[DataOfPort]):
+    """A UDP port that collects the packets of one frame."""
+
+    port: int
+
+    def frame(self, timeout: float | None) -> DataOfPort:
+        """Returns the content of the next frame.
+
+        Raises:
+            TimeoutError: if nothing came in time.
+        """
+        ...
+
+
+class StreamSensor(Sensor, Generic[Data]):
+    """Listens on a UDP port, and delivers a frame of bodies for each frame of packets that contains motion.
+
+    Args:
+        kind: the name of the sensor on the command line.
+        items: the expected data, for error messages: "bones".
+        port: the port, which this sensor closes.
+    """
+
+    made_up = True
+    may_be_silent = True
+
+    def __init__(self, kind: str, items: str, port: FramePort[Data]) -> None:
+        self._port = port
+        self.port = port.port
+        self.name = f"{kind} {self.port}"
+        self._missing = f"no {items} came to {self.name}"
+        self._closed = False
+
+    def read(self, timeout: float | None = None) -> BodyFrame | None:
+        """Returns the next frame. Args, return value and errors as for every sensor."""
+        if self._closed:
+            return None
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            try:
+                data = self._port.frame(None if end is None else max(end - time.monotonic(), _MIN_WAIT_S))
+            except TimeoutError:
+                raise TimeoutError(self._missing) from None
+            if self._take(data):
+                return BodyFrame(self._bodies(), time.monotonic_ns(), self.name)
+            if end is not None and time.monotonic() >= end:
+                raise TimeoutError(self._missing)
+
+    def close(self) -> None:
+        """Frees the port."""
+        self._closed = True
+        self._port.close()
+
+    @abstractmethod
+    def _take(self, data: Data) -> bool:
+        """Keeps the motion of a frame of packets. Returns True if it contained some."""
+
+    @abstractmethod
+    def _bodies(self) -> list[Body]:
+        """Returns the bodies of the kept motion."""

@@ -1,0 +1,203 @@
+"""The plan of a batch: its motions, its characters and options, as a TOML file or two folders.
+
+A plan is checked completely before any work: :func:`plan_jobs` names all missing files at once.
+"""
+
+from __future__ import annotations
+
+import collections
+import glob
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from enliven.batch.jobs import BatchJob, job_of
+from enliven.errors import InputError
+from enliven.exporters import exporter_of, find_sheet_function
+from enliven.files import require_folder
+from enliven.oneshot.retargeting import RetargetOptions
+from enliven.settings import load_settings, setting
+
+MOTION_SUFFIXES = (".bvh", ".txt", ".mcap", ".glb", ".gltf")
+"""Suffixes of the motions that are read from a folder. Since .txt files are often notes, a text file counts
+only if its first line is a row of numbers.
+"""
+CHARACTER_SUFFIXES = (".glb", ".gltf", ".vrm")
+"""Suffixes of the characters that are read from a folder."""
+MAX_JOBS = 100_000
+"""Maximum number of pairs of one batch. docs/batch.md describes larger libraries."""
+_MAX_NAMED_FILES = 20
+"""Maximum number of missing files that a message lists."""
+
+
+@dataclass(frozen=True)
+class BatchPlan:
+    """The settings of a batch. Paths are relative to the file of the plan."""
+
+    motions: tuple[str, ...] = setting((), "Files of motions, such as `walks/*.bvh`, or folders.")
+    characters: tuple[str, ...] = setting((), "Files of characters, such as `horse.glb`, or folders.")
+    output: str = setting("out/batch", "Folder of the results.")
+    format: str = setting("glb", "Format of the results: a suffix that `enliven export` writes.")
+    sheets: bool = setting(False, "Draw a contact sheet of each result (needs the viewer's package).")
+    options: RetargetOptions = setting(RetargetOptions)
+    mappings: dict[str, str] = field(
+        default_factory=dict,
+        metadata={"doc": "A mapping file for each character that needs one, by file name."},
+    )
+    heights: dict[str, float] = field(
+        default_factory=dict, metadata={"doc": "Height in metres of characters, by file name."}
+    )
+
+
+def load_plan(path: Path) -> BatchPlan:
+    """Returns the plan in a TOML file, with paths relative to the current folder.
+
+    Raises:
+        InputError: if the file cannot be read, or a key or value is wrong.
+    """
+    plan, folder = load_settings(BatchPlan, path), path.parent
+    mapping = plan.options.mapping
+    return replace(
+        plan,
+        motions=tuple(str(folder / entry) for entry in plan.motions),
+        characters=tuple(str(folder / entry) for entry in plan.characters),
+        output=str(folder / plan.output),
+        mappings={name: str(folder / file) for name, file in plan.mappings.items()},
+        options=replace(plan.options, mapping=str(folder / mapping) if mapping else ""),
+    )
+
+
+def plan_of(motions: Path, characters: Path) -> BatchPlan:
+    """Returns the plan for all motions of a folder onto all characters of another one."""
+    return BatchPlan(motions=(str(motions),), characters=(str(characters),))
+
+
+def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
+    """Returns a job for each pair of the plan, sorted by character, so that workers rarely read the same
+    character again.
+
+    Raises:
+        InputError: if the plan is empty or too large, or if files are missing. The message names all of them.
+        ResourceError: if the output folder cannot be created.
+    """
+    missing_files: list[str] = []
+    motions = _find_files(plan.motions, MOTION_SUFFIXES, missing_files)
+    characters = _find_files(plan.characters, CHARACTER_SUFFIXES, missing_files)
+    missing_files += [
+        file for file in (*plan.mappings.values(), plan.options.mapping) if file and not Path(file).is_file()
+    ]
+    names = {character.stem for character in characters} | {character.name for character in characters}
+    missing_files += [
+        f"{name} (named under mappings or heights)"
+        for name in (*plan.mappings, *plan.heights)
+        if name not in names
+    ]
+    if missing_files:
+        listed = ", ".join(missing_files[:_MAX_NAMED_FILES])
+        more = (
+            f" and {len(missing_files) - _MAX_NAMED_FILES} more"
+            if len(missing_files) > _MAX_NAMED_FILES
+            else ""
+        )
+        raise InputError(
+            f"files are missing: {listed}{more}", where="batch", remedy="Correct the paths in the plan."
+        )
+    if not motions or not characters:
+        empty_list = "motions" if not motions else "characters"
+        raise InputError(
+            f"the plan has no {empty_list}",
+            where="batch",
+            remedy=f"Name files or a folder under `{empty_list}`.",
+        )
+    if len(motions) * len(characters) > MAX_JOBS:
+        problem = f"{len(motions)} motions and {len(characters)} characters are more than {MAX_JOBS} pairs"
+        raise InputError(problem, where="batch", remedy="Divide them into several plans.")
+    output = Path(plan.output)
+    output.mkdir(parents=True, exist_ok=True)
+    exporter_of(output / f"check.{plan.format}")
+    if plan.sheets:
+        find_sheet_function("motion")
+    require_folder(output / "report.html")
+    return [
+        job_of(
+            motion,
+            character,
+            output / character_name / f"{motion_name}.{plan.format}",
+            _options_for(plan, character),
+            plan.sheets,
+        )
+        for character, character_name in _with_unique_names(characters)
+        for motion, motion_name in _with_unique_names(motions)
+    ]
+
+
+def _options_for(plan: BatchPlan, character: Path) -> RetargetOptions:
+    """Returns the options with the mapping and height of one character."""
+    options = plan.options
+    for key in (character.name, character.stem):
+        if key in plan.mappings:
+            options = replace(options, mapping=plan.mappings[key])
+        if key in plan.heights:
+            options = replace(options, height=plan.heights[key])
+    return options
+
+
+def _find_files(entries: Sequence[str], kinds: Sequence[str], missing: list[str]) -> list[Path]:
+    """Returns the files of paths, patterns and folders, sorted and without duplicates.
+
+    Args:
+        missing: receives the entries without a file.
+    """
+    files: list[Path] = []
+    for entry in entries:
+        path = Path(entry)
+        if path.is_dir():
+            matching = [file for file in sorted(path.rglob("*")) if _is_kind(file, kinds)]
+        elif path.is_file():
+            matching = [path]
+        else:
+            matching = [
+                Path(name) for name in sorted(glob.glob(entry, recursive=True)) if Path(name).is_file()
+            ]
+        if not matching:
+            missing.append(entry)
+        files += matching
+    return list(dict.fromkeys(files))
+
+
+def _is_kind(file: Path, kinds: Sequence[str]) -> bool:
+    """Returns True if a file of a folder has one of the suffixes. Text files must contain a table of
+    numbers.
+    """
+    if file.suffix.lower() not in kinds or not file.is_file():
+        return False
+    return file.suffix.lower() != ".txt" or _is_table(file)
+
+
+def _is_table(file: Path) -> bool:
+    """Returns True if the first line of a text file is a row of numbers, as in CMU's exponential maps."""
+    with file.open("rb") as stream:
+        words = stream.readline(1 << 16).replace(b",", b" ").split()
+    try:
+        return len([float(word) for word in words]) > 1
+    except ValueError:
+        return False
+
+
+def _with_unique_names(files: Sequence[Path]) -> list[tuple[Path, str]]:
+    """Returns each file with a name for its results: its stem, with the folder where stems repeat."""
+    count = collections.Counter(file.stem.lower() for file in files)
+    used_names = set[str]()
+    named_files = []
+    for file in files:
+        base = (
+            file.stem
+            if count[file.stem.lower()] == 1
+            else f"{file.parent.name}-{file.name}".replace(".", "-")
+        )
+        name, number = base, 2
+        while name.lower() in used_names:
+            name, number = f"{base}-{number}", number + 1
+        used_names.add(name.lower())
+        named_files.append((file, name))
+    return named_files

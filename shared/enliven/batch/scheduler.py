@@ -1,0 +1,151 @@
+"""Runs the jobs of a batch on Dask: on workers of this computer, or on a cluster of many.
+
+    with open_client(workers=2) as client:
+        for result in run_jobs(jobs, client):
+            ...
+
+A crash of a worker loses nothing: Dask gives its jobs to others, and a job's files are written completely or
+not at all. The same code runs on one computer and on many, if all of them see the files under the same paths.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from enliven.batch.jobs import BatchJob, JobResult, finished_result, run_job
+from enliven.errors import InputError, ResourceError, plain_reason
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+log = logging.getLogger(__name__)
+
+_ATTEMPTS = 3
+"""Maximum number of attempts for a job if its worker fails for an unknown reason."""
+_MAX_WORKER_DEATHS = 10
+"""Maximum number of workers that may die at one job before the job counts as the cause. Workers may also die
+by chance, because memory is short or their computer is switched off.
+"""
+_JOBS_PER_WORKER = 50
+"""Number of jobs that wait for each worker. More would only use the scheduler's memory."""
+_CONNECT_S = 8.0
+"""Maximum time to connect to a scheduler, in seconds."""
+
+
+@contextlib.contextmanager
+def open_client(workers: int = 0, scheduler: str = "") -> Iterator[Client]:
+    """Yields a client of a cluster, and closes it at the end.
+
+    Args:
+        workers: processes on this computer. 0: one per processor core.
+        scheduler: address of a Dask scheduler, such as "tcp://10.0.0.5:8786". Empty: a cluster on this
+            computer, which only programs of this computer can reach.
+
+    Raises:
+        ResourceError: if Dask is not installed, or the scheduler cannot be reached.
+        InputError: if the address is invalid.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        remedy = 'Install it: pip install "enliven[batch]" (in a checkout: "./shared[batch]").'
+        raise ResourceError("the library Dask is not installed", where="batch", remedy=remedy) from None
+    settings = {
+        "distributed.scheduler.allowed-failures": _MAX_WORKER_DEATHS,
+        # One job uses one core. So several threads of Numba or BLAS would only slow other workers down.
+        "distributed.nanny.environ": {"NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    }
+    with dask.config.set(settings), contextlib.ExitStack() as stack:
+        if scheduler:
+            yield stack.enter_context(_connect(Client, scheduler))
+            return
+        cluster = stack.enter_context(
+            LocalCluster(
+                n_workers=workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )
+        )
+        yield stack.enter_context(Client(cluster))
+
+
+def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
+    """Yields the result of each job when it is finished: first those of earlier runs, then new ones.
+
+    Closing the iterator cancels the jobs that have not begun.
+    """
+    waiting = []
+    for job in jobs:
+        earlier_result = finished_result(job)
+        if earlier_result is None:
+            waiting.append(job)
+        else:
+            yield earlier_result
+    yield from _run_on(client, waiting)
+
+
+def _run_on(client: Client, jobs: Sequence[BatchJob]) -> Iterator[JobResult]:
+    """Yields the result of each job. A bounded number of jobs waits at the scheduler."""
+    from distributed import as_completed
+
+    queue = iter(jobs)
+    limit = _JOBS_PER_WORKER * max(len(client.scheduler_info()["workers"]), 1)
+    jobs_by_key: dict[object, BatchJob] = {}
+    completed = as_completed([], raise_errors=False)
+
+    def submit(number: int) -> None:
+        for _, job in zip(range(number), queue, strict=False):
+            future = client.submit(
+                run_job, job, key=f"enliven-{job.digest}-{job.output}", retries=_ATTEMPTS - 1, pure=False
+            )
+            jobs_by_key[future.key] = job
+            completed.add(future)
+
+    try:
+        submit(limit)
+        for future in completed:
+            yield _result_of(future, jobs_by_key.pop(future.key))
+            submit(1)
+    finally:
+        client.cancel(completed.futures)
+
+
+def _result_of(future: Any, job: BatchJob) -> JobResult:
+    """Returns the result of a finished future. An unexpected error only fails this job."""
+    error = future.exception() if future.status == "error" else None
+    if error is None and future.status == "finished":
+        result: JobResult = future.result()
+        return result
+    reason = plain_reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+    if type(error).__name__ == "KilledWorker":
+        reason = f"{_MAX_WORKER_DEATHS} workers died at it. The computer may lack memory"
+    elif error is None:
+        reason = "it was cancelled by the scheduler"
+    log.error("%s failed unexpectedly: %s", job.name, reason)
+    remedy = f"Try it alone: enliven retarget {job.motion} {job.character} -o {job.output}"
+    return JobResult(job, problem=f"{reason}. {remedy}")
+
+
+@contextlib.contextmanager
+def _connect(client_type: type[Client], address: str) -> Iterator[Client]:
+    """Yields a client of the scheduler at an address."""
+    try:
+        client = client_type(address, timeout=_CONNECT_S)
+    except (OSError, TimeoutError) as error:
+        remedy = "Start it there: dask scheduler; and on each computer: dask worker ADDRESS --nthreads 1."
+        raise ResourceError(f"no Dask scheduler answers ({error})", where=address, remedy=remedy) from None
+    except ValueError as error:
+        remedy = "Write it as tcp://HOST:8786."
+        raise InputError(
+            f"this is not the address of a scheduler ({error})", where=address, remedy=remedy
+        ) from None
+    with client:
+        yield client

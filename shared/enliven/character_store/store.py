@@ -1,0 +1,153 @@
+"""The folder of prepared characters: it finds, writes and deletes files."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib.util
+import logging
+import os
+import platform
+import time
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import zstandard
+
+import enliven
+from enliven.errors import EnlivenError
+from enliven.files import read_file, write_file
+
+log = logging.getLogger(__name__)
+
+FORMAT_VERSION = 1
+"""Version of the files. It is part of every name, so a file of another version is never read."""
+MAX_FILE_BYTES = 64 << 20
+"""Maximum bytes of a prepared character before compression. A larger one is prepared at each start."""
+MAX_FOLDER_BYTES = 256 << 20
+"""Maximum bytes of the folder. The files that were unused for the longest time are deleted first."""
+_LEVEL = 1
+"""Compression level of Zstandard. Higher ones save little, and the first start waits for it."""
+_SUFFIX = ".prepared"
+"""Suffix of all files of the folder."""
+FOLDER_VARIABLE = "ENLIVEN_CHARACTERS"
+"""Environment variable with the user's store: a folder, or ``off`` for none."""
+_PACKAGES = ("enliven", "enliven_edge", "enliven_viewer")
+"""Packages with code that prepares characters."""
+_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "pillow")
+"""Libraries that may compute other results in another version."""
+
+
+class CharacterStore:
+    """A folder of prepared characters.
+
+    A file that cannot be read or written is left out: the store never stops a program.
+
+    Args:
+        folder: the folder. It is created at the first write, for its owner only. None: nothing is stored.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+
+    @classmethod
+    def of_user(cls) -> CharacterStore:
+        """Returns the store in the user's folder for caches, or the one that :data:`FOLDER_VARIABLE` names.
+
+        A user without a home has an empty one.
+        """
+        if given := os.environ.get(FOLDER_VARIABLE):
+            return cls(None if given == "off" else Path(given))
+        with contextlib.suppress(RuntimeError):  # The user has no home folder.
+            caches = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+            return cls((Path(caches) if caches else Path.home() / ".cache") / "enliven" / "characters")
+        return cls(None)
+
+    def load(self, key: str) -> bytes | None:
+        """Returns the data that was saved under a key, or None if it is missing, damaged or too large."""
+        if self._folder is None:
+            return None
+        path = self._path_of(key)
+        try:
+            if not path.exists():
+                return None
+            packed = read_file(path, MAX_FILE_BYTES)
+            if not 0 <= zstandard.frame_content_size(packed) <= MAX_FILE_BYTES:
+                return None
+            data = zstandard.ZstdDecompressor().decompress(packed)
+        except (EnlivenError, OSError, zstandard.ZstdError, MemoryError) as error:
+            log.warning("%s is not used, and the character is prepared again (%s)", path, error)
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(path)
+        return data
+
+    def save(self, key: str, data: bytes) -> None:
+        """Writes data completely or not at all, and deletes the oldest files above the limit."""
+        if self._folder is None or len(data) > MAX_FILE_BYTES:
+            return
+        # The checksum finds damage, for example by a power cut.
+        packed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(data)
+        try:
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            write_file(self._path_of(key), packed, durable=False)
+            self._delete_oldest()
+        except (EnlivenError, OSError) as error:
+            log.info("a prepared character is not kept (%s)", error)
+
+    def _path_of(self, key: str) -> Path:
+        assert self._folder is not None
+        return self._folder / f"{key}{_SUFFIX}"
+
+    def _delete_oldest(self) -> None:
+        """Deletes the files that were unused for the longest time until the folder is small enough."""
+        assert self._folder is not None
+        sizes: dict[Path, tuple[float, int]] = {}
+        for path in self._folder.glob(f"*{_SUFFIX}"):
+            with contextlib.suppress(OSError):
+                state = path.stat()
+                # A clock that was set back must not make a file the newest for ever.
+                sizes[path] = min(state.st_mtime, time.time()), state.st_size
+        left = sum(size for _, size in sizes.values())
+        for path in sorted(sizes, key=lambda each: sizes[each]):
+            if left <= MAX_FOLDER_BYTES:
+                return
+            with contextlib.suppress(OSError):
+                path.unlink()
+                left -= sizes[path][1]
+
+
+def key_of(*parts: object) -> str:
+    """Returns the key of a result: a hash of its inputs, and of the code and libraries that compute it.
+
+    Args:
+        parts: values with a ``repr`` that represents them completely.
+    """
+    inputs = repr((FORMAT_VERSION, parts, _code_state(), platform.machine()))
+    return hashlib.sha256(inputs.encode()).hexdigest()
+
+
+@functools.cache
+def _code_state() -> tuple[object, ...]:
+    """Returns the versions of the libraries, and name, size and time of each file of this project's packages.
+
+    The files distinguish two states of a checkout with the same version. This takes some milliseconds.
+    """
+    versions = []
+    for library in _LIBRARIES:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            versions.append((library, metadata.version(library)))
+    files = [state for package in _PACKAGES for state in _file_states(package)]
+    return enliven.__version__, tuple(versions), tuple(sorted(files))
+
+
+def _file_states(package: str) -> Iterator[tuple[str, int, int]]:
+    """Yields name, size and time in nanoseconds of each Python file of a package, if it is installed."""
+    spec = importlib.util.find_spec(package)
+    for root in (spec.submodule_search_locations or ()) if spec is not None else ():
+        for folder, _, names in os.walk(root):
+            for path in (os.path.join(folder, name) for name in names if name.endswith(".py")):
+                state = os.stat(path)
+                yield os.path.relpath(path, os.path.dirname(root)), state.st_size, state.st_mtime_ns

@@ -1,0 +1,148 @@
+"""The command ``enliven batch``: every motion of a plan onto every character, in parallel."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from enliven.commands.terminal import progress_lines, say
+from enliven.errors import InputError
+from enliven.supervision.lifetime import block_interrupts, terminate_as_interrupt
+
+if TYPE_CHECKING:
+    from enliven.batch.jobs import BatchJob, JobResult
+    from enliven.batch.plan import BatchPlan
+
+_REPORT_INTERVAL_S = 5.0
+"""Shortest time between two reports of a running batch, in seconds. A report of 10,000 pairs is 5 MB."""
+
+
+def batch(
+    plan: Annotated[Path | None, typer.Argument(help="The plan, a TOML file.")] = None,
+    motions: Annotated[Path | None, typer.Option(help="Without a plan: folder of motions.")] = None,
+    characters: Annotated[Path | None, typer.Option(help="Without a plan: folder of characters.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder of the results; by default the plan's.")
+    ] = None,
+    format: Annotated[str | None, typer.Option(help="Format of the results, such as glb or bvh.")] = None,
+    sheets: Annotated[
+        bool,
+        typer.Option("--sheets", help="Draw a contact sheet of each (needs the viewer's package)."),
+    ] = False,
+    travel: Annotated[
+        bool, typer.Option("--travel", help="Let the models go where the performers go.")
+    ] = False,
+    pin: Annotated[bool, typer.Option("--pin", help="With --travel: hold feet where they stand.")] = False,
+    workers: Annotated[
+        int, typer.Option(min=0, help="Processes on this computer; 0: one per processor core.")
+    ] = 0,
+    scheduler: Annotated[
+        str,
+        typer.Option(help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786, for many computers."),
+    ] = "",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check the plan, and list what would be done.")
+    ] = False,
+) -> None:
+    """Retarget every motion onto every character. Another run does only what is missing.
+
+    The results are OUTPUT/CHARACTER/MOTION.glb, and OUTPUT/report.html lists them with their quality and the
+    reasons of failures. It also shows the progress while the batch runs. docs/batch.md describes plans.
+
+    \b
+      enliven batch --motions WALKS --characters MODELS -o out/walks
+      enliven batch PLAN.toml
+      enliven batch PLAN.toml --scheduler tcp://10.0.0.5:8786
+    """
+    # Heavy modules are imported only here, so that `--help` is quick.
+    from enliven.batch.jobs import finished_result
+    from enliven.batch.plan import plan_jobs
+
+    chosen_plan = _chosen_plan(plan, motions, characters, output, format)
+    options = replace(
+        chosen_plan.options, travel=travel or chosen_plan.options.travel, pin=pin or chosen_plan.options.pin
+    )
+    chosen_plan = replace(chosen_plan, options=options, sheets=sheets or chosen_plan.sheets)
+    jobs = plan_jobs(chosen_plan)
+    if dry_run:
+        for job in jobs:
+            say(f"{'done' if finished_result(job) else 'to do'}: {job.name}: {job.output}")
+        return
+    failed = _run(jobs, Path(chosen_plan.output) / "report.html", workers, scheduler)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _chosen_plan(
+    plan: Path | None,
+    motions: Path | None,
+    characters: Path | None,
+    output: Path | None,
+    format: str | None,
+) -> BatchPlan:
+    """Returns the plan in a file, or of two folders. Values of the command line take precedence."""
+    from enliven.batch.plan import load_plan, plan_of
+
+    if plan is not None:
+        if motions or characters:
+            raise InputError(
+                "a plan and folders are given", where="batch", remedy="Leave out --motions and --characters."
+            )
+        return _with_output(load_plan(plan), output, format)
+    if motions is None or characters is None:
+        remedy = "Give a plan, or --motions FOLDER and --characters FOLDER."
+        raise InputError("no motions and characters are given", where="batch", remedy=remedy)
+    return _with_output(plan_of(motions, characters), output, format)
+
+
+def _with_output(plan: BatchPlan, output: Path | None, format: str | None) -> BatchPlan:
+    """Returns the plan with another output folder or format, if given."""
+    return replace(
+        plan,
+        output=str(output) if output else plan.output,
+        format=format.removeprefix(".") if format else plan.format,
+    )
+
+
+def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -> int:
+    """Runs the jobs with a progress bar, and keeps the report current. Returns the number of failed jobs."""
+    from enliven.batch.report import write_report
+    from enliven.batch.scheduler import open_client, run_jobs
+
+    results: list[JobResult] = []
+    written_at = time.monotonic()
+    say(f"enliven: {len(jobs)} pairs; the progress is in {report}", err=True)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(terminate_as_interrupt())
+        with block_interrupts():
+            # Ctrl-C must not reach the workers: they would end in the middle of a job with a long message.
+            client = stack.enter_context(open_client(workers, scheduler))
+        display = stack.enter_context(
+            progress_lines("{task.description}", "{task.completed:.0f} of {task.total:.0f}", bar=True)
+        )
+        task = display.add_task("retargeting", total=len(jobs))
+        write_report(report, results, len(jobs), running=True)
+        try:
+            for result in run_jobs(jobs, client):
+                results.append(result)
+                display.update(task, completed=len(results))
+                if result.problem:
+                    say(f"enliven: {result.job.name}: {result.problem}", err=True)
+                if time.monotonic() - written_at > _REPORT_INTERVAL_S:
+                    write_report(report, results, len(jobs), running=True)
+                    written_at = time.monotonic()
+        finally:
+            write_report(report, results, len(jobs))
+    failed, earlier_count = sum(bool(r.problem) for r in results), sum(not r.is_new for r in results)
+    faulty = sum(bool(r.faults) for r in results)
+    say(
+        f"enliven: {len(results) - failed} pairs are in {report.parent} ({earlier_count} from earlier runs), "
+        f"{faulty} have visible faults, {failed} failed: {report}"
+    )
+    return failed

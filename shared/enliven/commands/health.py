@@ -1,0 +1,85 @@
+"""enliven health: serves the health page of an installation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from enliven.commands.processes import parent_is_gone, terminate_as_interrupt
+from enliven.commands.terminal import say
+from enliven.errors import InputError
+
+if TYPE_CHECKING:
+    from enliven.kiosk.profile import KioskProfile
+
+
+def health(
+    profile: Annotated[
+        Path | None,
+        typer.Argument(metavar="[PROFILE]", help="Profile of a kiosk (TOML)."),
+    ] = None,
+    edge: Annotated[
+        list[str] | None,
+        typer.Option(metavar="HOST[:PORT]", help="Watch this edge, not those of the profile."),
+    ] = None,
+    host: Annotated[str, typer.Option(help="Network address to listen on; default: the profile's.")] = "",
+    port: Annotated[int, typer.Option(help="Its port; default: the profile's.", min=0, max=65535)] = 0,
+    test_alert: Annotated[
+        bool, typer.Option("--test-alert", help="Send a test alert by the webhook and the command, and stop.")
+    ] = False,
+) -> None:
+    """Serves a page with the health of edges, programs and this computer.
+
+    The page is at http://127.0.0.1:5590, metrics for Prometheus are at /metrics, and JSON for scripts is at
+    /health (status 503 if something fails). Beyond this computer it needs a password and TLS, which the
+    profile names under [health]. Alerts are sent as the profile says under [alerts].
+
+    \b
+      enliven health
+      enliven health PROFILE.toml
+      enliven health --edge 192.168.1.20
+      enliven health PROFILE.toml --test-alert
+    """
+    from enliven.health_page.server import send_test_alert, serve_health
+    from enliven.kiosk.profile import EdgeOfKiosk, KioskProfile, load_profile
+
+    settings = KioskProfile() if profile is None else load_profile(profile)
+    if profile is not None:
+        settings = _resolve_paths(settings, profile.parent)
+    if test_alert:
+        if profile is None:
+            raise InputError("--test-alert needs a profile", remedy="enliven health PROFILE --test-alert")
+        say(f"sent: {', '.join(send_test_alert(settings))}")
+        return
+    if edge:
+        settings = replace(settings, edges={address: EdgeOfKiosk(address=address) for address in edge})
+    page = settings.health
+    settings = replace(settings, health=replace(page, host=host or page.host, port=port or page.port))
+    with terminate_as_interrupt():
+        try:
+            serve_health(settings, parent_is_gone)
+        except KeyboardInterrupt:
+            # The server has shut down properly. It raises the signal that ended it again.
+            return
+
+
+def _resolve_paths(settings: KioskProfile, folder: Path) -> KioskProfile:
+    """Returns a profile with absolute paths. In the file, they are relative to its folder."""
+
+    def resolve(path: str) -> str:
+        return str(folder.absolute() / path) if path else ""
+
+    page = settings.health
+    return replace(
+        settings,
+        health=replace(
+            page,
+            password_file=resolve(page.password_file),
+            certificate=resolve(page.certificate),
+            certificate_key=resolve(page.certificate_key),
+        ),
+        care=replace(settings.care, recordings=resolve(settings.care.recordings)),
+    )

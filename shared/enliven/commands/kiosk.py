@@ -1,0 +1,193 @@
+"""enliven kiosk: runs an unattended installation from one profile."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from enliven.commands.lazy import installed_commands, run_command
+from enliven.commands.processes import enliven_command
+from enliven.commands.run import has_display
+from enliven.commands.terminal import say
+from enliven.errors import EnlivenError, InputError, ResourceError
+
+if TYPE_CHECKING:
+    from enliven.kiosk.profile import KioskProfile
+    from enliven.supervision.child import Program
+
+STATE_VARIABLE = "STATE_DIRECTORY"
+"""Environment variable with the folder in which an edge keeps its stage. systemd sets it, too."""
+
+MIN_PAGE_FROZEN_S = 30.0
+"""Minimum time without progress until the health page or the server of souvenirs is restarted, in seconds.
+Neither is needed for the show to continue.
+"""
+SOUVENIR_LIBRARIES = ("segno", "starlette", "uvicorn")
+"""Libraries for souvenirs, of the extra ``enliven-viewer[web]``."""
+
+
+def kiosk(
+    profile: Annotated[Path, typer.Argument(help="Profile of the kiosk (TOML).")],
+    window: Annotated[
+        bool, typer.Option("--window/--no-window", help="Open the window on this computer's screen.")
+    ] = True,
+    check: Annotated[
+        bool, typer.Option("--check", help="Name all mistakes of the profile, and start nothing.")
+    ] = False,
+    edge: Annotated[
+        str, typer.Option("--edge", metavar="NAME", help="Become this edge of the profile, for systemd.")
+    ] = "",
+) -> None:
+    """Run a kiosk: edges, a full-screen window, and a health page. Each is restarted when it ends or freezes.
+
+    The page is at http://127.0.0.1:5590. Ctrl-C or SIGTERM ends everything. To start a kiosk with the
+    computer, use enliven install-kiosk instead.
+
+    \b
+      enliven kiosk PROFILE.toml
+      enliven kiosk PROFILE.toml --check
+      enliven kiosk PROFILE.toml --no-window
+    """
+    from enliven.kiosk.checks import find_mistakes
+    from enliven.kiosk.profile import load_profile
+
+    path = profile.absolute()
+    if edge:
+        _become_edge(edge, path)
+    mistakes: list[EnlivenError] = find_mistakes(path)
+    if not any(isinstance(mistake, InputError) for mistake in mistakes):
+        mistakes += _find_lacks(window)
+        mistakes += _find_missing_libraries(load_profile(path))
+        mistakes += _find_taken_screen(load_profile(path)) if window else []
+    if mistakes:
+        for mistake in mistakes:
+            say(f"enliven: {mistake}", err=True)
+        raise typer.Exit(mistakes[0].exit_code)
+    settings = load_profile(path)
+    if check:
+        say(f"{profile}: a kiosk can start from this profile")
+        return
+    raise typer.Exit(_supervise(settings, path, window))
+
+
+def _supervise(settings: KioskProfile, path: Path, window: bool) -> int:
+    """Runs all programs of a kiosk until it is ended. Returns the exit code."""
+    from enliven.supervision.records import RUNTIME_VARIABLE, runtime_folder
+    from enliven.supervision.supervisor import RecordFolders, Supervisor
+
+    runtime = runtime_folder()
+    os.environ[RUNTIME_VARIABLE] = str(runtime)
+    programs = kiosk_programs(settings, path, window=window)
+    say(f"{settings.name}: the health page is at http://127.0.0.1:{settings.health.port}", err=True)
+    return Supervisor(programs, RecordFolders(runtime), settings.care.restart_at).run()
+
+
+def kiosk_programs(settings: KioskProfile, path: Path, *, window: bool = True) -> list[Program]:
+    """Returns the programs of a kiosk in the order of their start. They do not wait for each other.
+
+    Args:
+        settings: the profile.
+        path: its file.
+        window: False leaves out the window.
+    """
+    from enliven.files import user_data_folder
+    from enliven.kiosk.programs import (
+        edge_arguments,
+        health_arguments,
+        local_edges,
+        service_name,
+        souvenir_arguments,
+        window_arguments,
+    )
+    from enliven.supervision.child import Program
+
+    frozen_after_s = settings.care.frozen_after
+    state = {STATE_VARIABLE: str(user_data_folder())}
+    programs = [
+        Program(
+            service_name(name),
+            enliven_command(edge_arguments(name, settings, path.parent)),
+            frozen_after_s=frozen_after_s,
+            environment=state,
+        )
+        for name in local_edges(settings)
+    ]
+    if window:
+        command = enliven_command(window_arguments(path))
+        # Only an operator closes the window without a failure. That ends the kiosk.
+        programs.append(
+            Program("window", command, restart="failure", leads=True, frozen_after_s=frozen_after_s)
+        )
+    pages = {"health": health_arguments(path)}
+    if settings.souvenir.kind:
+        pages["souvenirs"] = souvenir_arguments(path)
+    for name, words in pages.items():
+        frozen_s = max(frozen_after_s, MIN_PAGE_FROZEN_S)
+        programs.append(Program(name, enliven_command(words), frozen_after_s=frozen_s))
+    return programs
+
+
+def _find_lacks(window: bool) -> list[EnlivenError]:
+    """Returns what this computer lacks for a kiosk: programs, a display, or a free screen."""
+    problems: list[EnlivenError] = []
+    commands = installed_commands()
+    required_packages = {
+        "edge": "enliven-edge",
+        "health": "enliven",
+        **({"kiosk-window": "enliven-viewer"} if window else {}),
+    }
+    for command, package in required_packages.items():
+        if command not in commands:
+            problems.append(
+                ResourceError(f"{package} is not installed here", remedy=f"Type: pip install {package}")
+            )
+    if window and not has_display():
+        remedy = (
+            "Start it on the computer's own screen, use --no-window, or install it: enliven install-kiosk."
+        )
+        problems.append(ResourceError("no screen was found", where="DISPLAY, WAYLAND_DISPLAY", remedy=remedy))
+    return problems
+
+
+def _find_missing_libraries(settings: KioskProfile) -> list[EnlivenError]:
+    """Returns a mistake if the profile makes souvenirs, and a library for them is not installed."""
+    missing_libraries = [name for name in SOUVENIR_LIBRARIES if importlib.util.find_spec(name) is None]
+    if not settings.souvenir.kind or not missing_libraries:
+        return []
+    remedy = 'Type: pip install "enliven-viewer[web]"'
+    return [
+        ResourceError(f"souvenirs need {', '.join(missing_libraries)}", where="souvenir.kind", remedy=remedy)
+    ]
+
+
+def _find_taken_screen(settings: KioskProfile) -> list[EnlivenError]:
+    """Returns a mistake if another kiosk of this user shows its window on the screen."""
+    from enliven.kiosk.screen_lock import is_screen_taken
+
+    number = settings.screen.number
+    if not is_screen_taken(number):
+        return []
+    remedy = "End it, or choose another screen.number in the profile."
+    return [ResourceError("another kiosk shows its window there", where=f"screen {number}", remedy=remedy)]
+
+
+def _become_edge(name: str, path: Path) -> None:
+    """Runs an edge of the profile in this process. A separate process would delay each restart by another
+    start of Python.
+
+    Raises:
+        InputError: if the profile cannot be used, or has no such edge on this computer.
+        Exit: when the edge has ended.
+    """
+    from enliven.kiosk.profile import load_profile
+    from enliven.kiosk.programs import edge_arguments, local_edges
+
+    settings = load_profile(path)
+    if name not in local_edges(settings):
+        names = ", ".join(local_edges(settings)) or "none"
+        raise InputError(f"it has no edge {name!r}", where=str(path), remedy=f"On this computer: {names}.")
+    raise typer.Exit(run_command(edge_arguments(name, settings, path.parent)))

@@ -1,1 +1,0 @@
-from .solver import EmbeddedSettings as EmbeddedSettings, EmbeddedSolver as EmbeddedSolver

@@ -1,1 +1,0 @@
-from .read import read_gltf as read_gltf

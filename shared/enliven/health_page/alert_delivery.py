@@ -1,0 +1,243 @@
+"""Delivers alerts to a webhook and to a command, in the background, with repeated attempts."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import queue
+import shlex
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+from enliven.errors import InputError, ResourceError
+from enliven.health_page.alerts import Alert
+from enliven.kiosk.profile import AlertSettings
+
+log = logging.getLogger(__name__)
+
+WEBHOOK_TIMEOUT_S = 10.0
+"""Timeout for connecting to a webhook and for each of its answers, in seconds."""
+COMMAND_TIMEOUT_S = 30.0
+"""Time in seconds after which a command is killed."""
+FIRST_RETRY_S = 5.0
+"""Wait before the second attempt, in seconds. The wait doubles with each attempt."""
+MAX_RETRY_S = 300.0
+"""Maximum wait between two attempts, in seconds."""
+GIVE_UP_AFTER_S = 3600.0
+"""Time in seconds after which an alert that cannot be delivered is dropped: then it is old news."""
+_MAX_WAITING = 200
+"""Maximum number of alerts that wait for delivery. Further ones are dropped."""
+_CLOSING_TIMEOUT_S = 2.0
+"""Longest wait for a delivery at the end of the program, in seconds."""
+
+
+class AlertTarget(Protocol):
+    """A receiver of alerts."""
+
+    name: str
+
+    def deliver(self, alert: Alert) -> None:
+        """Delivers one alert. May block for some seconds.
+
+        Raises:
+            ResourceError: if the alert was not delivered.
+        """
+
+
+class WebhookTarget:
+    """A web address that receives each alert as JSON by POST.
+
+    Redirections count as failures, so that alerts reach only the configured host.
+
+    Args:
+        url: the address.
+
+    Raises:
+        InputError: if it is not an http or https address.
+    """
+
+    def __init__(self, url: str) -> None:
+        from urllib.parse import urlsplit
+
+        # The path may contain a secret token, so only the host is shown and logged.
+        try:
+            parts = urlsplit(url)
+            host = parts.hostname
+        except ValueError:
+            host = None
+        if not host or parts.scheme not in ("http", "https") or not url.isprintable() or " " in url:
+            raise InputError(
+                "alerts.webhook is not a web address",
+                where="alerts",
+                remedy="Write https://HOST/PATH, or leave it empty.",
+            )
+        self._url = url
+        self.name = f"webhook at {host}"
+
+    def deliver(self, alert: Alert) -> None:
+        """Sends one alert. Errors as for :class:`AlertTarget`."""
+        from http.client import HTTPException
+        from urllib.request import HTTPHandler, HTTPSHandler, OpenerDirector, ProxyHandler, Request
+
+        opener = OpenerDirector()
+        for handler in (ProxyHandler(), HTTPHandler(), HTTPSHandler()):
+            opener.add_handler(handler)
+        headers = {"Content-Type": "application/json", "User-Agent": "enliven"}
+        request = Request(self._url, data=alert.json(), headers=headers, method="POST")
+        try:
+            with opener.open(request, timeout=WEBHOOK_TIMEOUT_S) as answer:
+                status = int(answer.status)
+        except (OSError, HTTPException, ValueError) as error:
+            reason = getattr(error, "reason", error)
+            raise ResourceError(f"it does not answer ({reason})", where=self.name) from None
+        if not 200 <= status < 300:
+            raise ResourceError(f"it answers with status {status}", where=self.name)
+
+
+class CommandTarget:
+    """A command that receives each alert as JSON on its standard input. No shell is involved.
+
+    Args:
+        command: the command and its arguments, quoted as in a shell.
+
+    Raises:
+        InputError: if the quotes do not match.
+    """
+
+    def __init__(self, command: str) -> None:
+        try:
+            self._words = shlex.split(command)
+        except ValueError as error:
+            raise InputError(
+                f"alerts.command cannot be read ({error})", where="alerts", remedy="Check its quotes."
+            ) from None
+        if not self._words:
+            raise InputError("alerts.command is empty", where="alerts", remedy="Name a program.")
+        self.name = f"command {self._words[0]}"
+
+    def deliver(self, alert: Alert) -> None:
+        """Runs the command for one alert. Errors as for :class:`AlertTarget`."""
+        try:
+            process = subprocess.Popen(
+                self._words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
+            )
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ResourceError(f"it cannot be started ({reason})", where=self.name) from None
+        try:
+            # A command that does not read its input is not a fault.
+            with contextlib.suppress(BrokenPipeError):
+                process.communicate(alert.json() + b"\n", timeout=COMMAND_TIMEOUT_S)
+            code = process.wait(timeout=COMMAND_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            _kill_group(process)
+            raise ResourceError(
+                f"it did not end within {COMMAND_TIMEOUT_S:g} s, and was killed", where=self.name
+            ) from None
+        if code != 0:
+            raise ResourceError(f"it ended with exit code {code}", where=self.name)
+
+
+class AlertCourier:
+    """Delivers the alerts of one target in their order, in a thread of its own.
+
+    Attributes:
+        sent: number of delivered alerts.
+        failures: number of failed attempts.
+        fault: why the newest attempt failed. Empty after a success.
+    """
+
+    def __init__(self, target: AlertTarget) -> None:
+        self._target = target
+        self._alerts: queue.Queue[Alert | None] = queue.Queue(_MAX_WAITING)
+        self._is_closing = threading.Event()
+        self.sent = self.failures = 0
+        self.fault = ""
+        self._thread = threading.Thread(target=self._run, name=f"alerts to {target.name}", daemon=True)
+        self._thread.start()
+
+    def submit(self, alert: Alert) -> None:
+        """Adds an alert to the queue. Never blocks. If the queue is full, the alert is dropped."""
+        try:
+            self._alerts.put_nowait(alert)
+        except queue.Full:
+            log.warning("%s: an alert was dropped, since %d wait already.", self._target.name, _MAX_WAITING)
+
+    def close(self) -> None:
+        """Ends the delivery. Alerts that wait are dropped."""
+        self._is_closing.set()
+        with contextlib.suppress(queue.Full):
+            self._alerts.put_nowait(None)
+        self._thread.join(_CLOSING_TIMEOUT_S)
+
+    def _run(self) -> None:
+        while not self._is_closing.is_set():
+            alert = self._alerts.get()
+            if alert is not None:
+                self._deliver(alert)
+
+    def _deliver(self, alert: Alert) -> None:
+        """Delivers one alert, with repeated attempts until it is old."""
+        wait_s, end = FIRST_RETRY_S, time.monotonic() + GIVE_UP_AFTER_S
+        while not self._is_closing.is_set():
+            try:
+                self._target.deliver(alert)
+            except ResourceError as error:
+                self.failures += 1
+                self.fault = str(error)
+                if time.monotonic() + wait_s > end:
+                    log.warning("%s. The alert about %s is dropped.", error, alert.kind)
+                    return
+                log.warning("%s. The alert about %s is sent again in %g s.", error, alert.kind, wait_s)
+                self._is_closing.wait(wait_s)
+                wait_s = min(2.0 * wait_s, MAX_RETRY_S)
+            except Exception:
+                # A fault of a target must not end the thread, which also delivers all later alerts.
+                self.failures += 1
+                self.fault = f"{self._target.name}: a fault of enliven"
+                log.exception("the alert about %s is dropped", alert.kind)
+                return
+            else:
+                self.sent += 1
+                self.fault = ""
+                return
+
+
+def alert_targets(settings: AlertSettings) -> list[AlertTarget]:
+    """Returns the targets that the settings name.
+
+    Raises:
+        InputError: if an address or a command is invalid.
+    """
+    targets: list[AlertTarget] = []
+    if settings.webhook:
+        targets.append(WebhookTarget(settings.webhook))
+    if settings.command.strip():
+        targets.append(CommandTarget(settings.command))
+    return targets
+
+
+def deliver_now(targets: Sequence[AlertTarget], alert: Alert) -> list[str]:
+    """Delivers an alert to all targets at once, one attempt each. Returns a sentence for each failure."""
+    faults = []
+    for target in targets:
+        try:
+            target.deliver(alert)
+        except ResourceError as error:
+            faults.append(str(error))
+    return faults
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    """Kills a process and those that it has started."""
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.wait()

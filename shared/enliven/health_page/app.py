@@ -1,0 +1,417 @@
+"""The web application of the health page: its routes, access, and actions. Starlette speaks HTTP."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import logging
+import os
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import MutableHeaders
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from enliven.errors import EnlivenError, InputError
+from enliven.files import read_file
+from enliven.health import Severity
+from enliven.health_page.alert_delivery import AlertCourier
+from enliven.health_page.alerts import AlertDesk
+from enliven.health_page.collector import HealthCollector
+from enliven.health_page.log_tail import LogTail
+from enliven.health_page.machine import terminate_program
+from enliven.health_page.metrics import Counts, metrics_text
+from enliven.health_page.page import PageWriter
+from enliven.health_page.report import REPORT_PATH, make_report
+from enliven.health_page.snapshot import Problem, ProblemKind
+from enliven.logs import escape_text
+from enliven.supervision.notify import Notifier
+from enliven.supervision.records import SCREEN_PICTURE, ServiceRecord, runtime_folder, write_service
+from enliven.web_server.access import FormTokens, PasswordGate, is_same_origin, names_this_computer
+from enliven.wire import LearnRoom, send_order, show_pairing_code
+
+log = logging.getLogger(__name__)
+
+SERVICE_NAME = "health"
+"""Name of this program in its own record."""
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self'; "
+    "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""Headers of every answer. They forbid everything that does not come from this server."""
+_STRICT_TRANSPORT = "max-age=31536000"
+"""Header of answers over TLS: browsers then use TLS for a year, also if an address is typed without https."""
+_MAX_FORM_BYTES = 4096
+"""Maximum bytes of a form. Those of the page have 300."""
+_MAX_PICTURE_BYTES = 32 << 20
+"""Maximum bytes of the picture of the screen."""
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a PNG file."""
+_NOTICE_S = 60.0
+"""Time in seconds for which the page shows an action."""
+_MAX_NOTICES = 5
+"""Maximum number of actions that are shown."""
+_MIN_ACTION_INTERVAL_S = 3.0
+"""Minimum time between two actions, in seconds. A double click must not restart a program twice."""
+_LOAD_AGAIN = "Load the page again."
+"""The remedy for a form that cannot be used."""
+_RECORD_INTERVAL_S = 10.0
+"""Time between two writes of the program's own record, in seconds."""
+
+
+class GuardMiddleware:
+    """Refuses requests without the password, and adds the headers of every answer.
+
+    Args:
+        gate: checks passwords. None: everyone that can connect is admitted.
+        uses_tls: True if the connection is encrypted.
+        checks_host: True to answer only requests to a name of this computer's loopback.
+    """
+
+    def __init__(self, app: ASGIApp, gate: PasswordGate | None, uses_tls: bool, checks_host: bool) -> None:
+        self._app, self._gate, self._checks_host = app, gate, checks_host
+        self._headers = dict(_HEADERS)
+        if uses_tls:
+            self._headers["Strict-Transport-Security"] = _STRICT_TRANSPORT
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(self._headers)
+            await send(message)
+
+        refusal = self._refuse(Request(scope))
+        await (refusal or self._app)(scope, receive, send_with_headers)
+
+    def _refuse(self, request: Request) -> Response | None:
+        """Returns the answer to a request with a wrong host or without the right password, or None."""
+        if self._checks_host and not names_this_computer(request.headers.get("host", "")):
+            return PlainTextResponse("Use the address http://127.0.0.1.\n", 400)
+        if self._gate is None:
+            return None
+        address = request.client.host if request.client else ""
+        wait_s = self._gate.locked_s(address)
+        if wait_s > 0.0:
+            headers = {"Retry-After": str(round(wait_s) + 1)}
+            text = f"Too many wrong passwords. Try again in {wait_s:.0f} s.\n"
+            return PlainTextResponse(text, 429, headers)
+        if self._gate.admits(address, request.headers.get("authorization", "")):
+            return None
+        if self._gate.locked_s(address) > 0.0:
+            log.warning("%s: too many wrong passwords; it has to wait.", address)
+        headers = {"WWW-Authenticate": 'Basic realm="enliven health", charset="UTF-8"'}
+        return PlainTextResponse("The password is missing or wrong. Any user name will do.\n", 401, headers)
+
+
+class HealthApplication:
+    """The routes of the health page, and the loop that refreshes its state.
+
+    Args:
+        collector: collects the state.
+        desk: decides which alerts are sent.
+        couriers: deliver the alerts.
+        notifier: reports progress to the supervisor.
+        should_stop: returns True if the program shall end, for example since its parent has ended.
+        stop: ends the server.
+    """
+
+    def __init__(
+        self,
+        collector: HealthCollector,
+        desk: AlertDesk,
+        couriers: Sequence[AlertCourier] = (),
+        notifier: Notifier | None = None,
+        should_stop: Callable[[], bool] = lambda: False,
+        stop: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._collector, self._desk, self._couriers = collector, desk, couriers
+        self._notifier = notifier or Notifier("")
+        self._should_stop, self._stop = should_stop, stop
+        self._writer, self._tokens, self._log = PageWriter(), FormTokens(), LogTail()
+        self._notices: deque[tuple[float, str]] = deque(maxlen=_MAX_NOTICES)
+        self._acted_s = -_MIN_ACTION_INTERVAL_S
+        self._started_s, self._recorded_s = time.time(), -_RECORD_INTERVAL_S
+        # One thread only: sockets of ZeroMQ belong to one thread at a time.
+        self._executor = ThreadPoolExecutor(1, "health")
+
+    def asgi(
+        self, gate: PasswordGate | None = None, uses_tls: bool = False, checks_host: bool = True
+    ) -> Starlette:
+        """Returns the application for a server.
+
+        Args:
+            gate: checks passwords. None: no password.
+            uses_tls: True if the server encrypts.
+            checks_host: True to answer only requests to a name of this computer's loopback.
+        """
+        static = Path(__file__).parent / "static"
+        middleware = [Middleware(GuardMiddleware, gate=gate, uses_tls=uses_tls, checks_host=checks_host)]
+        routes = [
+            Route("/", self._page),
+            Route(REPORT_PATH, self._report),
+            Route("/metrics", self._metrics),
+            Route("/screen.png", self._picture),
+            Route("/confirm", self._confirm),
+            Route("/restart", self._restart, methods=["POST"]),
+            Route("/code", self._code, methods=["POST"]),
+            Route("/room", self._learn_room, methods=["POST"]),
+            Mount("/static", StaticFiles(directory=static)),
+        ]
+        return Starlette(routes=routes, middleware=middleware, lifespan=self._lifespan)
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, app: Any) -> AsyncIterator[None]:
+        """Refreshes the state while the server runs."""
+        task = asyncio.create_task(self._refresh_forever())
+        try:
+            yield
+        finally:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+            # The last refresh may still run, and the sockets belong to its thread.
+            await asyncio.get_running_loop().run_in_executor(self._executor, self._collector.close)
+            self._executor.shutdown()
+
+    async def _refresh_forever(self) -> None:
+        """Refreshes the state, sends alerts, and reports progress. A failed refresh is not progress."""
+        loop, has_warned = asyncio.get_running_loop(), False
+        while not self._should_stop():
+            try:
+                has_read = await loop.run_in_executor(
+                    self._executor, functools.partial(self._collector.refresh, self._alert_faults())
+                )
+                self._send_alerts()
+                if has_read:
+                    self._notifier.progress(self._collector.snapshot.status)
+                    await loop.run_in_executor(self._executor, self._write_own_record)
+            except Exception:
+                if not has_warned:
+                    log.exception("the state could not be refreshed")
+                has_warned = True
+                await asyncio.sleep(1.0)
+        self._stop()
+
+    def _send_alerts(self) -> None:
+        """Gives new alerts to the couriers."""
+        snapshot = self._collector.snapshot
+        for alert in self._desk.update(snapshot.problems, time.monotonic(), snapshot.at_s):
+            log.info("alert: %s: %s: %s", alert.event, alert.subject or "this computer", alert.message)
+            for courier in self._couriers:
+                courier.submit(alert)
+
+    def _alert_faults(self) -> list[Problem]:
+        """Returns a problem for each receiver that the newest alert did not reach."""
+        return [
+            Problem(
+                ProblemKind.ALERTS_FAIL,
+                "",
+                Severity.WARNING,
+                f"Alerts are not delivered: {escape_text(courier.fault)}.",
+                "Check [alerts] in the profile. Try it: enliven health PROFILE --test-alert",
+            )
+            for courier in self._couriers
+            if courier.fault
+        ]
+
+    def _write_own_record(self) -> None:
+        """Writes this program's own record from time to time."""
+        time_now = time.monotonic()
+        if time_now - self._recorded_s < _RECORD_INTERVAL_S:
+            return
+        self._recorded_s = time_now
+        record = ServiceRecord(
+            SERVICE_NAME,
+            os.getpid(),
+            self._started_s,
+            time.time(),
+            f"reports: {self._collector.snapshot.status}",
+        )
+        try:
+            write_service(record)
+        except (EnlivenError, OSError) as error:
+            log.warning("the program's own record cannot be written: %s", error)
+
+    async def _page(self, request: Request) -> Response:
+        return HTMLResponse(await run_in_threadpool(self._write_page))
+
+    def _write_page(self) -> str:
+        time_now = time.monotonic()
+        notices = [text for at_s, text in self._notices if time_now - at_s < _NOTICE_S]
+        picture_at_s = None
+        with contextlib.suppress(OSError, EnlivenError):
+            picture_at_s = (runtime_folder() / SCREEN_PICTURE).stat().st_mtime
+        return self._writer.health(
+            self._collector.snapshot, self._collector.history, self._log.read(), notices, picture_at_s
+        )
+
+    async def _report(self, request: Request) -> Response:
+        snapshot = self._collector.snapshot
+        status = 503 if snapshot.severity is Severity.ERROR else 200
+        return Response(msgspec.json.encode(make_report(snapshot)), status, media_type="application/json")
+
+    async def _metrics(self, request: Request) -> Response:
+        counts = Counts(
+            dict(self._collector.restart_counts),
+            sum(courier.sent for courier in self._couriers),
+            sum(courier.failures for courier in self._couriers),
+        )
+        data, media_type = await run_in_threadpool(metrics_text, self._collector.snapshot, counts)
+        return Response(data, headers={"Content-Type": media_type})
+
+    async def _picture(self, request: Request) -> Response:
+        try:
+            data = await run_in_threadpool(_read_picture)
+        except (EnlivenError, OSError):
+            data = b""
+        if not data.startswith(_PNG_SIGNATURE):
+            return PlainTextResponse("No window has stored a picture on this computer.\n", 404)
+        return Response(data, media_type="image/png")
+
+    async def _confirm(self, request: Request) -> Response:
+        """Asks before an action. Without JavaScript, this page is the confirmation."""
+        action, subject = request.query_params.get("action", ""), request.query_params.get("subject", "")
+        if action == "restart" and subject in self._pids():
+            question = (
+                f"{subject} ends, and its supervisor starts it again within seconds. An edge learns the room "
+                "again. Visitors see an interruption."
+            )
+            texts = (f"Restart {subject}?", question, "Restart", "/restart")
+        elif action == "code" and subject in self._collector.endpoints:
+            question = f"{subject} accepts a new viewer with this code for some minutes."
+            texts = ("Show the pairing code?", question, "Show the code", "/code")
+        elif action == "room" and subject in self._collector.endpoints:
+            question = (
+                f"{subject} forgets the background and the floor, and learns both within seconds. Do this "
+                "when furniture was moved and the view of the camera is empty."
+            )
+            texts = ("Learn the room again?", question, "Learn the room", "/room")
+        else:
+            error = InputError("this program or edge is not known", remedy=_LOAD_AGAIN)
+            return self._failure(error, 404)
+        token = self._tokens.make(action, subject)
+        return HTMLResponse(self._writer.confirm(*texts, subject, token))
+
+    async def _restart(self, request: Request) -> Response:
+        """Ends a program, so that its supervisor starts it again."""
+        try:
+            subject = await self._read_action(request, "restart")
+            pid = self._pids().get(subject)
+            if pid is None:
+                raise InputError(f"{subject} is not known", remedy=_LOAD_AGAIN)
+            await run_in_threadpool(terminate_program, subject, pid)
+        except EnlivenError as error:
+            return self._failure(error)
+        address = request.client.host if request.client else "unknown"
+        log.warning("%s restarts %s", address, subject)
+        notice = f"{subject} was asked to restart by {address}."
+        self._notices.append((time.monotonic(), escape_text(notice)))
+        return Response(status_code=303, headers={"Location": "/"})
+
+    async def _code(self, request: Request) -> Response:
+        """Shows the pairing code of an edge. This program needs the role *operate* there."""
+        try:
+            subject = await self._read_action(request, "code")
+            endpoint = self._collector.endpoints.get(subject)
+            if endpoint is None:
+                raise InputError(f"{subject} is not known", remedy=_LOAD_AGAIN)
+            code, seconds = await run_in_threadpool(show_pairing_code, endpoint)
+        except EnlivenError as error:
+            return self._failure(error)
+        log.warning("%s opens pairing on %s", request.client.host if request.client else "unknown", subject)
+        if not code:
+            text = f"There were too many tries. A new code follows in {seconds} s."
+            return HTMLResponse(self._writer.result(f"Pairing code of {subject}", text))
+        text = f"It expires in {seconds} s. On the viewer's computer: enliven pair {endpoint.host} {code}"
+        return HTMLResponse(self._writer.result(f"Pairing code of {subject}", text, code=escape_text(code)))
+
+    async def _learn_room(self, request: Request) -> Response:
+        """Makes an edge learn the room again. This program needs the role *operate* there."""
+        try:
+            subject = await self._read_action(request, "room")
+            endpoint = self._collector.endpoints.get(subject)
+            if endpoint is None:
+                raise InputError(f"{subject} is not known", remedy=_LOAD_AGAIN)
+            await run_in_threadpool(send_order, endpoint, LearnRoom())
+        except EnlivenError as error:
+            return self._failure(error)
+        address = request.client.host if request.client else "unknown"
+        log.warning("%s makes %s learn the room again", address, subject)
+        notice = f"{subject} learns the room again, as {address} asked."
+        self._notices.append((time.monotonic(), escape_text(notice)))
+        return Response(status_code=303, headers={"Location": "/"})
+
+    async def _read_action(self, request: Request, action: str) -> str:
+        """Returns the subject of a form.
+
+        Raises:
+            InputError: if the form is not one of this page, or follows another one too soon.
+        """
+        headers = request.headers
+        fields = await _read_form(request)
+        subject, token = fields.get("subject", ""), fields.get("token", "")
+        is_ours = is_same_origin(
+            headers.get("host", ""), headers.get("origin", ""), headers.get("sec-fetch-site", "")
+        )
+        if not is_ours or not self._tokens.check(action, subject, token):
+            raise InputError("this form is outdated", remedy="Load the page again, and repeat.")
+        if time.monotonic() - self._acted_s < _MIN_ACTION_INTERVAL_S:
+            raise InputError("this follows another action too soon", remedy="Wait for some seconds.")
+        self._acted_s = time.monotonic()
+        return subject
+
+    def _pids(self) -> dict[str, int]:
+        """Returns the process ids of the programs by name."""
+        return {program.record.name: program.record.pid for program in self._collector.snapshot.programs}
+
+    def _failure(self, error: EnlivenError, status: int = 409) -> Response:
+        """Returns the page about an action that failed."""
+        return HTMLResponse(self._writer.error(error), status)
+
+
+def _read_picture() -> bytes:
+    """Returns the file with the picture of the screen."""
+    return read_file(runtime_folder() / SCREEN_PICTURE, _MAX_PICTURE_BYTES)
+
+
+async def _read_form(request: Request) -> dict[str, str]:
+    """Returns the fields of a form.
+
+    Raises:
+        InputError: if it is too long.
+    """
+    data = b""
+    async for part in request.stream():
+        data += part
+        if len(data) > _MAX_FORM_BYTES:
+            raise InputError("the form is too long", remedy=_LOAD_AGAIN)
+    try:
+        fields = parse_qs(data.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
+    except ValueError:
+        raise InputError("the form has too many fields", remedy=_LOAD_AGAIN) from None
+    return {name: values[0] for name, values in fields.items()}

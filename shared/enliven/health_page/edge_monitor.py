@@ -1,0 +1,236 @@
+"""Receives the heartbeats of several edges, and times their frames, as a viewer that only watches."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import zmq
+
+from enliven.errors import EnlivenError, InputError
+from enliven.health_page.snapshot import WatchedEdge
+from enliven.keys.client import ClientKeys, HandshakeWatch, handshake_advice
+from enliven.kiosk.profile import EdgeOfKiosk
+from enliven.logs import escape_text
+from enliven.wire import (
+    BODIES,
+    POSE_PORT,
+    STATUS,
+    Endpoint,
+    MalformedMessageError,
+    OtherVersionError,
+    StatusMessage,
+    make_socket,
+    parse_endpoint,
+    unpack_stream,
+)
+
+_MAX_MESSAGE_BYTES = 64 * 1024
+"""Maximum bytes of a message. The topics that are subscribed have at most a quarter of this."""
+_MAX_UNREAD = 200
+"""Maximum unread messages of one edge: those of several seconds."""
+_MAX_READS_PER_POLL = 64
+"""Maximum messages of one edge that are read in turn, so that a flood does not hide the other edges."""
+_KEY_CHECK_INTERVAL_S = 10.0
+"""Time without heartbeats, in seconds, after which the keys are read again: a pairing may change them."""
+_POLL_SLICE_MS = 100
+"""Longest wait for a message before the connections are checked, in milliseconds."""
+_STATUS_PREFIX = STATUS.name.encode() + b"\0"
+"""First bytes of a heartbeat."""
+_FRAME_PREFIX = BODIES.name.encode() + b"\0"
+"""First bytes of a frame's result. An edge publishes one per frame, also without people."""
+
+
+def edge_endpoint(edge: EdgeOfKiosk) -> Endpoint:
+    """Returns the address of an edge of a profile. A port in its address counts before ``port``.
+
+    Raises:
+        InputError: if the address is invalid.
+    """
+    endpoint = parse_endpoint(edge.address or "127.0.0.1")
+    if endpoint.pose_port != POSE_PORT:
+        return endpoint
+    return Endpoint(endpoint.host, edge.port, edge.port + 1)
+
+
+@dataclass
+class _Link:
+    """The connection to one edge.
+
+    Attributes:
+        name: name of the edge in the profile.
+        endpoint: its address.
+        since_s: start of the first attempt, in seconds of the monotonic clock.
+        socket: the SUB socket, or None if the keys cannot be read.
+        watch: watches the handshakes of the socket.
+        keys: the keys of the socket.
+        checked_s: time of the last check of the keys.
+        status: the newest heartbeat.
+        status_s: time at which it arrived.
+        first_s: time at which the first heartbeat arrived.
+        frame_s: time at which the newest frame's result arrived.
+        fault: why heartbeats cannot be read, and the remedy.
+    """
+
+    name: str
+    endpoint: Endpoint
+    since_s: float
+    socket: zmq.Socket[bytes] | None = None
+    watch: HandshakeWatch | None = None
+    keys: ClientKeys | None = None
+    checked_s: float = 0.0
+    status: StatusMessage | None = None
+    status_s: float | None = None
+    first_s: float | None = None
+    frame_s: float | None = None
+    fault: tuple[str, str] = field(default=("", ""))
+
+
+class EdgeMonitor:
+    """The heartbeats of all edges of a profile.
+
+    It belongs to one thread at a time. Connections are kept, and libzmq renews them.
+
+    Args:
+        edges: the edges by name.
+
+    Raises:
+        InputError: if an address is invalid.
+    """
+
+    def __init__(self, edges: Mapping[str, EdgeOfKiosk]) -> None:
+        self._context: zmq.Context[Any] = zmq.Context.instance()
+        time_now = time.monotonic()
+        self._links = [_Link(name, edge_endpoint(edge), time_now) for name, edge in edges.items()]
+        self._poller = zmq.Poller()
+        for link in self._links:
+            self._open(link)
+
+    @property
+    def endpoints(self) -> dict[str, Endpoint]:
+        """The addresses of the edges by name."""
+        return {link.name: link.endpoint for link in self._links}
+
+    def poll(self, seconds: float) -> int:
+        """Receives messages for some time. Returns the number of heartbeats."""
+        heartbeats, end = 0, time.monotonic() + seconds
+        while True:
+            remaining_ms = 1000.0 * (end - time.monotonic())
+            ready = dict(self._poller.poll(max(0, min(round(remaining_ms), _POLL_SLICE_MS))))
+            for link in self._links:
+                if link.socket is not None and link.socket in ready:
+                    heartbeats += self._read(link)
+            self._check_links()
+            if remaining_ms <= 0.0:
+                return heartbeats
+
+    def states(self) -> tuple[WatchedEdge, ...]:
+        """Returns the state of each edge, in the order of the profile."""
+        time_now = time.monotonic()
+        return tuple(
+            WatchedEdge(
+                name=link.name,
+                address=str(link.endpoint),
+                status=link.status,
+                heartbeat_age_s=None if link.status_s is None else time_now - link.status_s,
+                frame_age_s=None if link.frame_s is None else time_now - link.frame_s,
+                waiting_s=time_now - (link.since_s if link.status_s is None else link.status_s),
+                heard_s=0.0 if link.first_s is None else time_now - link.first_s,
+                fault=link.fault[0],
+                remedy=link.fault[1],
+            )
+            for link in self._links
+        )
+
+    def close(self) -> None:
+        """Closes all connections."""
+        for link in self._links:
+            self._close(link)
+
+    def _read(self, link: _Link) -> int:
+        """Reads the messages of an edge that have arrived. Returns the number of heartbeats."""
+        heartbeats = 0
+        for _ in range(_MAX_READS_PER_POLL):
+            try:
+                data = b"".join(link.socket.recv_multipart(zmq.DONTWAIT)) if link.socket else b""
+            except zmq.ZMQError:
+                break
+            heartbeats += self._take(link, data)
+        return heartbeats
+
+    def _take(self, link: _Link, data: bytes) -> bool:
+        """Stores one message. Returns True if it was a valid heartbeat."""
+        if data.startswith(_FRAME_PREFIX):
+            link.frame_s = time.monotonic()
+            return False
+        if not data.startswith(_STATUS_PREFIX):
+            return False
+        try:
+            _, message = unpack_stream(data)
+        except OtherVersionError as error:
+            link.fault = (
+                escape_text(str(error.why)),
+                "Install the same version of enliven on both machines.",
+            )
+            return False
+        except MalformedMessageError as error:
+            link.fault = (
+                f"its heartbeat is damaged ({escape_text(error.why)[:200]})",
+                "Check that an edge of enliven answers at this address.",
+            )
+            return False
+        link.status, link.status_s, link.fault = message, time.monotonic(), ("", "")
+        link.first_s = link.first_s or link.status_s
+        return True
+
+    def _check_links(self) -> None:
+        """Reads the results of handshakes, and the keys of silent edges."""
+        time_now = time.monotonic()
+        for link in self._links:
+            if link.watch is not None:
+                link.watch.poll()
+                if link.watch.problem:
+                    problem, _, remedy = handshake_advice(link.watch.problem, link.endpoint.host).partition(
+                        ". "
+                    )
+                    link.fault = (f"the edge {problem}", f"{remedy}.")
+            heard_s = link.since_s if link.status_s is None else link.status_s
+            if time_now - max(heard_s, link.checked_s) > _KEY_CHECK_INTERVAL_S:
+                self._renew_keys(link)
+
+    def _renew_keys(self, link: _Link) -> None:
+        """Opens the connection of a silent edge again if its keys have changed."""
+        link.checked_s = time.monotonic()
+        try:
+            has_changed = link.socket is None or link.endpoint.find_keys() != link.keys
+        except InputError:
+            has_changed = True
+        if has_changed:
+            self._close(link)
+            self._open(link)
+
+    def _open(self, link: _Link) -> None:
+        """Connects to an edge. If its keys cannot be read, only stores the reason."""
+        link.checked_s = time.monotonic()
+        try:
+            link.keys = link.endpoint.find_keys()
+        except EnlivenError as error:
+            link.fault = (f"{error.where}: {error.what}" if error.where else error.what, error.remedy)
+            return
+        link.fault = ("", "")
+        socket = make_socket(self._context, zmq.SUB, _MAX_MESSAGE_BYTES, _MAX_UNREAD, link.keys)
+        link.socket, link.watch = socket, HandshakeWatch(socket, link.keys is not None)
+        for prefix in (_STATUS_PREFIX, _FRAME_PREFIX):
+            socket.setsockopt(zmq.SUBSCRIBE, prefix)
+        socket.connect(link.endpoint.stream_address)
+        self._poller.register(socket, zmq.POLLIN)
+
+    def _close(self, link: _Link) -> None:
+        """Closes the connection to an edge."""
+        if link.socket is not None and link.watch is not None:
+            self._poller.unregister(link.socket)
+            link.watch.close()
+            link.socket.close(linger=0)
+        link.socket = link.watch = None

@@ -1,0 +1,154 @@
+"""The measured values of the last day, one per minute, in memory and in a file that survives restarts."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from enliven.errors import InputError
+from enliven.files import read_file, write_file
+
+INTERVAL_S = 60.0
+"""Time between two stored values, in seconds."""
+CAPACITY = 1440
+"""Number of stored values of each series: one day of minutes."""
+MAX_SERIES = 500
+"""Maximum number of series. All together take 3 MB. Further ones are not stored."""
+_MAX_FILE_BYTES = 16 << 20
+"""Maximum bytes of a file that is read: :data:`MAX_SERIES` series have 3 MB."""
+_VERSION = 1
+"""Version of the file. A file of another version is ignored, and replaced."""
+_VALUE_BYTES = 4
+"""Bytes of a stored value."""
+_MINUTE_BYTES = 8
+"""Bytes of a stored minute."""
+_NO_MINUTE = -1
+"""Stored instead of a minute in a slot without values."""
+
+
+class _HistoryFile(msgspec.Struct, frozen=True):
+    """The content of the file: minutes as int64, and the values of each series as float32."""
+
+    version: int
+    minutes: bytes
+    series: dict[str, bytes]
+
+
+class DayHistory:
+    """The values of the last day as one ring of minutes, shared by all series.
+
+    A slot is found by the number of the minute since 1970, so that a jump of the clock leaves gaps, and never
+    shifts values.
+    """
+
+    def __init__(self) -> None:
+        self._minutes = array("q", [_NO_MINUTE]) * CAPACITY
+        self._series: dict[str, array[float]] = {}
+        self._sums: dict[str, tuple[float, int]] = {}
+        self._minute = _NO_MINUTE
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all series."""
+        return sorted(self._series)
+
+    def add(self, at_s: float, values: Mapping[str, float | None]) -> bool:
+        """Adds measured values. The mean of each minute is stored when the next minute begins.
+
+        Args:
+            at_s: Unix time in seconds.
+            values: the values by name of the series. None and NaN are left out.
+
+        Returns:
+            True if a minute was stored.
+        """
+        minute = math.floor(at_s / INTERVAL_S)
+        is_new = minute != self._minute
+        has_stored = is_new and self._store()
+        if is_new:
+            self._minute = minute
+        for name, value in values.items():
+            if value is not None and math.isfinite(value):
+                total, count = self._sums.get(name, (0.0, 0))
+                self._sums[name] = (total + value, count + 1)
+        return has_stored
+
+    def read(self, name: str, at_s: float, points: int = CAPACITY) -> list[float]:
+        """Returns the values of the last day, the oldest first. NaN: no value.
+
+        Args:
+            at_s: Unix time of the newest value, in seconds.
+            points: number of values. Each is the mean of the same number of minutes.
+        """
+        values = self._series.get(name)
+        if values is None:
+            return [math.nan] * points
+        last = math.floor(at_s / INTERVAL_S)
+        span = CAPACITY // points
+        return [
+            _mean([self._value(values, last - CAPACITY + 1 + point * span + k) for k in range(span)])
+            for point in range(points)
+        ]
+
+    def load(self, path: Path) -> None:
+        """Reads the values of a file. A missing, damaged or later file changes nothing."""
+        try:
+            content = msgspec.msgpack.decode(read_file(path, _MAX_FILE_BYTES), type=_HistoryFile)
+        except (InputError, msgspec.DecodeError):
+            return
+        sizes = {len(data) for data in content.series.values()} | {CAPACITY * _VALUE_BYTES}
+        if content.version != _VERSION or len(content.minutes) != CAPACITY * _MINUTE_BYTES or len(sizes) != 1:
+            return
+        self._minutes = array("q", content.minutes)
+        self._series = {
+            name[:200]: array("f", data) for name, data in list(content.series.items())[:MAX_SERIES]
+        }
+
+    def save(self, path: Path) -> None:
+        """Writes all values, completely or not at all. Series without values of the last day are left out.
+
+        Raises:
+            ResourceError: if the file cannot be written.
+        """
+        self._store()
+        self._series = {name: values for name, values in self._series.items() if not _is_empty(values)}
+        series = {name: values.tobytes() for name, values in self._series.items()}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, msgspec.msgpack.encode(_HistoryFile(_VERSION, self._minutes.tobytes(), series)))
+
+    def _store(self) -> bool:
+        """Stores the means of the present minute. Returns True if there were any."""
+        if not self._sums:
+            return False
+        slot = self._minute % CAPACITY
+        if self._minutes[slot] != self._minute:
+            self._minutes[slot] = self._minute
+            for values in self._series.values():
+                values[slot] = math.nan
+        for name, (total, count) in self._sums.items():
+            if name not in self._series and len(self._series) < MAX_SERIES:
+                self._series[name] = array("f", [math.nan]) * CAPACITY
+            if name in self._series:
+                self._series[name][slot] = total / count
+        self._sums = {}
+        return True
+
+    def _value(self, values: array[float], minute: int) -> float:
+        """Returns the value of a minute. NaN: none was stored."""
+        slot = minute % CAPACITY
+        return values[slot] if self._minutes[slot] == minute else math.nan
+
+
+def _mean(values: list[float]) -> float:
+    """Returns the mean of the values that are not NaN."""
+    finite = [value for value in values if not math.isnan(value)]
+    return sum(finite) / len(finite) if finite else math.nan
+
+
+def _is_empty(values: array[float]) -> bool:
+    """Returns True if a series has no value."""
+    return all(math.isnan(value) for value in values)

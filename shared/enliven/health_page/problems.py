@@ -1,0 +1,201 @@
+"""Finds the problems of an installation in its measured state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+
+from enliven.health import HealthKind, Severity
+from enliven.health_page.snapshot import (
+    EDGE_SILENT_AFTER_S,
+    MachineState,
+    Problem,
+    ProblemKind,
+    ProgramState,
+    WatchedEdge,
+)
+from enliven.logs import escape_text
+from enliven.supervision.records import RestartRecord
+from enliven.wire import messages_to_health
+
+NO_FRAMES_AFTER_S = 5.0
+"""Age of the newest frame, in seconds, above which an edge has no frames. The slowest cameras send five per
+second."""
+FIRST_FRAME_AFTER_S = 180.0
+"""Time after the first heartbeat, in seconds, after which an edge must have published a frame. On a new
+machine it compiles its kernels first, which takes two minutes."""
+RESTART_SHOWN_S = 600.0
+"""Time in seconds for which a restart is a problem: after that, the program counts as stable."""
+RECORD_INTERVAL_S = 60.0
+"""Time in seconds that is added to ``frozen_after``, since programs write their records less often than they
+make progress, and the supervisor needs time to restart them."""
+HOT_C = 85.0
+"""Temperature of the computer, in degrees Celsius, above which processors reduce their speed."""
+CERTIFICATE_WARNING_DAYS = 14.0
+"""Days before the end of the TLS certificate at which the warnings start."""
+_DAY_S = 86_400.0
+"""Seconds of a day."""
+_GIGABYTE = 1e9
+"""Bytes of a gigabyte."""
+_NO_FRAME_KINDS = (HealthKind.NO_FRAMES, HealthKind.SENSOR_LOST, HealthKind.FROZEN)
+"""Health states of an edge that mean that no frames arrive."""
+_ALERTED_KINDS = (*_NO_FRAME_KINDS, HealthKind.HOT)
+"""Health states of an edge that operators are alerted about, whatever their severity."""
+
+
+def sort_problems(problems: Sequence[Problem]) -> tuple[Problem, ...]:
+    """Returns the problems sorted by severity, the most severe first, then by subject and kind."""
+    return tuple(sorted(problems, key=lambda p: (-p.severity, p.subject, p.kind)))
+
+
+def find_edge_problems(edge: WatchedEdge) -> Iterator[Problem]:
+    """Yields the problems of an edge: its silence, missing frames, and the health states that it reports."""
+    if edge.waiting_s > EDGE_SILENT_AFTER_S:
+        yield _silence(edge)
+        return
+    if edge.status is None:
+        return
+    states = messages_to_health(edge.status.health)
+    if edge.status.phase == "ended":
+        yield Problem(
+            ProblemKind.NO_FRAMES,
+            edge.name,
+            Severity.ERROR,
+            "The edge has ended.",
+            "Start it again.",
+            alerts=True,
+        )
+    elif _lacks_frames(edge) and not any(state.kind in _NO_FRAME_KINDS for state in states):
+        yield Problem(
+            ProblemKind.NO_FRAMES,
+            edge.name,
+            Severity.ERROR,
+            f"The edge runs, but it has not published a frame for {_describe_age(edge.frame_age_s)}."
+            if edge.frame_age_s is not None
+            else "The edge runs, but it has not published a frame since its start.",
+            "Check the camera and its cable. Then restart the edge.",
+            alerts=True,
+        )
+    for state in states:
+        kind = ProblemKind.NO_FRAMES if state.kind in _NO_FRAME_KINDS else escape_text(state.kind)
+        is_alert = state.severity is Severity.ERROR or (
+            state.kind in _ALERTED_KINDS and state.severity > Severity.NOTE
+        )
+        yield Problem(kind, edge.name, state.severity, state.what, state.remedy, is_alert)
+
+
+def find_program_problems(
+    programs: Sequence[ProgramState], restarts: Sequence[RestartRecord], at_s: float, frozen_after_s: float
+) -> Iterator[Problem]:
+    """Yields the problems of programs: ended, frozen, or restarted a short time ago.
+
+    Args:
+        restarts: the restarts of all programs.
+        at_s: Unix time in seconds.
+        frozen_after_s: time without progress in seconds until the supervisor restarts a program.
+    """
+    for program in programs:
+        record = program.record
+        idle_s = at_s - record.progress_s
+        if not program.is_running:
+            yield Problem(
+                ProblemKind.PROGRAM_ENDED,
+                record.name,
+                Severity.ERROR,
+                f"The program has ended (process {record.pid}).",
+                "Its supervisor starts it again. If it does not, read the log below.",
+                alerts=True,
+            )
+        elif record.progress_s > 0.0 and idle_s > frozen_after_s + RECORD_INTERVAL_S:
+            yield Problem(
+                ProblemKind.PROGRAM_FROZEN,
+                record.name,
+                Severity.ERROR,
+                f"The program runs, but it has made no progress for {_describe_age(idle_s)}.",
+                "Restart it.",
+                alerts=True,
+            )
+    newest = {restart.name: restart for restart in restarts}
+    for restart in newest.values():
+        if 0.0 <= at_s - restart.at_s <= RESTART_SHOWN_S:
+            yield Problem(
+                ProblemKind.PROGRAM_RESTARTED,
+                restart.name,
+                Severity.WARNING,
+                f"The program was restarted: {escape_text(restart.cause) or 'the cause is unknown'}.",
+                "Nothing, if it happens rarely. If it happens again, read the log.",
+                alerts=True,
+            )
+
+
+def find_machine_problems(machine: MachineState, keep_free_gb: float) -> Iterator[Problem]:
+    """Yields the problems of the computer: a full disk, and heat."""
+    free = machine.disk_free_bytes
+    if free is not None and free < keep_free_gb * _GIGABYTE:
+        yield Problem(
+            ProblemKind.DISK_FULL,
+            machine.disk_folder,
+            Severity.WARNING,
+            f"The disk has {free / _GIGABYTE:.2f} GB left, and {keep_free_gb:g} GB should stay free.",
+            "Delete files that are not needed, or move recordings to another disk.",
+            alerts=True,
+        )
+    if machine.temperature_c is not None and machine.temperature_c > HOT_C:
+        yield Problem(
+            ProblemKind.MACHINE_HOT,
+            "",
+            Severity.WARNING,
+            f"The computer has {machine.temperature_c:.0f} °C, so it runs more slowly.",
+            "Clean its fan and filters, and let air reach it.",
+            alerts=True,
+        )
+
+
+def find_certificate_problems(end_s: float | None, path: str, at_s: float) -> Iterator[Problem]:
+    """Yields a problem if the TLS certificate has expired or expires soon.
+
+    Args:
+        end_s: Unix time at which it expires, in seconds. None: no certificate is used.
+        path: file of the certificate.
+        at_s: Unix time in seconds.
+    """
+    if end_s is None:
+        return
+    days = (end_s - at_s) / _DAY_S
+    if days > CERTIFICATE_WARNING_DAYS:
+        return
+    date = datetime.fromtimestamp(end_s, tz=UTC).strftime("%Y-%m-%d")
+    message = (
+        f"The TLS certificate expires on {date}." if days > 0.0 else f"The TLS certificate expired on {date}."
+    )
+    yield Problem(
+        ProblemKind.CERTIFICATE,
+        path,
+        Severity.WARNING,
+        message,
+        "Renew it, and restart the health page.",
+        alerts=True,
+    )
+
+
+def _silence(edge: WatchedEdge) -> Problem:
+    """Returns the problem of an edge without heartbeats, with the reason if it is known."""
+    message = f"No heartbeat for {_describe_age(edge.waiting_s)} from {edge.address}."
+    if edge.fault:
+        message = f"{message[:-1]}: {edge.fault}."
+    remedy = edge.remedy or "Check that the edge runs, its address, the network and the firewall."
+    return Problem(ProblemKind.EDGE_SILENT, edge.name, Severity.ERROR, message, remedy, alerts=True)
+
+
+def _lacks_frames(edge: WatchedEdge) -> bool:
+    """Returns True if an edge has not published a frame for some time, or not since its start."""
+    if edge.frame_age_s is None:
+        return edge.heard_s > FIRST_FRAME_AFTER_S
+    return edge.frame_age_s > NO_FRAMES_AFTER_S
+
+
+def _describe_age(seconds: float) -> str:
+    """Returns a duration in words, such as "12 s" or "3 min"."""
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.0f} h"

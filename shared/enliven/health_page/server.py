@@ -1,0 +1,163 @@
+"""Starts the health page: checks access and certificate, binds the port, and serves until it is ended."""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from enliven.errors import InputError, ResourceError
+from enliven.health import Severity
+from enliven.health_page.alert_delivery import AlertCourier, alert_targets, deliver_now
+from enliven.health_page.alerts import AlertDesk, make_alert
+from enliven.health_page.collector import HealthCollector
+from enliven.health_page.snapshot import Problem
+from enliven.keys.key_files import is_loopback
+from enliven.kiosk.profile import HealthPageSettings, KioskProfile
+from enliven.supervision.notify import Notifier
+from enliven.web_server.access import PasswordGate, read_password
+from enliven.web_server.certificate import ServerCertificate, load_certificate
+from enliven.web_server.listening import bind_port, make_server
+
+log = logging.getLogger(__name__)
+
+LIBRARIES = ("starlette", "uvicorn", "prometheus_client", "jinja2", "cryptography")
+"""Libraries of the extra ``enliven[health]``."""
+_PORT_ADVICE = "Another health page may be running: stop it, or choose another health.port."
+"""The remedy for a port that is in use."""
+
+
+@dataclass(frozen=True)
+class PageAccess:
+    """The protection of the page.
+
+    Attributes:
+        gate: checks passwords. None: no password.
+        certificate: the TLS certificate. None: no encryption.
+        is_local: True if only this computer can connect.
+    """
+
+    gate: PasswordGate | None
+    certificate: ServerCertificate | None
+    is_local: bool
+
+
+def check_access(settings: HealthPageSettings) -> PageAccess:
+    """Reads the password and the certificate, and checks that they suffice for the network address.
+
+    Raises:
+        InputError: if the page would be open to a network without a password or TLS; or if a file cannot be
+            used, as :func:`read_password` and :func:`load_certificate`.
+    """
+    is_local = is_loopback(settings.host)
+    missing = []
+    if not settings.password_file:
+        missing.append("a password (health.password_file)")
+    if not (settings.certificate and settings.certificate_key):
+        missing.append("TLS (health.certificate and health.certificate_key)")
+    if bool(settings.certificate) != bool(settings.certificate_key):
+        raise InputError(
+            "health.certificate and health.certificate_key belong together",
+            where="health",
+            remedy="Name both files, or none.",
+        )
+    if missing and not is_local:
+        raise InputError(
+            f"beyond this computer the health page needs {' and '.join(missing)}",
+            where=f"health.host = {settings.host}",
+            remedy="Add it (docs/health.md shows how), or use host = 127.0.0.1.",
+        )
+    gate = PasswordGate(read_password(Path(settings.password_file))) if settings.password_file else None
+    certificate = None
+    if settings.certificate:
+        certificate = load_certificate(
+            Path(settings.certificate), Path(settings.certificate_key), time.time()
+        )
+    return PageAccess(gate, certificate, is_local)
+
+
+def require_libraries() -> None:
+    """Raises ResourceError if a library of the extra is not installed. The message says how to install it."""
+    missing = [name for name in LIBRARIES if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ResourceError(
+            f"the libraries {', '.join(missing)} are not installed",
+            where="enliven health",
+            remedy='pip install "enliven[health]" (from a checkout: pip install "./shared[health]").',
+        )
+
+
+def serve_health(profile: KioskProfile, should_stop: Callable[[], bool] = lambda: False) -> None:
+    """Serves the health page until SIGTERM or Ctrl-C.
+
+    Args:
+        profile: the profile of the installation.
+        should_stop: returns True if the program shall end, for example since its parent has ended.
+
+    Raises:
+        InputError: as :func:`check_access`, or if alerts or the address of an edge are invalid.
+        ResourceError: as :func:`enliven.web_server.listening.bind_port`, or if a library is missing.
+    """
+    require_libraries()
+    from enliven.health_page.app import HealthApplication
+
+    settings = profile.health
+    access = check_access(settings)
+    targets = alert_targets(profile.alerts)
+    certificate = access.certificate
+    known_end = None if certificate is None else (certificate.path, certificate.end_s)
+    with bind_port(settings.host, settings.port, _PORT_ADVICE) as listener:
+        collector = HealthCollector(profile, known_end)
+        couriers = [AlertCourier(target) for target in targets]
+        notifier = Notifier()
+
+        def stop() -> None:
+            server.should_exit = True
+
+        application = HealthApplication(
+            collector,
+            AlertDesk(profile.name, profile.alerts.quiet),
+            couriers,
+            notifier,
+            should_stop,
+            stop,
+        )
+        server = make_server(
+            application.asgi(access.gate, certificate is not None, access.is_local), certificate
+        )
+        scheme = "http" if certificate is None else "https"
+        host = f"[{settings.host}]" if ":" in settings.host else settings.host
+        address = f"{scheme}://{host}:{listener.getsockname()[1]}"
+        log.info("the health page is at %s", address)
+        notifier.ready(f"at {address}")
+        try:
+            server.run(sockets=[listener])
+        finally:
+            notifier.stopping()
+            for courier in couriers:
+                courier.close()
+            notifier.close()
+
+
+def send_test_alert(profile: KioskProfile) -> list[str]:
+    """Sends a test alert to the webhook and the command of a profile. Returns the names of the targets.
+
+    Raises:
+        InputError: if the profile names no target, or a wrong one.
+        ResourceError: if a target did not receive it.
+    """
+    targets = alert_targets(profile.alerts)
+    if not targets:
+        raise InputError(
+            "the profile names no receiver of alerts",
+            where="alerts",
+            remedy="Set alerts.webhook or alerts.command.",
+        )
+    problem = Problem("test", "", Severity.NOTE, "This is a test.", "Nothing is to be done.")
+    faults = deliver_now(targets, make_alert("test", profile.name, problem, time.time()))
+    if faults:
+        raise ResourceError("; ".join(faults), remedy="Check [alerts] in the profile.")
+    return [target.name for target in targets]

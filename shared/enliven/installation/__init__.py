@@ -1,0 +1,1 @@
+"""Installs a kiosk as services of systemd, and removes it again."""

@@ -1,0 +1,337 @@
+"""Carries out an installation plan, and undoes it."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import os
+import shutil
+import stat
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from enliven.errors import InputError, ResourceError
+from enliven.files import read_file, write_file
+
+from .install_plan import CONFIGURATION, STATE, InstallPlan, PlannedFile, command_line
+
+USER = "enliven"
+"""User of all programs of a kiosk."""
+_RECORD_FILE = STATE / "installed.json"
+"""File that lists all changes of an installation."""
+_MAX_RECORD_FILE_BYTES = 1 << 26
+"""Maximum bytes of the list. It contains the files that the installation has replaced."""
+
+
+class _Replaced(msgspec.Struct, frozen=True):
+    """A file that an installation has written.
+
+    Attributes:
+        place: the file's path.
+        content: content of the file that was there before, as base64. None if the file is new.
+        mode: permissions of that file.
+        link: target of the link that was there before.
+    """
+
+    place: str
+    content: str | None = None
+    mode: int = 0o644
+    link: str = ""
+
+
+class _Manifest(msgspec.Struct, frozen=True):
+    """The record of an installation.
+
+    Attributes:
+        files: the files, in the order in which they were written.
+        folders: the created folders.
+        units: the enabled units.
+        made_user: True if the installation created the kiosk's user.
+        recordings: folder of recordings, which is not removed. Empty if there is none.
+    """
+
+    files: list[_Replaced] = []
+    folders: list[str] = []
+    units: list[str] = []
+    made_user: bool = False
+    recordings: str = ""
+
+
+class Installer:
+    """Installs a kiosk into a system, and removes it.
+
+    Args:
+        root: folder of the system. "/" is the running system. In another system, nothing is started.
+        say: prints each step.
+    """
+
+    def __init__(self, root: Path = Path("/"), say: Callable[[str], None] = print) -> None:
+        self._root, self._say = root, say
+
+    @property
+    def is_installed(self) -> bool:
+        """True if a kiosk is installed."""
+        return self._at(_RECORD_FILE).is_file()
+
+    def show(self, plan: InstallPlan) -> None:
+        """Prints every file with its content, and every command. Changes nothing."""
+        for file in plan.files:
+            if file.content is not None:
+                self._say(f"# write {file.place}")
+                self._say(file.content.decode())
+            elif file.link:
+                self._say(f"# link {file.place} -> {file.link}")
+            else:
+                self._say(f"# copy {file.source} -> {file.place}")
+        if plan.recordings is not None:
+            self._say(f"# make {plan.recordings}, which belongs to {USER}")
+        for words in self._commands(plan):
+            self._say(command_line(words))
+
+    def install(self, plan: InstallPlan) -> None:
+        """Writes all files and starts the units. A second installation replaces the first one.
+
+        Raises:
+            ResourceError: if a file cannot be written, or a command fails. All steps are recorded, so that
+                :meth:`remove` undoes them.
+        """
+        before = self._read_manifest()
+        made_user = before.made_user or not self._has_user()
+        kept_entries = {entry.place: entry for entry in before.files}
+        planned_places = {str(file.place) for file in plan.files}
+        old_units = [unit for unit in before.units if unit not in plan.units]
+        if old_units:
+            self._disable(old_units)
+        for entry in before.files:
+            if entry.place not in planned_places:
+                self._restore(entry)
+        files = [kept_entries.get(str(file.place)) or self._state_before(file.place) for file in plan.files]
+        missing_folders = self._missing_folders(plan)
+        folders = [*before.folders, *(folder for folder in missing_folders if folder not in before.folders)]
+        recordings = "" if plan.recordings is None else str(plan.recordings)
+        # Write the record first, so that an interrupted installation can be removed.
+        manifest = _Manifest(files, folders, list(plan.units), made_user, recordings)
+        write_file(self._at(_RECORD_FILE), msgspec.json.encode(manifest))
+        for file in plan.files:
+            self._write(file)
+        for words in plan.before:
+            self._run(self._in_root(words))
+        self._give_to_user(plan)
+        for words in self._commands(plan)[len(plan.before) :]:
+            try:
+                self._run(words)
+            except ResourceError as error:
+                if words not in plan.after:
+                    raise
+                # These commands apply new rules and limits at once. A restart applies them anyway.
+                self._say(f"not done: {error.what}. Restart the computer.")
+
+    def remove(self) -> list[str]:
+        """Stops the units, and restores every file. Recordings stay.
+
+        Returns:
+            The folders that were kept.
+
+        Raises:
+            InputError: if no kiosk is installed.
+        """
+        if not self.is_installed:
+            raise InputError("no kiosk is installed", where=str(self._at(_RECORD_FILE)))
+        manifest = self._read_manifest()
+        self._disable(manifest.units)
+        for entry in reversed(manifest.files):
+            self._restore(entry)
+        kept_folders = self._keep_recordings(manifest)
+        self._remove_state(kept_folders)
+        for folder in sorted(manifest.folders, key=len, reverse=True):
+            # A folder that now contains other files stays.
+            with contextlib.suppress(OSError):
+                self._at(Path(folder)).rmdir()
+        if self._is_running:
+            self._run(("systemctl", "daemon-reload"))
+            self._run(("udevadm", "control", "--reload"))
+        if manifest.made_user and self._has_user():
+            self._run(self._in_root(("userdel", USER)))
+        return [str(folder) for folder in kept_folders]
+
+    @property
+    def _is_running(self) -> bool:
+        return self._root == Path("/")
+
+    def _at(self, place: Path) -> Path:
+        """Returns the location of an absolute path in the system that is changed."""
+        return self._root / place.relative_to("/")
+
+    def _commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
+        """Returns all commands of an installation in order."""
+        commands = [self._in_root(words) for words in plan.before]
+        if not self._is_running:
+            return [*commands, ("systemctl", f"--root={self._root}", "enable", *plan.units)]
+        commands += [("systemctl", "daemon-reload"), *plan.after]
+        commands.append(("systemctl", "enable", *plan.units))
+        # Do not wait for the units, because the first start of an edge compiles for some minutes.
+        return [*commands, ("systemctl", "restart", "--no-block", *plan.units)]
+
+    def _in_root(self, words: tuple[str, ...]) -> tuple[str, ...]:
+        """Returns a command for the changed system. systemd-sysusers, userdel and others have an option for
+        its folder.
+        """
+        if self._is_running:
+            return words
+        option = f"--prefix={self._root}" if words[0] == "userdel" else f"--root={self._root}"
+        return (words[0], option, *words[1:])
+
+    def _run(self, words: tuple[str, ...]) -> None:
+        """Runs a command.
+
+        Raises:
+            ResourceError: if it is missing or fails.
+        """
+        self._say(command_line(words))
+        try:
+            completed = subprocess.run(words, capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise ResourceError(error.strerror or "it cannot be run", where=words[0]) from None
+        if completed.returncode:
+            lines = completed.stderr.strip().splitlines() or [f"exit code {completed.returncode}"]
+            raise ResourceError(
+                lines[-1],
+                where=command_line(words),
+                remedy="enliven install-kiosk --remove undoes all steps.",
+            )
+
+    def _disable(self, units: list[str]) -> None:
+        """Stops units, and removes them from the start of the computer. Missing units are ignored."""
+        words = ("systemctl", "disable", "--now", *units)
+        if not self._is_running:
+            words = ("systemctl", f"--root={self._root}", "disable", *units)
+        with contextlib.suppress(ResourceError):
+            self._run(words)
+
+    def _state_before(self, place: Path) -> _Replaced:
+        """Returns the record of the file at a path before the installation."""
+        path = self._at(place)
+        if path.is_symlink():
+            return _Replaced(str(place), link=os.readlink(path))
+        if path.is_file():
+            mode = stat.S_IMODE(path.stat().st_mode)
+            return _Replaced(str(place), base64.b64encode(path.read_bytes()).decode(), mode)
+        return _Replaced(str(place))
+
+    def _missing_folders(self, plan: InstallPlan) -> list[str]:
+        """Returns the folders that the installation will create."""
+        places = [*(file.place for file in plan.files), _RECORD_FILE]
+        folders = {folder for place in places for folder in place.parents if not self._at(folder).exists()}
+        return sorted(str(folder) for folder in folders)
+
+    def _write(self, file: PlannedFile) -> None:
+        """Writes one file or link."""
+        path = self._at(file.place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_symlink() or file.link:
+            path.unlink(missing_ok=True)
+        if file.link:
+            path.symlink_to(file.link)
+            return
+        if file.content is not None:
+            write_file(path, file.content)
+        elif file.source is not None and file.source.resolve() != path.resolve():
+            shutil.copyfile(file.source, path)
+        path.chmod(0o600 if file.is_secret else 0o644)
+
+    def _give_to_user(self, plan: InstallPlan) -> None:
+        """Gives secrets and the folder of recordings to the kiosk's user."""
+        owner = self._owner()
+        for file in plan.files:
+            if file.is_secret:
+                os.chown(self._at(file.place), *owner)
+        if plan.recordings is not None:
+            folder = self._at(plan.recordings)
+            if not folder.is_dir():
+                folder.mkdir(parents=True, mode=0o750)
+            os.chown(folder, *owner)
+        os.chown(self._at(STATE), *owner)
+
+    def _owner(self) -> tuple[int, int]:
+        """Returns the kiosk's user and group.
+
+        Raises:
+            ResourceError: if the user is missing.
+        """
+        for line in self._at(Path("/etc/passwd")).read_text().splitlines():
+            fields = line.split(":")
+            if fields[0] == USER:
+                return int(fields[2]), int(fields[3])
+        raise ResourceError(f"the user {USER} could not be made", where="systemd-sysusers")
+
+    def _has_user(self) -> bool:
+        """Returns True if the kiosk's user exists."""
+        try:
+            self._owner()
+        except (ResourceError, OSError):
+            return False
+        return True
+
+    def _restore(self, entry: _Replaced) -> None:
+        """Restores the file that was there before, or removes the installed one."""
+        path = self._at(Path(entry.place))
+        if entry.content is not None:
+            if path.is_symlink():
+                path.unlink()
+            write_file(path, base64.b64decode(entry.content))
+            path.chmod(entry.mode)
+            return
+        path.unlink(missing_ok=True)
+        if entry.link:
+            path.symlink_to(entry.link)
+
+    def _keep_recordings(self, manifest: _Manifest) -> list[Path]:
+        """Gives recordings to root and returns their folder, if it contains any. An empty folder is
+        removed.
+        """
+        if not manifest.recordings:
+            return []
+        folder = self._at(Path(manifest.recordings))
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+        if not folder.is_dir():
+            return []
+        for path in (folder, *folder.rglob("*")):
+            os.chown(path, 0, 0, follow_symlinks=False)
+        return [Path(manifest.recordings)]
+
+    def _remove_state(self, kept: list[Path]) -> None:
+        """Removes all files that the programs wrote, except recordings."""
+        state = self._at(STATE)
+        if not state.is_dir():
+            return
+        for path in state.iterdir():
+            if any(self._at(folder).is_relative_to(path) for folder in kept):
+                continue
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+        with contextlib.suppress(OSError):
+            state.rmdir()
+
+    def _read_manifest(self) -> _Manifest:
+        """Returns the record of the installation, an empty one if there is none.
+
+        Raises:
+            InputError: if it is damaged.
+        """
+        path = self._at(_RECORD_FILE)
+        if not path.is_file():
+            return _Manifest()
+        try:
+            return msgspec.json.decode(read_file(path, _MAX_RECORD_FILE_BYTES), type=_Manifest)
+        except msgspec.DecodeError:
+            raise InputError(
+                "the record of the installation is damaged",
+                where=str(path),
+                remedy=f"Delete it and {CONFIGURATION}, and install the kiosk again.",
+            ) from None

@@ -1,0 +1,53 @@
+"""Finds missing requirements for the installation of a kiosk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import sys
+from pathlib import Path
+
+from enliven.errors import EnlivenError, ResourceError
+
+
+def find_lacks(root: Path, python: str = sys.executable) -> list[EnlivenError]:
+    """Returns what is missing for the installation of a kiosk: root, systemd, cage, seatd, a readable Python.
+
+    Args:
+        root: folder of the system that is changed. "/" is the running system.
+        python: the Python of the installation of enliven.
+    """
+    problems: list[EnlivenError] = []
+    is_running = root == Path("/")
+    if is_running and os.geteuid() != 0:
+        remedy = "Type: sudo enliven install-kiosk PROFILE"
+        problems.append(ResourceError("only root can install services", remedy=remedy))
+    if is_running and not Path("/run/systemd/system").is_dir():
+        remedy = "Use enliven kiosk PROFILE, which supervises the programs itself."
+        problems.append(ResourceError("this computer does not run systemd", remedy=remedy))
+    for program, use in (("cage", "shows the window"), ("seatd", "gives it the screen")):
+        if find_program(program, root) is None:
+            remedy = f"Type: sudo apt-get install {program}"
+            problems.append(ResourceError(f"{program} is missing, which {use}", remedy=remedy))
+    if is_running:
+        problems += _find_unreadable(Path(python))
+    return problems
+
+
+def find_program(name: str, root: Path) -> str | None:
+    """Returns the path of a program in a system, or None."""
+    folders = [str(root / folder) for folder in ("usr/bin", "usr/sbin", "usr/local/bin", "bin", "sbin")]
+    path = shutil.which(name, path=os.pathsep.join(folders))
+    return None if path is None else "/" + str(Path(path).relative_to(root))
+
+
+def _find_unreadable(python: Path) -> list[EnlivenError]:
+    """Returns a mistake if other users cannot run a Python."""
+    for folder in python.parents:
+        if not stat.S_IMODE(folder.stat().st_mode) & stat.S_IXOTH:
+            remedy = (
+                "Make its environment elsewhere: python3 -m venv /opt/enliven, and install enliven there."
+            )
+            return [ResourceError("the kiosk's user cannot run it", where=str(python), remedy=remedy)]
+    return []

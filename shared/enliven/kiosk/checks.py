@@ -1,0 +1,248 @@
+"""Checks a kiosk's profile before anything starts, and names all mistakes at once."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import re
+import socket
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from enliven.errors import EnlivenError, InputError, ResourceError
+from enliven.settings import load_settings, read_toml
+from enliven.space.space_file import load_space
+from enliven.supervision.schedule import minute_of_day
+
+from .mounts import find_mount
+from .profile import KioskCharacter, KioskProfile, load_profile
+from .programs import BUILT_IN_MESHES, local_edges
+from .souvenir_address import check_souvenir_address
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
+"""Names of edges and characters: they become parts of file names and of units of systemd."""
+_SIZE = re.compile(r"[1-9]\d{1,4}x[1-9]\d{1,4}")
+"""Sizes of the window, such as 1920x1080."""
+_TABLES_OF_TABLES = ("edges", "characters")
+"""Keys of a profile with tables by name."""
+
+
+def find_mistakes(path: Path, *, starts_here: bool = True) -> list[EnlivenError]:
+    """Returns all mistakes of a kiosk's profile and of the files that it names. Empty: it can start.
+
+    Args:
+        path: the profile (TOML).
+        starts_here: False leaves out ports in use and the folder of recordings. An installation makes that
+            folder, and the installed kiosk may be running.
+    """
+    try:
+        profile = load_profile(path)
+    except EnlivenError as error:
+        return _find_wrong_tables(path) or [error]
+    return list(_find(profile, path, starts_here))
+
+
+def _find_wrong_tables(path: Path) -> list[EnlivenError]:
+    """Returns one mistake for each table of a profile that cannot be used. Empty if the file is not TOML."""
+    try:
+        tables = read_toml(path)
+    except EnlivenError:
+        return []
+    parts: list[dict[str, Any]] = []
+    for key, value in tables.items():
+        if key in _TABLES_OF_TABLES and isinstance(value, dict):
+            parts += [{key: {name: entry}} for name, entry in value.items()]
+        elif isinstance(value, dict):
+            parts += [{key: {inner: entry}} for inner, entry in value.items()]
+        else:
+            parts.append({key: value})
+    loads = (_mistake(lambda part=part: load_settings(KioskProfile, part, where=str(path))) for part in parts)
+    return [error for error in loads if error is not None]
+
+
+def _find(profile: KioskProfile, path: Path, starts_here: bool) -> Iterator[EnlivenError]:
+    """Yields the mistakes of a profile that has only known keys."""
+    folder = path.parent
+    for kind, names in (("an edge", profile.edges), ("a character", profile.characters)):
+        for name in names:
+            if not _NAME.fullmatch(name):
+                remedy = "Use up to 40 letters, digits, '-' and '_'."
+                yield InputError(f"{name!r} cannot be the name of {kind}", where=str(path), remedy=remedy)
+    for name, character in profile.characters.items():
+        yield from _find_character_mistakes(name, character, path)
+    yield from _find_edge_mistakes(profile, path)
+    yield from _find_missing_files(profile, path)
+    yield from _find_space_mistakes(profile, path)
+    yield from _find_wrong_words(profile, path)
+    error = _mistake(lambda: check_souvenir_address(profile.souvenir, str(path)))
+    if error is not None:
+        yield error
+    if starts_here:
+        yield from _find_recording_mistakes(profile, folder)
+        yield from _find_taken_ports(profile)
+
+
+def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -> Iterator[EnlivenError]:
+    """Yields the mistakes of one character."""
+    if character.mesh not in BUILT_IN_MESHES and not (path.parent / character.mesh).is_file():
+        yield InputError(
+            f"the mesh {character.mesh} of characters.{name} does not exist",
+            where=str(path),
+            remedy=f"Paths are relative to {path.parent}. Built in are {', '.join(sorted(BUILT_IN_MESHES))}.",
+        )
+    from enliven.person import parse_parts
+
+    if character.parts:
+        words = [part.strip() for part in character.parts.split("/")]
+        error = _mistake(lambda: parse_parts(words))
+        if error is not None:
+            yield InputError(error.what, where=f"{path}, characters.{name}.parts", remedy=error.remedy)
+
+
+def _find_edge_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
+    """Yields the mistakes of the edges' settings files."""
+    for name, edge in profile.edges.items():
+        if not edge.settings:
+            continue
+        settings = path.parent / edge.settings
+        if not settings.is_file():
+            yield InputError(
+                f"the settings file {edge.settings} of edges.{name} does not exist",
+                where=str(path),
+                remedy=f"Paths are relative to {path.parent}.",
+            )
+        elif importlib.util.find_spec("enliven_edge") is not None:
+            kind = importlib.import_module("enliven_edge.settings").EdgeSettings
+            error = _mistake(lambda settings=settings, kind=kind: load_settings(kind, settings))
+            if error is not None:
+                yield error
+
+
+def _find_missing_files(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
+    """Yields the missing files, and secret files that other users can read."""
+    health, souvenir, folder = profile.health, profile.souvenir, path.parent
+    files = [("story.attract", performance) for performance in profile.story.attract]
+    files.append(("zone.space", profile.zone.space))
+    files += [("health.password_file", health.password_file), ("health.certificate", health.certificate)]
+    files += [("health.certificate_key", health.certificate_key)]
+    files += [("souvenir.certificate", souvenir.certificate)]
+    files += [("souvenir.certificate_key", souvenir.certificate_key)]
+    for key, name in files:
+        if name and not (folder / name).is_file():
+            yield InputError(
+                f"the file {name} of {key} does not exist",
+                where=str(path),
+                remedy=f"Paths are relative to {folder}.",
+            )
+    for name in dict.fromkeys((health.password_file, health.certificate_key, souvenir.certificate_key)):
+        secret = folder / name
+        if name and secret.is_file() and stat.S_IMODE(secret.stat().st_mode) & 0o077:
+            yield InputError("other users can read it", where=str(secret), remedy=f"Type: chmod 600 {secret}")
+
+
+def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
+    """Yields a space that cannot be read, and the edges of this computer that have no place in it."""
+    file = path.parent / profile.zone.space
+    if not profile.zone.space or not file.is_file():
+        return
+    try:
+        places = load_space(file).sensors
+    except EnlivenError as error:
+        yield error
+        return
+    missing = [name for name in local_edges(profile) if name not in places]
+    if missing and len(profile.edges) > 1:
+        yield InputError(
+            f"it has no place for {', '.join(f'edges.{name}' for name in missing)}",
+            where=str(file),
+            remedy=f"It has places for {', '.join(places)}. Give the edges these names, or calibrate them.",
+        )
+
+
+def _find_wrong_words(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
+    """Yields an unknown language, a wrong size of the screen, and a wrong time of day."""
+    language = profile.story.language
+    if language and importlib.util.find_spec("enliven_viewer") is not None:
+        languages = importlib.import_module("enliven_viewer.language").LANGUAGES
+        if language not in languages:
+            remedy = f"Known: {', '.join(languages)}."
+            yield InputError(f"story.language is {language!r}", where=str(path), remedy=remedy)
+    size = profile.screen.size
+    if size and not _SIZE.fullmatch(size):
+        yield InputError(f"screen.size is {size!r}", where=str(path), remedy="Write it as 1920x1080.")
+    if profile.care.restart_at:
+        error = _mistake(lambda: minute_of_day(profile.care.restart_at))
+        if error is not None:
+            yield InputError(error.what, where=f"{path}, {error.where}", remedy=error.remedy)
+
+
+def _find_recording_mistakes(profile: KioskProfile, folder: Path) -> Iterator[EnlivenError]:
+    """Yields a folder of recordings that is missing, cannot be written, or loses its files at power off."""
+    if not profile.care.recordings:
+        return
+    recordings = folder / profile.care.recordings
+    if not recordings.is_dir():
+        problem = "this folder for recordings does not exist"
+        yield ResourceError(problem, where=str(recordings), remedy=f"Type: mkdir -p {recordings}")
+        return
+    if not os.access(recordings, os.W_OK):
+        yield ResourceError(
+            "recordings cannot be written here", where=str(recordings), remedy="Give this user the folder."
+        )
+    mount = find_mount(recordings)
+    if mount is not None and mount.is_volatile:
+        yield ResourceError(
+            f"recordings here are lost at power off ({mount.kind} on {mount.place})",
+            where=str(recordings),
+            remedy="Put them on a partition of their own, which is not part of the read-only root.",
+        )
+
+
+def _find_taken_ports(profile: KioskProfile) -> Iterator[EnlivenError]:
+    """Yields the ports that another program uses."""
+    wanted: dict[int, tuple[str, str]] = {}
+    for name, edge in local_edges(profile).items():
+        wanted[edge.port] = wanted[edge.port + 1] = ("127.0.0.1", f"edges.{name}.port")
+    pages = [(profile.health.port, profile.health.host, "health.port")]
+    if profile.souvenir.kind:
+        pages.append((profile.souvenir.port, profile.souvenir.host, "souvenir.port"))
+    for port, host, key in pages:
+        if port in wanted:
+            yield ResourceError(
+                f"{key} and {wanted[port][1]} are the same",
+                where=f"port {port}",
+                remedy="Choose another one.",
+            )
+        wanted[port] = (host, key)
+    for port, (host, key) in wanted.items():
+        if not _is_free(host, port):
+            yield ResourceError(
+                f"another program uses the port of {key}",
+                where=f"port {port}",
+                remedy=f"End that program (ss -tlnp 'sport = {port}' names it), or choose another port.",
+            )
+
+
+def _is_free(host: str, port: int) -> bool:
+    """Returns True if a program can listen at a port."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as listener:
+        # Without this, a port of a program that ended a moment ago counts as used.
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((host, port))
+        except OSError:
+            return False
+    return True
+
+
+def _mistake(check: Callable[[], object]) -> EnlivenError | None:
+    """Returns the error that a check raises, or None."""
+    try:
+        check()
+    except EnlivenError as error:
+        return error
+    return None

@@ -1,0 +1,81 @@
+"""The address of souvenirs in QR codes: checked in the profile, and found in the network."""
+
+from __future__ import annotations
+
+from urllib.parse import urlsplit
+
+from enliven.errors import InputError
+from enliven.keys.key_files import is_loopback
+from enliven.web_server.listening import format_address
+
+from .profile import SouvenirSettings
+
+_MAX_LENGTH = 100
+"""Maximum length of the start of an address. A longer one makes a code that phones cannot read from 2 m."""
+_FORM = "Write it as http://kiosk.example:5592/, without a question mark, a hash or a password."
+"""The remedy for a wrong address."""
+_REACHABLE = (
+    'Set souvenir.host = "0.0.0.0", and souvenir.address if phones reach this computer by another address.'
+)
+"""The remedy for an address that no phone can open."""
+
+
+def check_souvenir_address(settings: SouvenirSettings, where: str) -> None:
+    """Raises InputError if phones cannot open the address of souvenirs. Nothing is checked if they are off.
+
+    Args:
+        where: the profile, for the message.
+    """
+    if not settings.kind:
+        return
+    if bool(settings.certificate) != bool(settings.certificate_key):
+        raise InputError(
+            "souvenir.certificate and souvenir.certificate_key belong together",
+            where=where,
+            remedy="Name both files, or none.",
+        )
+    if settings.certificate and settings.address.startswith("http://"):
+        raise InputError(
+            f"souvenir.address is {settings.address[:_MAX_LENGTH]}, but the server uses TLS",
+            where=where,
+            remedy="Write the address with https://.",
+        )
+    if not settings.address:
+        if is_loopback(settings.host):
+            raise InputError(
+                f"phones cannot open souvenir.host = {settings.host}, which is only this computer",
+                where=where,
+                remedy=_REACHABLE,
+            )
+        return
+    name = _host_of(settings.address)
+    if not name:
+        raise InputError(
+            f"souvenir.address is {settings.address[:_MAX_LENGTH]!r}, which is not the start of an address",
+            where=where,
+            remedy=_FORM,
+        )
+    if is_loopback(name):
+        problem = f"phones cannot open souvenir.address = {settings.address}, which is only this computer"
+        raise InputError(problem, where=where, remedy="Name the address of this computer in the network.")
+
+
+def find_souvenir_address(settings: SouvenirSettings) -> str:
+    """Returns the start of the address of souvenirs. Empty if this computer is in no network."""
+    if settings.address:
+        return settings.address.rstrip("/") + "/"
+    address = format_address(settings.host, settings.port, uses_tls=bool(settings.certificate))
+    return "" if is_loopback(_host_of(address)) else address
+
+
+def _host_of(address: str) -> str:
+    """Returns the name of the host in the start of an address. Empty if the address cannot be used."""
+    if len(address) > _MAX_LENGTH or not address.isascii() or not address.isprintable() or " " in address:
+        return ""
+    try:
+        parts = urlsplit(address)
+        has_port = parts.port is None or parts.port > 0
+    except ValueError:
+        return ""
+    is_plain = not (parts.query or parts.fragment or "@" in parts.netloc or "?" in address or "#" in address)
+    return (parts.hostname or "") if parts.scheme in ("http", "https") and is_plain and has_port else ""

@@ -1,0 +1,366 @@
+"""One spot of a kiosk: the state machine that gives one character to one visitor after another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from enliven.kiosk.profile import StorySettings
+from enliven.kiosk.story_table import TRANSITIONS, Event, Phase
+from enliven.kiosk.visitors import Attendance, Place, Visit
+
+Press = Literal["previous", "next", "take", "leave"]
+"""A press of a button: another character, take the character, or give it back."""
+
+SPOT_MARGIN = 1.3
+"""Factor on the spot's radius within which a visitor stays on it. Swaying must not empty the ring."""
+FLICKER_S = 0.7
+"""Time for which the ring keeps its filling while the tracker has lost the visitor, in seconds."""
+ANSWER_TIMEOUT_S = 1.5
+"""Time in which the edge must confirm a request, in seconds. It answers within a few frames."""
+RING_AFTER_REFUSAL = 0.4
+"""Filling of the ring after the edge has refused: the visitor sees that something goes on."""
+RAISED_HAND = 0.2
+"""Minimum height of a raised hand above its shoulder, as a fraction of the arm's length. It does not need a
+stretched arm."""
+RAISED_S = 0.4
+"""Time for which a hand must be raised to change the character, in seconds. A wave is faster."""
+STEP_ASIDE = 1.4
+"""Minimum distance of a step to the side from the centre of the spot, as a factor on its radius."""
+REPEAT_S = 1.4
+"""Time between two changes of the character while a hand stays raised or a visitor stays aside, in seconds:
+long enough to look at the character."""
+CHOICE_S = 3.0
+"""Time after the last change of the character until the choice is over, in seconds."""
+MIN_CHOICE_S = 1.0
+"""Shortest time for which a newly offered character is shown before the ring fills again, in seconds."""
+TURN_S = 6.0
+"""Time after a farewell in which only the next visitor in line can take the character, in seconds."""
+AWAY_MARGIN_M = 0.5
+"""Distance outside the zone at which a performing visitor counts as gone, in metres. Performers stray."""
+_MAX_RELEASE_GAP_S = 1.0
+"""Time for which the edge may report a character as free before its session ends, in seconds."""
+
+
+@dataclass(frozen=True)
+class TakeCharacter:
+    """A request: this body takes the character, and all others release it."""
+
+    character: str
+    body: int
+
+
+@dataclass(frozen=True)
+class LeaveCharacter:
+    """A request: this body (None: everyone) releases the character."""
+
+    character: str
+    body: int | None = None
+
+
+StoryRequest = TakeCharacter | LeaveCharacter
+"""A request to the edge."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The inputs of a spot in one frame.
+
+    Attributes:
+        now: time in seconds.
+        elapsed: seconds since the last frame.
+        attendance: the visits.
+        line: the visits in the zone that wait for a turn, in the order of their turns. Those of other spots
+            are left out.
+        presses: presses of buttons that are meant for this spot.
+        holders: by character, the tracking ids of the bodies that hold it at the edge.
+        free: the characters that can be taken here, in the order of the profile.
+    """
+
+    now: float
+    elapsed: float
+    attendance: Attendance
+    line: Sequence[Visit]
+    presses: Sequence[Press]
+    holders: Mapping[str, tuple[int, ...]]
+    free: Sequence[str]
+
+
+class Spot:
+    """The state machine of one spot.
+
+    Args:
+        place: its centre on the floor.
+        radius: metres.
+        character: the character that it offers first.
+
+    Attributes:
+        phase: its state.
+        character: the character that is offered or held here; empty if there is none.
+        visit: number of the visit that is served here, or None.
+        former: during the farewell, number of the visit that has ended its session.
+        ring: filling of the ring, 0..1.
+        step: direction of the last change of the character: 1 the next one, -1 the previous one.
+        since_s: time at which the state began.
+        refusals: number of requests that the edge did not confirm, since the last that it did.
+    """
+
+    def __init__(self, place: Place, radius: float, settings: StorySettings, character: str) -> None:
+        self.place, self.radius = place, radius
+        self.settings, self.character = settings, character
+        self.phase = Phase.ATTRACT
+        self.visit: int | None = None
+        self.former: int | None = None
+        self.ring, self.step, self.since_s = 0.0, 0, 0.0
+        self.refusals = 0
+        self._requested_s: float | None = None
+        self._body = -1
+        self._lost_s = self._gone_s = 0.0
+        self._changed_s = self._gesture_s = -CHOICE_S
+        self._raised_s = 0.0
+        self._stood: int | None = None
+        self._reserved_until = 0.0
+        self._retakes = False
+        self._requests: list[StoryRequest] = []
+
+    @property
+    def is_busy(self) -> bool:
+        """Returns True while a visitor has the character of this spot, or has asked for it."""
+        return self.phase is Phase.POSSESSED or self._requested_s is not None
+
+    @property
+    def body(self) -> int:
+        """Returns the tracking id that must hold the character; -1 for none."""
+        return self._body if self.is_busy else -1
+
+    def elapsed_session(self, now: float) -> float:
+        """Returns for how long the visitor has had the character, in seconds."""
+        return now - self.since_s if self.phase is Phase.POSSESSED else 0.0
+
+    def advance(self, frame: Surroundings) -> list[StoryRequest]:
+        """Advances by one frame. Returns the requests to make."""
+        self._requests = []
+        if self.phase is Phase.POSSESSED:
+            self._perform(frame)
+        elif self.phase is Phase.FAREWELL:
+            if frame.now - self.since_s >= self.settings.farewell:
+                self._reserved_until = frame.now + TURN_S
+                self._apply(Event.FAREWELL_OVER, frame.now)
+        else:
+            self._wait(frame)
+        return self._requests
+
+    def adopt(self, character: str, visit: Visit, now: float) -> None:
+        """Takes over a hold that was not requested here, such as one that a button at the edge started."""
+        self.character, self.visit, self._body = character, visit.number, visit.body
+        self._apply(Event.HELD, now)
+
+    def lose_edge(self, now: float) -> None:
+        """Returns to the first state, because the edge is gone."""
+        self._apply(Event.EDGE_GONE, now)
+        self._reserved_until = 0.0
+
+    def expect_return(self) -> None:
+        """Notes that the edge may have restarted: if the hold is gone, it is asked for again."""
+        self._retakes = self.phase is Phase.POSSESSED
+
+    # While the spot is free: turn to visitors, fill the ring, change the character, ask for it.
+
+    def _wait(self, frame: Surroundings) -> None:
+        """Advances a spot without a performer."""
+        if self.character not in frame.free:
+            self._offer(frame.free[0] if frame.free else "", 0, frame.now)
+        if not frame.line and self._requested_s is None:
+            self._apply(Event.ZONE_EMPTY, frame.now)
+            return
+        self._apply(Event.ENTERED, frame.now)
+        candidate = self._find_candidate(frame)
+        self._choose_by_buttons(frame)
+        self._choose_by_body(frame, candidate)
+        if not self.character:
+            self.ring, self.visit = 0.0, candidate.number if candidate else None
+            return
+        self._fill(frame, candidate)
+        self._ask(frame)
+        if self.phase is Phase.CHOOSE and frame.now - self._changed_s > CHOICE_S:
+            self._apply(Event.CHOICE_OVER, frame.now)
+
+    def _find_candidate(self, frame: Surroundings) -> Visit | None:
+        """Returns the visitor on the spot that may take the character. The present one comes first."""
+        line = frame.line[:1] if frame.now < self._reserved_until else frame.line
+        reach = {v.number: SPOT_MARGIN if v.number == self.visit else 1.0 for v in line}
+        standing = [v for v in line if v.distance(self.place) <= self.radius * reach[v.number]]
+        return min(standing, key=lambda v: v.number != self.visit, default=None)
+
+    def _fill(self, frame: Surroundings, candidate: Visit | None) -> None:
+        """Fills the ring for the visitor on the spot, or empties it."""
+        if self._requested_s is not None:
+            return
+        if "take" in frame.presses and frame.line:
+            nearest = min(frame.line, key=lambda visit: visit.distance(self.place))
+            self.visit, self.ring = (candidate or nearest).number, 1.0
+            return
+        if self.phase is Phase.CHOOSE and frame.now - self._changed_s < MIN_CHOICE_S:
+            return
+        served = frame.attendance.find(self.visit)
+        if candidate is not None:
+            if candidate.number != self.visit:
+                self.visit, self.ring = candidate.number, 0.0
+            self._apply(Event.ON_SPOT, frame.now)
+            self._stood = candidate.number
+            if candidate.seen and self._raised_s == 0.0:
+                self.ring = min(self.ring + frame.elapsed / self.settings.dwell, 1.0)
+        elif served is None or served.seen or frame.now - served.seen_s > FLICKER_S:
+            self.ring = max(self.ring - 2.0 * frame.elapsed / self.settings.dwell, 0.0)
+            if self.ring == 0.0:
+                self.visit = None
+                self._apply(Event.OFF_SPOT, frame.now)
+
+    def _ask(self, frame: Surroundings) -> None:
+        """Asks for the character if the ring is full, and waits for the edge's answer."""
+        served = frame.attendance.find(self.visit)
+        if self._requested_s is None:
+            if self.ring >= 1.0 and served is not None and served.seen:
+                self._request(served, frame.now)
+            return
+        if self._body in frame.holders.get(self.character, ()):
+            self.refusals = 0
+            self._apply(Event.HELD, frame.now)
+        elif frame.now - self._requested_s > ANSWER_TIMEOUT_S:
+            self.refusals += 1
+            self._requests.append(LeaveCharacter(self.character, self._body))
+            self._requested_s, self.ring = None, RING_AFTER_REFUSAL
+        elif served is not None and served.seen and served.body != self._body:
+            self._request(served, frame.now)
+
+    def _request(self, visit: Visit, now: float) -> None:
+        """Asks the edge to give the character to a visitor."""
+        self.visit, self._body, self._requested_s = visit.number, visit.body, now
+        self._requests.append(TakeCharacter(self.character, visit.body))
+
+    # The choice of the character.
+
+    def _choose_by_buttons(self, frame: Surroundings) -> None:
+        if self.settings.choose:
+            for press in frame.presses:
+                if press in ("next", "previous"):
+                    self._change(1 if press == "next" else -1, frame)
+
+    def _choose_by_body(self, frame: Surroundings, candidate: Visit | None) -> None:
+        """Changes the character if the served visitor raises a hand or steps to the side."""
+        stood = [visit for visit in frame.line if visit.number == self._stood]
+        chooser = candidate or next(iter(stood), None)
+        if chooser is None or not chooser.seen or self._requested_s is not None:
+            self._raised_s = 0.0
+            return
+        if self.settings.choose == "hand":
+            self._choose_by_hand(chooser, frame)
+        elif self.settings.choose == "step":
+            self._choose_by_step(chooser, frame)
+
+    def _choose_by_hand(self, visit: Visit, frame: Surroundings) -> None:
+        left, right = visit.visitor.hands
+        if max(left, right) < RAISED_HAND:
+            self._raised_s = 0.0
+            return
+        self._raised_s += frame.elapsed
+        if self._raised_s >= RAISED_S and frame.now - self._gesture_s >= REPEAT_S:
+            self._change(-1 if left > right else 1, frame)
+            self._gesture_s = frame.now
+
+    def _choose_by_step(self, visit: Visit, frame: Surroundings) -> None:
+        x, z = visit.visitor.position
+        across, along = x - self.place[0], z - self.place[1]
+        is_aside = abs(across) >= STEP_ASIDE * self.radius and abs(across) >= abs(along)
+        if is_aside and visit.in_zone and frame.now - self._gesture_s >= REPEAT_S:
+            # The picture is a mirror and the visitor faces +Z: the visitor's left, +X, is on its left side.
+            self._change(-1 if across > 0 else 1, frame)
+            self._gesture_s = frame.now
+
+    def _change(self, step: int, frame: Surroundings) -> None:
+        """Offers the next or previous free character."""
+        if len(frame.free) < 2 or self.character not in frame.free or self._requested_s is not None:
+            return
+        at = (frame.free.index(self.character) + step) % len(frame.free)
+        self._offer(frame.free[at], step, frame.now)
+        self.ring = 0.0
+        self._apply(Event.CHARACTER_CHANGED, frame.now)
+
+    def _offer(self, character: str, step: int, now: float) -> None:
+        self.character, self.step = character, step
+        self._changed_s = now
+
+    # While a visitor performs.
+
+    def _perform(self, frame: Surroundings) -> None:
+        """Advances a spot while its visitor has the character."""
+        visit = frame.attendance.find(self.visit)
+        is_here = (
+            visit is not None
+            and visit.seen
+            and frame.attendance.is_inside(visit.visitor.position, AWAY_MARGIN_M)
+        )
+        self._lost_s = 0.0 if is_here else self._lost_s + frame.elapsed
+        if self._requested_s is not None and self._body in frame.holders.get(self.character, ()):
+            self._requested_s = None
+        if "leave" in frame.presses:
+            self._end(Event.RELEASED, frame.now)
+        elif visit is None or self._lost_s > self.settings.lost:
+            self._end(Event.LOST, frame.now)
+        elif 0 < self.settings.session <= frame.now - self.since_s:
+            self._end(Event.SESSION_OVER, frame.now)
+        elif visit.seen and visit.body != self._body:
+            # The tracker gave the visitor a new id: the character follows it.
+            self._request(visit, frame.now)
+        else:
+            self._watch_hold(frame, visit)
+            self._swap(frame, visit)
+
+    def _watch_hold(self, frame: Surroundings, visit: Visit) -> None:
+        """Ends the session if the edge reports for a while that its visitor does not hold the character."""
+        if self._body in frame.holders.get(self.character, ()):
+            self._gone_s, self._retakes = 0.0, False
+            return
+        self._gone_s += frame.elapsed
+        if self._requested_s is not None:
+            if frame.now - self._requested_s > ANSWER_TIMEOUT_S:
+                self._end(Event.RELEASED, frame.now)
+        elif self._gone_s > _MAX_RELEASE_GAP_S or self._retakes:
+            if self._retakes and visit.seen:
+                self._retakes = False
+                self._request(visit, frame.now)
+            elif not self._retakes:
+                self._end(Event.RELEASED, frame.now)
+
+    def _swap(self, frame: Surroundings, visit: Visit) -> None:
+        """Gives the performing visitor another character if a button asks for it."""
+        if self.phase is not Phase.POSSESSED or not self.settings.choose or not visit.seen:
+            return
+        steps = [1 if press == "next" else -1 for press in frame.presses if press in ("next", "previous")]
+        others = [self.character, *(name for name in frame.free if name != self.character)]
+        if not steps or len(others) < 2 or self._requested_s is not None:
+            return
+        self._requests.append(LeaveCharacter(self.character, self._body))
+        self._offer(others[sum(steps) % len(others)], steps[-1], frame.now)
+        self._gone_s = 0.0
+        self._request(visit, frame.now)
+
+    def _end(self, event: Event, now: float) -> None:
+        """Ends the session with a farewell."""
+        self._requests.append(LeaveCharacter(self.character, self._body))
+        self._apply(event, now)
+
+    def _apply(self, event: Event, now: float) -> None:
+        """Applies an event by the table of the story."""
+        following = TRANSITIONS.get((self.phase, event))
+        if following is None or following is self.phase:
+            return
+        self.phase, self.since_s = following, now
+        self.former = self.visit if following is Phase.FAREWELL else None
+        if following in (Phase.ATTRACT, Phase.FAREWELL):
+            self.visit, self._stood, self._body = None, None, -1
+        if following is not Phase.DWELL:
+            self.ring = 1.0 if following is Phase.POSSESSED else 0.0
+        self._requested_s, self._retakes = None, False
+        self._lost_s = self._gone_s = self._raised_s = 0.0

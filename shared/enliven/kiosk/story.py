@@ -1,0 +1,294 @@
+"""The story of a kiosk: a state machine that turns visitors, buttons and the edge's answers into a show.
+
+It knows no window, no clock and no network. So tests and simulations run it at any speed, and the same code
+decides in the museum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from enliven.kiosk.profile import StorySettings, ZoneSettings
+from enliven.kiosk.spot import LeaveCharacter, Press, Spot, StoryRequest, Surroundings, TakeCharacter
+from enliven.kiosk.story_table import PHASE_TEXTS, SHOWN_FIRST, Phase
+from enliven.kiosk.visitors import Attendance, Place, Visit, Visitor
+
+MAX_STEP_S = 0.5
+"""Longest time step in seconds. After a suspended computer no ring may be full at once."""
+SETTLING_S = 1.5
+"""Time after a request in which the edge's report may contradict it, in seconds."""
+ENDING_SOON_S = 10.0
+"""Length in seconds of the last part of a session, in which the visitor sees the remaining time."""
+_SPOT_GAP_M = 0.5
+"""Gap between the spots of two performers in metres, so that their arms do not meet."""
+_MAX_REFUSALS = 3
+"""Number of requests without success after which operators are told."""
+
+
+@dataclass(frozen=True)
+class StoryInput:
+    """Everything that the story learns in one frame.
+
+    Attributes:
+        now: time in seconds, from any start. It must not decrease.
+        visitors: the tracked people.
+        presses: the buttons pressed since the last frame.
+        holders: by character, the tracking ids of the bodies that hold it, as the edge reports.
+        available: the characters that are on the edge's stage.
+        is_connected: True while the edge and its sensor deliver.
+        playing: the character of the shown recorded performance. The next visitor gets it first. Empty:
+            none.
+    """
+
+    now: float
+    visitors: Sequence[Visitor] = ()
+    presses: Sequence[Press] = ()
+    holders: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    available: frozenset[str] = frozenset()
+    is_connected: bool = True
+    playing: str = ""
+
+
+@dataclass(frozen=True)
+class SpotView:
+    """The state of one spot, for the picture.
+
+    Attributes:
+        place: its centre on the floor.
+        phase: its state.
+        character: the character that is offered or held; empty if there is none.
+        step: direction of the last change of the character, 1 or -1; 0: none.
+        ring: filling of the ring, 0..1.
+        visit: number of the visit that is served, or None.
+        body: tracking id of the visitor that is served or looked at; -1 for none.
+        since_s: time at which the state began.
+        remaining_s: seconds until the session limit; None without a limit or a session.
+    """
+
+    place: Place
+    phase: Phase
+    character: str
+    step: int
+    ring: float
+    visit: int | None
+    body: int
+    since_s: float
+    remaining_s: float | None
+
+
+@dataclass(frozen=True)
+class StoryView:
+    """The output of the story after one frame.
+
+    Attributes:
+        phase: the state that is shown.
+        title, hint: keys of the texts; empty for none.
+        sound: the sound that begins in this frame; empty for none.
+        spots: the spots, from left to right in world coordinates.
+        shown: index of the spot that the texts are about.
+        queue: tracking ids of the visitors that wait for a turn, in order.
+        requests: requests to the edge.
+        problem: one sentence for operators; empty if all is well.
+    """
+
+    phase: Phase
+    title: str
+    hint: str
+    sound: str
+    spots: tuple[SpotView, ...]
+    shown: int
+    queue: tuple[int, ...]
+    requests: tuple[StoryRequest, ...]
+    problem: str = ""
+
+    @property
+    def spot(self) -> SpotView:
+        """Returns the spot that the texts are about."""
+        return self.spots[self.shown]
+
+
+def find_spot_places(zone: ZoneSettings, count: int) -> list[Place]:
+    """Returns the centres of the spots of ``count`` performers, side by side about the zone's center."""
+    x, z = zone.center
+    spacing = 2 * zone.spot + _SPOT_GAP_M
+    return [(x + (k - (count - 1) / 2) * spacing, z) for k in range(count)]
+
+
+class Story:
+    """The story of one kiosk.
+
+    Args:
+        settings: the durations and options.
+        zone: the zone and the spot.
+        characters: names of the characters, in the order of the profile. With fewer characters than
+            performers, there are as many spots as characters.
+    """
+
+    def __init__(self, settings: StorySettings, zone: ZoneSettings, characters: Sequence[str]) -> None:
+        self._settings, self._characters = settings, tuple(characters)
+        self._attendance = Attendance(zone, settings.lost)
+        count = max(min(settings.performers, len(self._characters)), 1)
+        self._spots = [
+            Spot(place, zone.spot, settings, self._characters[k] if self._characters else "")
+            for k, place in enumerate(find_spot_places(zone, count))
+        ]
+        self._now: float | None = None
+        self._gone_s = 0.0
+        self._requested: dict[str, float] = {}
+        self._phase = Phase.ATTRACT
+
+    def advance(self, frame: StoryInput) -> StoryView:
+        """Advances by one frame. Returns what to show and to ask for."""
+        elapsed = 0.0 if self._now is None else min(max(frame.now - self._now, 0.0), MAX_STEP_S)
+        self._now = frame.now
+        requests: list[StoryRequest] = []
+        if frame.is_connected:
+            if self._gone_s > 0.0:
+                for spot in self._spots:
+                    spot.expect_return()
+            self._gone_s = 0.0
+            self._follow_performance(frame)
+            self._attendance.update(frame.now, frame.visitors)
+            targets = [(press, self._find_target(press)) for press in frame.presses]
+            for spot in self._spots:
+                presses = [press for press, target in targets if target is spot]
+                requests += self._advance_spot(spot, frame, elapsed, presses)
+            requests += self._correct_holds(frame)
+        else:
+            self._gone_s += elapsed
+            if self._gone_s > self._settings.lost:
+                self._forget_visitors(frame.now)
+        for request in requests:
+            self._requested[request.character] = frame.now
+        return self._view(frame, requests)
+
+    def _advance_spot(
+        self, spot: Spot, frame: StoryInput, elapsed: float, presses: Sequence[Press]
+    ) -> list[StoryRequest]:
+        """Advances one spot. After a session, its visitor goes to the end of the line."""
+        others = [other for other in self._spots if other is not spot]
+        served = {other.visit for other in others if other.visit is not None}
+        line = [visit for visit in self._attendance.waiting() if visit.number not in served]
+        taken = {other.character for other in others}
+        free = [name for name in self._characters if name in frame.available and name not in taken]
+        performer, was_performing = self._attendance.find(spot.visit), spot.phase is Phase.POSSESSED
+        requests = spot.advance(
+            Surroundings(frame.now, elapsed, self._attendance, line, presses, frame.holders, free)
+        )
+        if was_performing and spot.phase is not Phase.POSSESSED and performer is not None:
+            performer.queued_s = frame.now
+        return requests
+
+    def _follow_performance(self, frame: StoryInput) -> None:
+        """Offers the character that the recorded performance shows, so that visitors get what they saw."""
+        spot = self._spots[0]
+        taken = {other.character for other in self._spots[1:]}
+        is_free = frame.playing in frame.available and frame.playing not in taken
+        if spot.phase is Phase.ATTRACT and is_free and frame.playing in self._characters:
+            spot.character = frame.playing
+
+    def _find_target(self, press: Press) -> Spot:
+        """Returns the spot that a button acts on: with "leave" a busy one, otherwise a free one if any is."""
+        wanted = press == "leave"
+        return next((spot for spot in self._spots if spot.is_busy == wanted), self._spots[0])
+
+    def _correct_holds(self, frame: StoryInput) -> list[StoryRequest]:
+        """Adopts holds of visitors that were not requested here, and ends all other such holds."""
+        requests: list[StoryRequest] = []
+        for character, bodies in frame.holders.items():
+            if character not in self._characters or not bodies:
+                continue
+            if frame.now - self._requested.get(character, -SETTLING_S) < SETTLING_S:
+                continue
+            expected = next((s for s in self._spots if s.is_busy and s.character == character), None)
+            if expected is None:
+                if not self._adopt(character, bodies, frame.now):
+                    requests.append(LeaveCharacter(character))
+            elif set(bodies) != {expected.body}:
+                requests.append(TakeCharacter(character, expected.body))
+        return requests
+
+    def _adopt(self, character: str, bodies: tuple[int, ...], now: float) -> bool:
+        """Gives a hold of one visitor in the zone a free spot. Returns False if that is not possible."""
+        served = {spot.visit for spot in self._spots if spot.visit is not None and spot.is_busy}
+        visit = next((v for v in self._attendance.waiting() if (v.body,) == tuple(bodies)), None)
+        elsewhere = {s.character for s in self._spots if s.is_busy}
+        spot = next((s for s in self._spots if not s.is_busy and s.phase is not Phase.FAREWELL), None)
+        if visit is None or spot is None or visit.number in served or character in elsewhere:
+            return False
+        for other in self._spots:
+            if other is not spot and other.character == character:
+                other.character = spot.character
+            if other is not spot and other.visit == visit.number:
+                other.visit = None
+        spot.adopt(character, visit, now)
+        return True
+
+    def _forget_visitors(self, now: float) -> None:
+        """Returns to the beginning, because nothing is known of the visitors."""
+        self._attendance.clear()
+        for spot in self._spots:
+            spot.lose_edge(now)
+
+    def _view(self, frame: StoryInput, requests: list[StoryRequest]) -> StoryView:
+        spots = tuple(self._spot_view(spot, frame) for spot in self._spots)
+        shown = min(range(len(spots)), key=lambda k: SHOWN_FIRST.index(spots[k].phase))
+        served = {spot.visit for spot in self._spots} | {spot.former for spot in self._spots}
+        queue = tuple(v.body for v in self._attendance.waiting() if v.number not in served)
+        phase = spots[shown].phase
+        title, hint = self._choose_texts(spots[shown], queue)
+        sound = PHASE_TEXTS[phase].sound if phase is not self._phase else ""
+        self._phase = phase
+        return StoryView(
+            phase, title, hint, sound, spots, shown, queue, tuple(requests), self._find_problem(frame)
+        )
+
+    def _spot_view(self, spot: Spot, frame: StoryInput) -> SpotView:
+        visit = self._attendance.find(spot.visit)
+        if visit is None and spot.phase is not Phase.POSSESSED:
+            visit = self._find_looked_at(spot)
+        remaining = None
+        if spot.phase is Phase.POSSESSED and self._settings.session > 0:
+            remaining = max(self._settings.session - spot.elapsed_session(frame.now), 0.0)
+        body = -1 if visit is None else visit.body
+        return SpotView(
+            spot.place,
+            spot.phase,
+            spot.character,
+            spot.step,
+            spot.ring,
+            spot.visit,
+            body,
+            spot.since_s,
+            remaining,
+        )
+
+    def _find_looked_at(self, spot: Spot) -> Visit | None:
+        """Returns the waiting visitor that the character turns to: the nearest one."""
+        served = {s.visit for s in self._spots if s.visit is not None}
+        waiting = [v for v in self._attendance.waiting() if v.number not in served]
+        return min(waiting, key=lambda visit: visit.distance(spot.place), default=None)
+
+    def _choose_texts(self, spot: SpotView, queue: tuple[int, ...]) -> tuple[str, str]:
+        """Returns the keys of title and hint."""
+        texts = PHASE_TEXTS[spot.phase]
+        hint = texts.hint
+        if spot.phase is Phase.POSSESSED and spot.remaining_s is not None:
+            hint = "possessed.ending" if spot.remaining_s <= ENDING_SOON_S else ""
+        elif spot.phase is Phase.FAREWELL and queue:
+            hint = "farewell.next"
+        elif spot.phase in (Phase.NOTICED, Phase.CHOOSE) and len(self._characters) > len(self._spots):
+            hint = f"choose.{self._settings.choose}" if self._settings.choose else hint
+            hint = "spot" if spot.phase is Phase.NOTICED else hint
+        return texts.title, hint
+
+    def _find_problem(self, frame: StoryInput) -> str:
+        """Returns a sentence about the stage for operators; empty if all is well."""
+        if not frame.is_connected:
+            return "the edge or its camera delivers nothing"
+        missing = [name for name in self._characters if name not in frame.available]
+        if missing:
+            return f"characters that are not on the stage: {', '.join(missing)}"
+        refusing = [spot.character for spot in self._spots if spot.refusals >= _MAX_REFUSALS]
+        return f"the edge refuses {', '.join(refusing)}" if refusing else ""

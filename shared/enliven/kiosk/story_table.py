@@ -1,0 +1,96 @@
+"""The story of a kiosk as data: its states, what leads from one to another, and the text of each state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+
+class Phase(StrEnum):
+    """A state of the story."""
+
+    ATTRACT = "attract"
+    NOTICED = "noticed"
+    DWELL = "dwell"
+    CHOOSE = "choose"
+    POSSESSED = "possessed"
+    FAREWELL = "farewell"
+
+
+class Event(StrEnum):
+    """An event that may lead to another state."""
+
+    ENTERED = "a visitor is in the zone"
+    ZONE_EMPTY = "the zone is empty"
+    ON_SPOT = "a visitor is on the spot"
+    OFF_SPOT = "the visitor has left the spot, and the ring is empty"
+    CHARACTER_CHANGED = "the visitor has changed the character"
+    CHOICE_OVER = "the character was not changed for a while"
+    HELD = "the edge reports that the visitor has the character"
+    LOST = "the visitor has left"
+    SESSION_OVER = "the longest time with a character is over"
+    RELEASED = "the character was released"
+    FAREWELL_OVER = "the farewell is over"
+    EDGE_GONE = "the edge is gone"
+
+
+_FREE = (Phase.ATTRACT, Phase.NOTICED, Phase.DWELL, Phase.CHOOSE)
+TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
+    {
+        (Phase.ATTRACT, Event.ENTERED): Phase.NOTICED,
+        (Phase.NOTICED, Event.ON_SPOT): Phase.DWELL,
+        (Phase.NOTICED, Event.CHARACTER_CHANGED): Phase.CHOOSE,
+        (Phase.DWELL, Event.CHARACTER_CHANGED): Phase.CHOOSE,
+        (Phase.DWELL, Event.OFF_SPOT): Phase.NOTICED,
+        (Phase.CHOOSE, Event.ON_SPOT): Phase.DWELL,
+        (Phase.CHOOSE, Event.CHOICE_OVER): Phase.NOTICED,
+        **{(phase, Event.ZONE_EMPTY): Phase.ATTRACT for phase in _FREE},
+        **{(phase, Event.HELD): Phase.POSSESSED for phase in _FREE},
+        (Phase.POSSESSED, Event.LOST): Phase.FAREWELL,
+        (Phase.POSSESSED, Event.SESSION_OVER): Phase.FAREWELL,
+        (Phase.POSSESSED, Event.RELEASED): Phase.FAREWELL,
+        (Phase.FAREWELL, Event.FAREWELL_OVER): Phase.NOTICED,
+        **{(phase, Event.EDGE_GONE): Phase.ATTRACT for phase in Phase},
+    }
+)
+"""The state that follows a state after an event. Other events leave the state unchanged."""
+
+
+@dataclass(frozen=True)
+class PhaseTexts:
+    """The texts and the sound of a state, by their keys.
+
+    Attributes:
+        title: key of the large text.
+        hint: key of the text that says what to do.
+        sound: name of the sound at the start of the state; empty for silence.
+    """
+
+    title: str
+    hint: str = ""
+    sound: str = ""
+
+
+PHASE_TEXTS: Mapping[Phase, PhaseTexts] = MappingProxyType(
+    {
+        Phase.ATTRACT: PhaseTexts("attract.title", "spot"),
+        Phase.NOTICED: PhaseTexts("noticed.title", "spot", "noticed"),
+        Phase.DWELL: PhaseTexts("dwell.title", "dwell.hint"),
+        Phase.CHOOSE: PhaseTexts("choose.title", "choose.hint", "choose"),
+        Phase.POSSESSED: PhaseTexts("possessed.title", "", "possessed"),
+        Phase.FAREWELL: PhaseTexts("farewell.title", "farewell.hint", "farewell"),
+    }
+)
+"""The texts of each state. :mod:`enliven_viewer.kiosk` translates the keys."""
+SHOWN_FIRST = (
+    Phase.DWELL,
+    Phase.CHOOSE,
+    Phase.FAREWELL,
+    Phase.POSSESSED,
+    Phase.NOTICED,
+    Phase.ATTRACT,
+)
+"""States in the order in which they are shown if a kiosk has several spots. States that ask a visitor to do
+something come before those that need nothing."""

@@ -1,0 +1,198 @@
+"""Visitors of a kiosk, and their visits, which last across lost and changed tracking ids."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.kiosk.profile import ZoneSettings
+from enliven.person import Body, Joint
+from enliven.possession import body_yaw
+
+Place = tuple[float, float]
+"""A point of the floor (x, z) in metres."""
+
+MIN_VISITOR_CONFIDENCE = 0.25
+"""Minimum mean confidence of a body's joints. Below it, furniture and reflections appear as people."""
+ZONE_MARGIN_M = 0.25
+"""Distance that a visitor must move out of the zone before they count as outside, in metres. Without it, a
+visitor at the border would come and go with every breath."""
+MIN_VISIT_MEMORY_S = 1.0
+"""Shortest time in which a lost visitor is remembered, in seconds. Trackers lose people for shorter times."""
+_MATCH_RADIUS_M = 0.6
+"""Distance within which a new id is the visitor that was just lost there, in metres: less than the distance
+between two visitors side by side."""
+_WALKING_SPEED = 1.2
+"""Growth of that distance in metres per second while a visitor is lost."""
+_MAX_MATCH_RADIUS_M = 1.5
+"""Longest such distance in metres. Beyond it, another visitor is as likely."""
+
+
+@dataclass(frozen=True)
+class Visitor:
+    """One tracked person at one moment.
+
+    Attributes:
+        id: the tracking id. It may change while the person stays.
+        position: place of the hips on the floor, so that a seated visitor is measured like a standing one.
+        facing: radians about +Y from +Z to the person's front.
+        hands: height of the left and the right hand above the shoulder of that side, as a fraction of the
+            length of that arm. So it is the same for children and in a wheelchair.
+        confidence: mean confidence of the joints, 0..1.
+        height: metres from the soles to the crown when standing.
+    """
+
+    id: int
+    position: Place
+    facing: float = 0.0
+    hands: tuple[float, float] = (-1.0, -1.0)
+    confidence: float = 1.0
+    height: float = 1.7
+
+
+def visitor_from_body(body: Body) -> Visitor | None:
+    """Returns the visitor of a tracked body; None if its hips are not known."""
+    hips = body.joints[Joint.HIP_CENTER]
+    if not np.isfinite(hips).all():
+        return None
+    left = _raised_fraction(body, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT)
+    right = _raised_fraction(body, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT)
+    height = body.height
+    return Visitor(
+        body.id,
+        (float(hips[0]), float(hips[2])),
+        body_yaw(body),
+        (left, right),
+        float(np.nan_to_num(body.confidence).mean()),
+        height if math.isfinite(height) else 1.7,
+    )
+
+
+def _raised_fraction(body: Body, shoulder: Joint, elbow: Joint, wrist: Joint) -> float:
+    """Returns the height of a wrist above its shoulder over the arm's length; -1 if it is not known."""
+    points = body.joints[[shoulder, elbow, wrist]]
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if not np.isfinite(length) or length < 1e-3 or body.confidence[wrist] <= 0.0:
+        return -1.0
+    return float((points[2, 1] - points[0, 1]) / length)
+
+
+@dataclass
+class Visit:
+    """The stay of one person, from the first sight to the last.
+
+    Attributes:
+        number: counts the visits from 1. It stays if the tracking id changes.
+        visitor: the newest measurement.
+        in_zone: True while the visitor is in the zone.
+        queued_s: start of the wait for a turn, in seconds. Earlier ones are served first.
+        seen_s: time of the newest measurement, in seconds.
+        seen: True if the visitor was measured in the last frame.
+    """
+
+    number: int
+    visitor: Visitor
+    in_zone: bool
+    queued_s: float
+    seen_s: float
+    seen: bool = True
+
+    @property
+    def body(self) -> int:
+        """Returns the present tracking id."""
+        return self.visitor.id
+
+    def distance(self, place: Place) -> float:
+        """Returns the distance to a point of the floor in metres."""
+        return math.dist(self.visitor.position, place)
+
+
+class Attendance:
+    """The visits in progress.
+
+    Args:
+        zone: the zone in which visitors are noticed.
+        memory: seconds for which a lost visitor keeps the visit.
+    """
+
+    def __init__(self, zone: ZoneSettings, memory: float) -> None:
+        self._zone, self._memory = zone, max(memory, MIN_VISIT_MEMORY_S)
+        self._visits: dict[int, Visit] = {}
+        self._last = 0
+
+    @property
+    def visits(self) -> Sequence[Visit]:
+        """Returns the visits, the oldest first."""
+        return tuple(self._visits.values())
+
+    def find(self, number: int | None) -> Visit | None:
+        """Returns a visit by its number; None if it is over."""
+        return None if number is None else self._visits.get(number)
+
+    def waiting(self) -> list[Visit]:
+        """Returns the visits in the zone in the order of their turns."""
+        inside = [visit for visit in self._visits.values() if visit.in_zone]
+        return sorted(inside, key=lambda visit: (visit.queued_s, visit.number))
+
+    def update(self, now: float, visitors: Iterable[Visitor]) -> None:
+        """Takes in the visitors of one frame at ``now`` seconds."""
+        present = {v.id: v for v in visitors if _is_usable(v)}
+        for visit in self._visits.values():
+            visit.seen = visit.body in present
+            if visit.seen:
+                self._measure(visit, present.pop(visit.body), now)
+        self._continue_lost_visits(present, now)
+        for visitor in present.values():
+            self._last += 1
+            inside = self.is_inside(visitor.position)
+            self._visits[self._last] = Visit(self._last, visitor, inside, now, now)
+        self._visits = {
+            number: visit for number, visit in self._visits.items() if now - visit.seen_s <= self._memory
+        }
+
+    def clear(self) -> None:
+        """Ends all visits."""
+        self._visits.clear()
+
+    def is_inside(self, position: Place, margin: float = 0.0) -> bool:
+        """Returns True if a point of the floor is in the zone, or at most ``margin`` metres outside."""
+        x, z = self._zone.center
+        return (
+            abs(position[0] - x) <= self._zone.width / 2 + margin
+            and abs(position[1] - z) <= self._zone.depth / 2 + margin
+        )
+
+    def _continue_lost_visits(self, present: dict[int, Visitor], now: float) -> None:
+        """Gives lost visits the visitors that appeared at their places, the nearest pairs first."""
+        pairs = sorted(
+            (visit.distance(visitor.position), visit.number, visitor.id)
+            for visit in self._visits.values()
+            if not visit.seen
+            for visitor in present.values()
+            if visit.distance(visitor.position) <= _match_radius(now - visit.seen_s)
+        )
+        for _, number, body in pairs:
+            visit = self._visits[number]
+            if not visit.seen and body in present:
+                self._measure(visit, present.pop(body), now)
+
+    def _measure(self, visit: Visit, visitor: Visitor, now: float) -> None:
+        """Stores a visitor's newest measurement in the visit."""
+        visit.visitor, visit.seen_s, visit.seen = visitor, now, True
+        inside = self.is_inside(visitor.position, ZONE_MARGIN_M if visit.in_zone else 0.0)
+        if inside and not visit.in_zone:
+            visit.queued_s = now
+        visit.in_zone = inside
+
+
+def _match_radius(lost_s: float) -> float:
+    """Returns the search radius in metres for a visitor that was lost some time ago."""
+    return min(_MATCH_RADIUS_M + _WALKING_SPEED * lost_s, _MAX_MATCH_RADIUS_M)
+
+
+def _is_usable(visitor: Visitor) -> bool:
+    """Returns True if a measurement is certain enough to be a person."""
+    return visitor.confidence >= MIN_VISITOR_CONFIDENCE and all(map(math.isfinite, visitor.position))

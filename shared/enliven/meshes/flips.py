@@ -1,0 +1,58 @@
+"""Edge flips in a triangulation that keep its adjacency up to date.
+
+The adjacency array ``beside[t, k]`` contains the triangle across the edge opposite to corner k of triangle t,
+or -1 at a border. The caller decides whether a flip is legal and improves the triangulation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Int
+from enliven.kernels import njit
+
+
+def across_edges(triangles: Int, count: int) -> Int:
+    """Returns (T, 3) the adjacency array: the triangle across the edge opposite to each corner, or -1 at a
+    border.
+    """
+    starts, ends = triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()
+    key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
+    order = np.argsort(key, kind="stable")
+    neighbours = np.full(len(key), -1, np.int64)
+    pairs = np.flatnonzero(key[order][1:] == key[order][:-1])
+    neighbours[order[pairs]], neighbours[order[pairs + 1]] = order[pairs + 1] // 3, order[pairs] // 3
+    return neighbours.reshape(-1, 3)
+
+
+@njit(cache=True, nogil=True)
+def slot(row, value):
+    """Kernel: returns the index of a value in a row of three, or -1 if it is absent."""
+    for k in range(3):
+        if row[k] == value:
+            return k
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def flip(triangles, beside, t, k):
+    """Kernel: replaces the edge opposite to corner k of t by the other diagonal of t and its neighbour, in
+    place.
+
+    Args:
+        triangles: (T, 3) vertices, counter-clockwise. The edge has a triangle on both sides.
+        beside: (T, 3) neighbours.
+    """
+    u = beside[t, k]
+    m = slot(beside[u], t)
+    a, b, c, d = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3], triangles[u, m]
+    over_b, over_c = beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]
+    under_c, under_b = beside[u, slot(triangles[u], c)], beside[u, slot(triangles[u], b)]
+    triangles[t, 0], triangles[t, 1], triangles[t, 2] = a, b, d
+    triangles[u, 0], triangles[u, 1], triangles[u, 2] = a, d, c
+    beside[t, 0], beside[t, 1], beside[t, 2] = under_c, u, over_c
+    beside[u, 0], beside[u, 1], beside[u, 2] = under_b, over_b, t
+    if under_c >= 0:
+        beside[under_c, slot(beside[under_c], u)] = t
+    if over_b >= 0:
+        beside[over_b, slot(beside[over_b], t)] = u

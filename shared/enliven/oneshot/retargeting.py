@@ -1,0 +1,196 @@
+"""Retargets the motion of a file onto the model of another file, and writes the result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from enliven.document import Clip
+from enliven.exporters import exporter_of, performance_of
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import Rig
+from enliven.mapping.automatic_mapping import RetargetedShape, automatic, idle_limbs, play_own_take
+from enliven.mapping.automatic_mapping import retarget as retarget_shape
+from enliven.mapping.model_clips import is_looping, is_own_take
+from enliven.mapping.plan import Plan
+from enliven.mapping.plan_file import read_plan
+from enliven.mapping.quality import (
+    MAX_FLOOR_DISTANCE,
+    MAX_INTERSECTION,
+    MAX_SLIDE_CM_S,
+    MAX_STRETCH,
+    MotionQuality,
+    quality_of,
+)
+from enliven.mapping.softening import soften_plan
+from enliven.settings import load_settings, setting
+from enliven.takes.files import read_take
+
+_MAX_DEFAULT_RATE_HZ = 60.0
+"""Maximum frame rate of the output if none is chosen, in frames per second: the rate of common displays."""
+
+
+@dataclass(frozen=True)
+class RetargetOptions:
+    """How a motion is transferred to a model."""
+
+    mapping: str = setting("", "A mapping file. Empty: a mapping is computed.")
+    start: float = setting(0.0, "Start time in the take.", unit="s", low=0.0)
+    end: float | None = setting(None, "End time in the take; by default its end.", unit="s", low=0.0)
+    rest: str = setting(
+        "", 'Reference pose of the take: "mean", "first", "zero", or seconds. Empty: as in the mapping.'
+    )
+    mode: Literal["auto", "pose", "move"] = setting(
+        "auto", "Take the performer's pose, or move the model from its own. auto: the likelier."
+    )
+    travel: bool = setting(False, "Let the model go where the performer goes.")
+    pin: bool = setting(False, "With travel: hold feet where they stand, against sliding.")
+    floor: bool = setting(True, "Keep a standing model on the floor, by its lowest point.")
+    steps: bool = setting(True, "Let differently built legs step where the performer's feet step.")
+    stretch: bool = setting(False, "Stretch the model's bones as the take stretches its bones.")
+    limits: bool = setting(True, "Limit an animal's joints to the range of its own clips, plus a margin.")
+    soften: bool = setting(False, "Move limbs less, down to 40 %, where the surface would stretch.")
+    turn: bool = setting(True, "Let the model turn as the performer turns.")
+    rate: float | None = setting(
+        None,
+        "Frames per second of the output; by default the take's, at most 60.",
+        unit="1/s",
+        low=1.0,
+        high=240.0,
+    )
+    height: float | None = setting(None, "Height of the model; by default unchanged.", unit="m")
+    animation: str = setting("", "Animation of a .glb or person of an .mcap. Empty: the first.")
+
+
+@dataclass(frozen=True)
+class RetargetedFile:
+    """The result of :func:`retarget_file`.
+
+    Attributes:
+        retargeted: the shape with its motion.
+        rig: the model as read.
+        is_own: True if the take is the model's own, and was copied joint by joint.
+        notes: unusual content of both files, one sentence each.
+        quality: measures of the motion, or None for a take of the model's own.
+    """
+
+    retargeted: RetargetedShape
+    rig: Rig
+    is_own: bool
+    notes: tuple[str, ...]
+    quality: MotionQuality | None
+
+    @property
+    def faults(self) -> list[str]:
+        """A sentence for each visible fault of the motion, with the affected joints."""
+        if self.quality is None:
+            return []
+        idle = idle_limbs(self.retargeted.clip, self.retargeted.plan)
+        return [f"the performer's {limb} drives nothing" for limb in idle] + exceeded_bounds(
+            self.quality, self.retargeted.plan.pin
+        )
+
+
+def retarget_file(
+    take: Path, model: Path, output: Path, options: RetargetOptions | None = None
+) -> RetargetedFile:
+    """Retargets a motion onto a model, writes the result completely or not at all, and measures it.
+
+    Args:
+        take: the motion: .bvh, .mcap, .glb, .enliven, or CMU's tables (.txt).
+        model: the model: .glb, .gltf or .vrm, rigged or not.
+        output: the suffix determines the format.
+
+    Raises:
+        InputError: if a file cannot be read, an option does not fit, or the format is unknown.
+        ResourceError: if the output cannot be written.
+    """
+    options = options or RetargetOptions()
+    exporter = exporter_of(output)
+    clip, take_notes = read_take(take, options.animation or None, options.start, options.end)
+    rig = read_gltf(model, height=options.height)
+    is_own = _has_no_mapping(options) and is_own_take(clip, rig.shape)
+    if is_own:
+        retargeted = play_own_take(rig.shape, clip)
+    else:
+        retargeted = retarget_shape(rig.shape, clip, _plan_with(options, rig, clip), clips=rig.clips)
+    performance = performance_of(
+        retargeted.project,
+        retargeted.shape_id,
+        0.0,
+        retargeted.duration,
+        _output_rate(options, clip, retargeted.duration),
+        keyed=is_own and exporter.keyed and options.rate is None,
+    )
+    exporter.save(output, [performance], f"{take.stem} on {model.stem}")
+    quality = None if is_own else _measure(retargeted)
+    return RetargetedFile(retargeted, rig, is_own, (*take_notes, *rig.notes), quality)
+
+
+def exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
+    """Returns a sentence for each exceeded bound, with the affected joints.
+
+    Args:
+        pinned: True if feet are locked.
+    """
+    sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
+    limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
+    faults = {
+        f"limbs point away from the performer's: {limbs}": bool(limbs),
+        f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
+        > MAX_STRETCH,
+        f"it goes below the floor at {feet}": sunk > MAX_FLOOR_DISTANCE,
+        f"it is above the floor at {feet} while the performer stands": afloat > max(MAX_FLOOR_DISTANCE, sunk),
+        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0)
+        > MAX_SLIDE_CM_S,
+        f"parts go through one another: {', '.join(quality.parts)}": quality.through > MAX_INTERSECTION,
+    }
+    return [words for words, is_present in faults.items() if is_present]
+
+
+def _has_no_mapping(options: RetargetOptions) -> bool:
+    """Returns True if no option asks for a mapping, so that a take of the model's own can be copied."""
+    return not (options.mapping or options.rest or options.mode != "auto" or options.soften)
+
+
+def _plan_with(options: RetargetOptions, rig: Rig, clip: Clip) -> Plan:
+    """Returns the mapping from the file, or the one found automatically, changed by the options."""
+    plan = read_plan(options.mapping) if options.mapping else automatic(clip, rig.shape)
+    changes: dict[str, Any] = {
+        name: getattr(options, name) or getattr(plan, name) for name in ("travel", "pin", "stretch")
+    }
+    changes |= {
+        name: getattr(options, name) and getattr(plan, name) for name in ("turn", "floor", "steps", "limits")
+    }
+    if options.rest:
+        value = float(options.rest) if _is_number(options.rest) else options.rest
+        changes["rest"] = load_settings(Plan, {"rest": value}, where="--rest").rest
+    if options.mode != "auto":
+        changes["chains"] = tuple(replace(chain, mode=options.mode) for chain in plan.chains)
+    plan = replace(plan, **changes)
+    return soften_plan(plan, clip, rig.shape) if options.soften else plan
+
+
+def _output_rate(options: RetargetOptions, clip: Clip, duration: float) -> float:
+    """Returns the frame rate of the output. The rate of a loop is adjusted so that the loop ends exactly on a
+    frame.
+    """
+    rate = min(1.0 / clip.step, _MAX_DEFAULT_RATE_HZ) if options.rate is None else options.rate
+    if is_looping(clip) and duration > 0.0:
+        rate = max(round(duration * rate), 1) / duration
+    return rate
+
+
+def _measure(retargeted: RetargetedShape) -> MotionQuality:
+    return quality_of(
+        retargeted.project, retargeted.shape_id, retargeted.clip, retargeted.duration, retargeted.plan
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Live outputs: sends characters and performers to other programs (VMC, VRChat, Rokoko, OSC, Foxglove)."""

@@ -1,0 +1,1 @@
+"""Foxglove: a WebSocket server, and the stage as messages of its app."""

@@ -1,0 +1,202 @@
+"""Foxglove: a WebSocket server that the Foxglove app connects to, to watch an edge and to plot its numbers.
+
+Other outputs send to an address. This one listens, so that Foxglove can come, leave and come back. Foxglove's
+protocol has no authentication, so registry.py refuses an address that other computers reach.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import socket
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import foxglove
+from foxglove.channels import (
+    CameraCalibrationChannel,
+    LogChannel,
+    RawImageChannel,
+)
+from foxglove.messages import FrameTransforms, SceneUpdate
+from foxglove.websocket import ChannelView, Client, ServerListener
+
+from enliven.errors import ResourceError
+from enliven.health import HealthState
+from enliven.outputs.foxglove import messages
+from enliven.outputs.foxglove.stage_encoders import (
+    STAGE_SCHEMA,
+    SceneEncoder,
+    StageEncoder,
+    TransformsEncoder,
+)
+from enliven.outputs.frame_thread import FrameThread
+from enliven.outputs.live_frame import LiveFrame
+from enliven.outputs.warmup import sample_frame
+
+_BACKLOG = 32
+"""Maximum number of messages that wait for a slow client, about 0.3 s. The oldest are dropped."""
+_DEPTH_INTERVAL_NS = 100_000_000
+"""Nanoseconds of the sensor's clock between two depth images: 6 MB/s at 640x480."""
+_MAX_STOP_S = 1.0
+"""Maximum seconds to wait at the end until the port is free. It takes about 10 ms."""
+_STOP_STEP_S = 0.005
+"""Seconds between two looks at the port."""
+_ERROR = re.compile(r"(?:FoxgloveError: )?(?:Failed to bind port: )?(.*?)(?: \(os error \d+\))?")
+"""The text of a failure of the library, without what the message of enliven says already."""
+
+
+class FoxgloveServer(FrameThread):
+    """Serves everything on the stage to any number of Foxglove clients.
+
+    Messages are only made for topics that a client has subscribed to. The library sends them from threads of
+    its own, and drops the oldest ones of a slow client.
+
+    Args:
+        name: of the output, for messages.
+        host: IP address to listen on.
+        port: TCP port to listen on. 0 picks a free one.
+
+    Attributes:
+        port: the TCP port.
+
+    Raises:
+        ResourceError: for a port in use, or an address that does not belong to this machine.
+    """
+
+    def __init__(self, name: str, host: str, port: int) -> None:
+        super().__init__(name)
+        # The library logs while it holds locks that channel.log needs. A log line of one of its threads waits
+        # for the interpreter, which the caller of channel.log holds: a deadlock. So its log must not reach
+        # Python. FOXGLOVE_LOG_LEVEL overrides the first line. The second one then stops its log, except for
+        # the first line of each of its modules.
+        foxglove.set_log_level(logging.CRITICAL)
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)
+        context = self._context = foxglove.Context()  # The server does not keep it alive.
+        self._transforms = foxglove.Channel(
+            "/tf", message_encoding="protobuf", schema=FrameTransforms.get_schema(), context=context
+        )
+        self._scene = foxglove.Channel(
+            "/scene", message_encoding="protobuf", schema=SceneUpdate.get_schema(), context=context
+        )
+        self._stage = foxglove.Channel(
+            "/stage", message_encoding="json", schema=STAGE_SCHEMA, context=context
+        )
+        self._encoders = TransformsEncoder(), SceneEncoder(), StageEncoder()
+        StageEncoder().encode(sample_frame())  # Compiles the kernels, which those of the others are part of.
+        self._depth = RawImageChannel("/depth", context=context)
+        self._calibration = CameraCalibrationChannel("/depth/calibration", context=context)
+        self._health = LogChannel("/health", context=context)
+        self._events_log = LogChannel("/events", context=context)
+        self._lock = threading.Lock()
+        self._states: dict[tuple[str, int, int], HealthState] = {}
+        self._offset_ns: int | None = None
+        self._last_ns = self._last_depth_ns = 0
+        try:
+            self._server = foxglove.start_server(
+                name=name,
+                host=host,
+                port=port,
+                context=context,
+                server_listener=_Listener(self),
+                message_backlog_size=_BACKLOG,
+            )
+        except RuntimeError as error:
+            match = _ERROR.fullmatch(str(error))
+            reason = match[1] if match else str(error)
+            remedy = "End the other program that listens there, or give another port: foxglove:HOST:PORT."
+            problem = f"port {port} of {host} cannot be opened ({reason})"
+            raise ResourceError(problem, where=name, remedy=remedy) from None
+        self._host, self.port = host, self._server.port
+        self._start()
+
+    def put_health(self, states: Sequence[HealthState]) -> None:
+        now = messages.timestamp(time.time_ns())
+        new = {(state.kind, state.performer, state.since_ns): state for state in states}
+        with self._lock:
+            old, self._states = self._states, new
+        for key in new.keys() - old.keys():
+            self._health.log(messages.health_log(new[key], now))
+        for key in old.keys() - new.keys():
+            self._health.log(messages.health_log(old[key], now, ended=True))
+
+    def repeat_health(self) -> None:
+        """Sends the current health states again, for a client that has just subscribed to them."""
+        now = messages.timestamp(time.time_ns())
+        with self._lock:
+            states = list(self._states.values())
+        for state in states:
+            self._health.log(messages.health_log(state, now))
+
+    def _send(self, frame: LiveFrame) -> None:
+        time_ns = self._wall_time_ns(frame.time_ns)
+        transforms, scene, stage = self._encoders
+        if self._transforms.has_sinks():
+            self._log(self._transforms, transforms.encode(frame, time_ns), time_ns)
+        if self._scene.has_sinks():
+            self._log(self._scene, scene.encode(frame, time_ns), time_ns)
+        if self._stage.has_sinks():
+            self._log(self._stage, stage.encode(frame), time_ns)
+        for event in frame.events:
+            self._log(self._events_log, messages.event_log(event, messages.timestamp(time_ns)), time_ns)
+        self._send_depth(frame, time_ns)
+
+    def _send_depth(self, frame: LiveFrame, time_ns: int) -> None:
+        """Sends the depth image and its camera with a limited rate."""
+        if frame.depth is None or 0 <= frame.time_ns - self._last_depth_ns < _DEPTH_INTERVAL_NS:
+            return
+        self._last_depth_ns = frame.time_ns
+        stamp = messages.timestamp(time_ns)
+        if self._depth.has_sinks():
+            self._log(self._depth, messages.depth_image(frame.depth, frame.mirrored, stamp), time_ns)
+        if self._calibration.has_sinks():
+            camera = messages.calibration(frame.depth.intrinsics, frame.mirrored, stamp)
+            self._log(self._calibration, camera, time_ns)
+
+    def _log(self, channel: Any, message: object, time_ns: int) -> None:
+        channel.log(message, log_time=time_ns)
+        self.sent += 1
+
+    def _wall_time_ns(self, time_ns: int) -> int:
+        """Returns the sensor's time as time since 1970: the first frame is now.
+
+        If the sensor's clock was set back, such as by a replay that begins again, clients are told to forget
+        the later times.
+        """
+        if self._offset_ns is None or time_ns < self._last_ns:
+            if self._offset_ns is not None:
+                self._server.clear_session()
+            self._offset_ns = time.time_ns() - time_ns
+        self._last_ns = time_ns
+        return time_ns + self._offset_ns
+
+    def _disconnect(self) -> None:
+        self._server.stop()
+        # The library closes its port in the background. A restart of the edge needs it at once.
+        deadline = time.monotonic() + _MAX_STOP_S
+        while time.monotonic() < deadline and not _is_free(self._host, self.port):
+            time.sleep(_STOP_STEP_S)
+
+
+def _is_free(host: str, port: int) -> bool:
+    """Returns True if a server could listen on a port."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as attempt:
+        attempt.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            attempt.bind((host, port))
+        except OSError:
+            return False
+    return True
+
+
+class _Listener(ServerListener):
+    """Sends the health states to a client that subscribes to them."""
+
+    def __init__(self, server: FoxgloveServer) -> None:
+        self._server = server
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        if channel.topic == "/health":
+            self._server.repeat_health()

@@ -1,0 +1,367 @@
+"""The stage as messages of Foxglove: transforms, a drawing, and numbers for plots.
+
+Positions are metres in the frame ``world``: enliven's, right-handed with +Y up. Foxglove's 3D panel has +Z
+up. So the root of all frames is ``map``, with +Z up, and ``world`` stands upright in it.
+
+Each message is encoded once for a set of names. A frame then only writes its numbers
+(:mod:`enliven.outputs.foxglove.protobuf_template`).
+
+Source of the messages: https://docs.foxglove.dev/docs/sdk/schemas
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from foxglove import Schema
+from foxglove.messages import (
+    Color,
+    CubePrimitive,
+    Duration,
+    FrameTransform,
+    FrameTransforms,
+    LinePrimitive,
+    LinePrimitiveLineType,
+    Point3,
+    Pose,
+    Quaternion,
+    SceneEntity,
+    SceneUpdate,
+    SpherePrimitive,
+    TextPrimitive,
+    Timestamp,
+    Vector3,
+)
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import BOX
+from enliven.outputs.foxglove.messages import CAMERA
+from enliven.outputs.foxglove.protobuf_template import ProtobufTemplate
+from enliven.outputs.json_template import MARK, JsonTemplate
+from enliven.outputs.live_frame import PERFORMER, LiveFrame
+from enliven.person import BONES, Joint
+from enliven.rotation import from_matrix
+
+ROOT = "map"
+"""The frame with +Z up, in which Foxglove shows the world upright."""
+WORLD = "world"
+"""enliven's world."""
+_HALF = float(np.sqrt(0.5))
+_UPRIGHT = Quaternion(x=_HALF, y=0.0, z=0.0, w=_HALF)
+"""map_from_world: a quarter turn about X, from +Y up to +Z up."""
+_STILL = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+_LIFETIME = Duration(1, 0)
+"""Time after which a figure that is no longer sent disappears from the drawing."""
+_LINE_M = 0.02
+"""Thickness of the drawn bones, in metres."""
+_HEAD_M = 0.2
+"""Diameter of the drawn head of a performer, in metres."""
+_DOT_M = 0.04
+"""Diameter of the dots of a character without bones and edges, in metres."""
+_MAX_DOTS = 256
+"""Maximum number of dots of a character."""
+_LABEL_M = 0.12
+"""Height of the drawn letters, in metres."""
+_LABEL_ABOVE_M = 0.3
+"""Metres from the head of a performer, or the middle of a character, to its name."""
+_PERFORMER_COLOUR = (1.0, 0.55, 0.2)
+"""Orange, sRGB from 0 to 1."""
+_CHARACTER_COLOUR = (0.35, 0.75, 1.0)
+"""Blue, sRGB from 0 to 1."""
+_HELD_COLOUR = (0.3, 1.0, 0.5)
+"""Green, sRGB from 0 to 1: a character that a performer possesses."""
+_MIN_OPACITY = 0.25
+"""Opacity of a joint with confidence 0."""
+_ENDS = np.array([int(joint) for bone in BONES for joint in bone])
+"""(2 B,) joints at the ends of a performer's lines."""
+_PROP_NUMBERS = 13
+"""Count of the numbers of a loose object: position, rotation, size and colour."""
+_MAX_TEMPLATES = 64
+"""Maximum number of kept templates. The sets of performers and characters on a stage are few."""
+_DECIMALS = 6
+"""Digits after the point of the numbers for plots: micrometres."""
+_XYZ_XYZW = [0, 1, 2, 4, 5, 6, 3]
+"""Where a row of the stage has the numbers of a transform, in their order."""
+STAGE_SCHEMA = Schema(
+    name="enliven.Stage",
+    encoding="jsonschema",
+    data=b"""{"type": "object", "properties": {
+    "performers": {"type": "array", "items": {"type": "object", "properties": {
+        "number": {"type": "integer"}, "height": {"type": "number"},
+        "contact": {"type": "object", "properties":
+            {"left": {"type": "number"}, "right": {"type": "number"}}},
+        "joints": {"type": "array", "items": {"type": "object", "properties": {
+            "name": {"type": "string"}, "confidence": {"type": "number"},
+            "x": {"type": "number"}, "y": {"type": "number"}, "z": {"type": "number"}}}}}}},
+    "characters": {"type": "array", "items": {"type": "object", "properties": {
+        "name": {"type": "string"}, "held": {"type": "boolean"}}}}}}""",
+)
+"""The numbers of :class:`StageEncoder`."""
+_Template = TypeVar("_Template", ProtobufTemplate, JsonTemplate)
+
+
+class _Templates(Generic[_Template]):
+    """The templates of one topic, by the set of names of a frame."""
+
+    def __init__(self) -> None:
+        self._templates: dict[Hashable, _Template] = {}
+
+    def of(self, key: Hashable, make: Callable[[], _Template]) -> _Template:
+        """Returns the template of a key. A new one is made."""
+        template = self._templates.get(key)
+        if template is None:
+            if len(self._templates) >= _MAX_TEMPLATES:
+                self._templates.clear()
+            template = self._templates[key] = make()
+        return template
+
+
+class TransformsEncoder:
+    """Encodes the camera, characters, bones of rigs, performers and loose objects as frames in ``world``."""
+
+    def __init__(self) -> None:
+        self._templates = _Templates[ProtobufTemplate]()
+
+    def encode(self, frame: LiveFrame, time_ns: int) -> bytes:
+        """Returns the encoded message of a frame."""
+        rows, camera = frame.rows, frame.world_from_camera
+        numbers = rows.values[:, _XYZ_XYZW]
+        if camera is not None:
+            w, *xyz = from_matrix(camera[:3, :3])
+            numbers = np.concatenate([[[*camera[:3, 3], *xyz, w]], numbers])
+
+        def make() -> ProtobufTemplate:
+            names = [CAMERA, *rows.labels()] if camera is not None else rows.labels()
+            return ProtobufTemplate(lambda n, time: transforms(names, n, time).encode(), numbers.size)
+
+        return self._templates.of((rows.key, camera is None), make).filled(numbers.ravel(), time_ns)
+
+
+def transforms(names: Sequence[str], numbers: Float, time: Timestamp) -> FrameTransforms:
+    """Returns frames in ``world`` as a message.
+
+    Args:
+        numbers: (7 N,) position and rotation (x, y, z, w) of each name.
+    """
+    origin = Vector3(x=0.0, y=0.0, z=0.0)
+    first = FrameTransform(
+        timestamp=time,
+        parent_frame_id=ROOT,
+        child_frame_id=WORLD,
+        translation=origin,
+        rotation=_UPRIGHT,
+    )
+    others = [
+        FrameTransform(
+            timestamp=time,
+            parent_frame_id=WORLD,
+            child_frame_id=name,
+            translation=Vector3(x=x, y=y, z=z),
+            rotation=Quaternion(x=i, y=j, z=k, w=w),
+        )
+        for name, (x, y, z, i, j, k, w) in zip(names, numbers.reshape(-1, 7).tolist(), strict=True)
+    ]
+    return FrameTransforms(transforms=[first, *others])
+
+
+class SceneEncoder:
+    """Encodes the drawing: figures of performers, bones or graphs of characters, and loose objects."""
+
+    def __init__(self) -> None:
+        self._templates = _Templates[ProtobufTemplate]()
+
+    def encode(self, frame: LiveFrame, time_ns: int) -> bytes:
+        """Returns the encoded message of a frame."""
+        shapes = b"" if frame.props is None else frame.props.shapes.tobytes()
+        numbers = scene_numbers(frame)
+
+        def make() -> ProtobufTemplate:
+            return ProtobufTemplate(lambda n, time: scene(frame, n, time).encode(), len(numbers))
+
+        return self._templates.of((frame.rows.key, frame.held, shapes), make).filled(numbers, time_ns)
+
+
+def scene_numbers(frame: LiveFrame) -> Float:
+    """Returns the numbers of a drawing, in the order in which :func:`scene` takes them."""
+    parts = list[AnyArray]()
+    if frame.performers:
+        bodies = frame.performers.values()
+        joints = np.array([body.joints for body in bodies])
+        confidence = np.array([body.confidence for body in bodies])
+        opacity = _MIN_OPACITY + (1.0 - _MIN_OPACITY) * np.minimum(np.maximum(confidence, 0.0), 1.0)
+        heads, count = joints[:, Joint.HEAD], len(joints)
+        block = np.empty((count, 4 * len(_ENDS) + 7))
+        block[:, : 3 * len(_ENDS)] = joints[:, _ENDS].reshape(count, -1)
+        block[:, 3 * len(_ENDS) : -7] = opacity[:, _ENDS]
+        block[:, -7:-4] = heads
+        block[:, -6] += _LABEL_ABOVE_M
+        block[:, -4:-1], block[:, -1] = heads, opacity[:, Joint.HEAD]
+        parts.append(block.ravel())
+    for number, (info, pose) in enumerate(frame.posed):
+        edges = info.character.edges
+        points = pose.positions[edges.ravel()] if len(edges) else pose.positions[:_MAX_DOTS]
+        label = frame.rows.values[number, :3].copy()
+        label[1] += _LABEL_ABOVE_M
+        parts += [points.ravel(), label]
+    props = frame.props
+    if props is not None:
+        block = np.empty((len(props), _PROP_NUMBERS))
+        block[:, :3], block[:, 3:7] = props.positions, props.turns[:, [1, 2, 3, 0]]
+        block[:, 7:10], block[:, 10:] = 2.0 * props.sizes, props.colours / 255.0
+        parts.append(block.ravel())
+    return np.concatenate([np.zeros(0), *parts], dtype=np.float64)
+
+
+class _Numbers:
+    """Takes numbers in their order, as parts of messages.
+
+    Args:
+        numbers: (N,) all of them.
+    """
+
+    def __init__(self, numbers: Float) -> None:
+        self._numbers: Iterator[float] = iter(numbers.tolist())
+
+    def take(self, count: int) -> list[float]:
+        """Returns the next numbers."""
+        return [next(self._numbers) for _ in range(count)]
+
+    def points(self, count: int) -> list[Point3]:
+        """Returns the next points."""
+        return [Point3(x=x, y=y, z=z) for x, y, z in (self.take(3) for _ in range(count))]
+
+    def vector(self) -> Vector3:
+        """Returns the next vector."""
+        x, y, z = self.take(3)
+        return Vector3(x=x, y=y, z=z)
+
+    def turn(self) -> Quaternion:
+        """Returns the next rotation."""
+        x, y, z, w = self.take(4)
+        return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def scene(frame: LiveFrame, numbers: Float, time: Timestamp) -> SceneUpdate:
+    """Returns the drawing as a message.
+
+    Args:
+        frame: with the names and colours.
+        numbers: those of :func:`scene_numbers`, or marks.
+    """
+    source = _Numbers(numbers)
+    entities = [_performer(f"{PERFORMER}{number}", source, time) for number in frame.performers]
+    for info, pose in frame.posed:
+        name, edges = pose.character, info.character.edges
+        colour = _HELD_COLOUR if name in frame.held else _CHARACTER_COLOUR
+        ends = source.points(2 * len(edges))
+        count = 0 if len(edges) else min(len(pose.positions), _MAX_DOTS)
+        size = Vector3(x=_DOT_M, y=_DOT_M, z=_DOT_M)
+        balls = [_ball(source.vector(), size, _colour(colour)) for _ in range(count)]
+        entities.append(_figure(name, time, ends, None, colour, source.vector(), balls))
+    if frame.props is not None:
+        for number, shape in zip(frame.props.ids.tolist(), frame.props.shapes, strict=True):
+            entities.append(_prop(f"prop-{number}", shape == BOX, source, time))
+    return SceneUpdate(entities=entities)
+
+
+def _performer(name: str, source: _Numbers, time: Timestamp) -> SceneEntity:
+    """Returns a performer as lines between the joints. Joints with little confidence are transparent."""
+    points, opacity = source.points(len(_ENDS)), source.take(len(_ENDS))
+    label, head, (seen,) = source.vector(), source.vector(), source.take(1)
+    size = Vector3(x=_HEAD_M, y=_HEAD_M, z=_HEAD_M)
+    balls = [_ball(head, size, _colour(_PERFORMER_COLOUR, seen))]
+    return _figure(name, time, points, opacity, _PERFORMER_COLOUR, label, balls)
+
+
+def _figure(
+    name: str,
+    time: Timestamp,
+    points: list[Point3],
+    opacity: list[float] | None,
+    colour: tuple[float, float, float],
+    label: Vector3,
+    spheres: list[SpherePrimitive],
+) -> SceneEntity:
+    """Returns lines between pairs of points, with a name above.
+
+    Args:
+        points: the ends of the lines.
+        opacity: of each end. None: they are opaque.
+        label: position of the name.
+    """
+    lines = LinePrimitive(
+        type=LinePrimitiveLineType.LineList,
+        thickness=_LINE_M,
+        points=points,
+        color=_colour(colour),
+        colors=None if opacity is None else [_colour(colour, each) for each in opacity],
+    )
+    text = TextPrimitive(
+        pose=Pose(position=label, orientation=_STILL),
+        billboard=True,
+        font_size=_LABEL_M,
+        color=_colour(colour),
+        text=name,
+    )
+    return _entity(name, time, lines=[lines], texts=[text], spheres=spheres)
+
+
+def _prop(name: str, is_box: bool, source: _Numbers, time: Timestamp) -> SceneEntity:
+    """Returns a loose object as a box or a ball."""
+    position, turn, size, (red, green, blue) = source.vector(), source.turn(), source.vector(), source.take(3)
+    pose, colour = Pose(position=position, orientation=turn), _colour((red, green, blue))
+    if is_box:
+        return _entity(name, time, cubes=[CubePrimitive(pose=pose, size=size, color=colour)])
+    return _entity(name, time, spheres=[SpherePrimitive(pose=pose, size=size, color=colour)])
+
+
+def _ball(position: Vector3, size: Vector3, colour: Color) -> SpherePrimitive:
+    return SpherePrimitive(pose=Pose(position=position, orientation=_STILL), size=size, color=colour)
+
+
+def _colour(rgb: tuple[float, float, float], opacity: float = 1.0) -> Color:
+    red, green, blue = rgb
+    return Color(r=red, g=green, b=blue, a=opacity)
+
+
+def _entity(name: str, time: Timestamp, **primitives: Any) -> SceneEntity:
+    return SceneEntity(timestamp=time, frame_id=WORLD, id=name, lifetime=_LIFETIME, **primitives)
+
+
+class StageEncoder:
+    """Encodes joints, heights and contacts of performers, and which characters are held, for plots."""
+
+    def __init__(self) -> None:
+        self._templates = _Templates[JsonTemplate]()
+
+    def encode(self, frame: LiveFrame) -> bytes:
+        """Returns the encoded message of a frame."""
+        key = (tuple(frame.performers), frame.rows.names, frame.held)
+        parts = [np.zeros(0)]
+        for body in frame.performers.values():
+            contacts = np.zeros(2) if body.contacts is None else body.contacts
+            joints = np.empty((len(Joint), 4))
+            joints[:, :3], joints[:, 3] = body.joints, body.confidence
+            parts += [np.array([body.height]), contacts, joints.ravel()]
+        template = self._templates.of(key, lambda: JsonTemplate(stage_value(frame), np.array(_DECIMALS)))
+        return template.filled(np.concatenate(parts))
+
+
+def stage_value(frame: LiveFrame) -> dict[str, Any]:
+    """Returns the numbers of performers and characters as objects, with marks instead of numbers."""
+    performers = [
+        {
+            "number": number,
+            "height": MARK,
+            "contact": {"left": MARK, "right": MARK},
+            "joints": [
+                {"name": joint.name.lower(), "x": MARK, "y": MARK, "z": MARK, "confidence": MARK}
+                for joint in Joint
+            ],
+        }
+        for number in frame.performers
+    ]
+    characters = [{"name": name, "held": name in frame.held} for name in frame.rows.names]
+    return {"performers": performers, "characters": characters}

@@ -1,0 +1,185 @@
+"""OSC for lights, sound and visuals: joints, confidence, contacts, characters and events under ``/enliven``.
+
+Positions are metres in enliven's world: right-handed, +Y up, floor at 0. docs/live-outputs.md lists the
+addresses.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Int
+from enliven.errors import InputError
+from enliven.outputs.live_frame import LiveEvent, LiveFrame, StageRows
+from enliven.outputs.osc_template import OscMessage, OscTemplate, OscTemplates
+from enliven.outputs.output import LiveOutput
+from enliven.person import Body, Joint
+from enliven.settings import load_settings, setting
+
+PORT = 10000
+"""Default port: that of an OSC In operator of TouchDesigner."""
+ROOT = "/enliven"
+"""Beginning of every address."""
+_RESERVED = re.compile(r"[\s#*,/?\[\]{}]+")
+"""Characters that have a meaning in OSC's address patterns."""
+_MAX_TREES = 64
+"""Maximum number of kept lists of messages. The sets of performers and characters on a stage are few."""
+_XYZW = [4, 5, 6, 3]
+"""Where a row of the stage has x, y, z and w of its rotation."""
+_Leaves = Sequence[tuple[str, str]]
+"""The last part of each address below a path, with the types of its numbers."""
+_GLOBAL: _Leaves = (("time", "f"), ("performers", "i"))
+_PERFORMER: _Leaves = (
+    *((f"joint/{joint.name.lower()}", "fff") for joint in Joint),
+    *((f"confidence/{joint.name.lower()}", "f") for joint in Joint),
+    *(("contact/left", "f"), ("contact/right", "f"), ("height", "f")),
+)
+_CHARACTER: _Leaves = (("position", "fff"), ("rotation", "ffff"), ("held", "i"))
+_PROP: _Leaves = (("position", "fff"),)
+
+
+@dataclass(frozen=True)
+class OscAddressFile:
+    """The content of a mapping file."""
+
+    others: bool = setting(True, "Also sends the addresses that the file does not list, unchanged.")
+    addresses: dict[str, str] = field(
+        default_factory=dict,
+        metadata={"doc": "New address of each address. * stands for one part. An empty text drops it."},
+    )
+
+
+class OscAddressMap:
+    """Renames OSC addresses.
+
+    Args:
+        file: the new addresses.
+        where: the path of the file, for messages.
+
+    Raises:
+        InputError: for an address without a slash, or a new address with more stars than the old one.
+    """
+
+    def __init__(self, file: OscAddressFile | None = None, where: str = "") -> None:
+        self._file = file or OscAddressFile()
+        self._patterns: list[tuple[re.Pattern[str], str]] = []
+        self._known: dict[str, str] = {}
+        for old, new in self._file.addresses.items():
+            self._patterns.append(_pattern(old, new, where))
+
+    def rename(self, address: str) -> str:
+        """Returns the address that is sent, or an empty text if it is not sent."""
+        if address not in self._known:
+            self._known[address] = self._renamed(address)
+        return self._known[address]
+
+    def _renamed(self, address: str) -> str:
+        for pattern, new in self._patterns:
+            if match := pattern.fullmatch(address):
+                # A checked address contains no braces, so it is safe as a format.
+                return new.replace("*", "{}").format(*match.groups())
+        return address if self._file.others else ""
+
+
+def read_address_map(path: Path) -> OscAddressMap:
+    """Reads a mapping file.
+
+    Raises:
+        InputError: if it cannot be read or an entry is wrong.
+    """
+    return OscAddressMap(load_settings(OscAddressFile, path), str(path))
+
+
+def _pattern(old: str, new: str, where: str) -> tuple[re.Pattern[str], str]:
+    if (
+        not old.startswith(f"{ROOT}/")
+        or (new and not new.startswith("/"))
+        or _RESERVED.search(new.replace("/", "").replace("*", ""))
+    ):
+        remedy = f'Write "{ROOT}/..." = "/...", or = "" to drop the address.'
+        raise InputError(f"{old!r} = {new!r} does not rename an address", where=where, remedy=remedy)
+    if new.count("*") > old.count("*"):
+        remedy = "Every * of the new address needs one in the old address."
+        raise InputError(f"{new!r} has more * than {old!r}", where=where, remedy=remedy)
+    return re.compile("([^/]+)".join(map(re.escape, old.split("*")))), new
+
+
+class OscOutput(LiveOutput):
+    """Sends the tree of addresses.
+
+    Args:
+        addresses: renames them. None: unchanged.
+    """
+
+    def __init__(self, addresses: OscAddressMap | None = None) -> None:
+        self._addresses = addresses or OscAddressMap()
+        self._templates = OscTemplates()
+        self._trees: dict[Hashable, tuple[list[OscMessage], Int]] = {}
+        self._first_ns: int | None = None
+
+    def packets(self, frame: LiveFrame) -> list[bytes]:
+        if self._first_ns is None or frame.time_ns < self._first_ns:
+            self._first_ns = frame.time_ns
+        rows = frame.rows
+        key = rows.key
+        if key not in self._trees:
+            if len(self._trees) >= _MAX_TREES:
+                self._trees.clear()
+            self._trees[key] = self._tree(rows)
+        messages, kept = self._trees[key]
+        seconds = (frame.time_ns - self._first_ns) * 1e-9
+        parts = [np.array([seconds, len(frame.performers)])]
+        for body in frame.performers.values():
+            parts += _performer_values(body)
+        names, placed = rows.names, np.empty((len(rows.names), 8))
+        placed[:, :3], placed[:, 3:7] = rows.values[: len(names), :3], rows.values[: len(names), _XYZW]
+        placed[:, 7] = [name in frame.held for name in names]
+        parts.append(placed.ravel())
+        if frame.props is not None:
+            parts.append(frame.props.positions.ravel())
+        tree = self._templates.packets(key, lambda: messages, np.concatenate(parts)[kept])
+        return [*self._events(frame), *tree]
+
+    def _tree(self, rows: StageRows) -> tuple[list[OscMessage], Int]:
+        """Returns the messages of a stage, and which of its numbers they contain."""
+        _, performers, props = rows.key
+        blocks = [("", _GLOBAL), *((f"performer/{number}", _PERFORMER) for number in performers)]
+        blocks += [(f"character/{_word(name)}", _CHARACTER) for name in rows.names]
+        blocks += [(f"prop/{number}", _PROP) for number in props]
+        messages, kept, first = [], list[int](), 0
+        for path, leaves in blocks:
+            for leaf, types in leaves:
+                if address := self._addresses.rename("/".join(filter(None, (ROOT, path, leaf)))):
+                    messages.append(OscMessage(address, types))
+                    kept += range(first, first + len(types))
+                first += len(types)
+        return messages, np.array(kept, np.intp)
+
+    def _events(self, frame: LiveFrame) -> list[bytes]:
+        """Returns a packet with the events of the frame. There is none if nothing happened."""
+        events = [(self._addresses.rename(f"{ROOT}/event/{event.kind}"), event) for event in frame.events]
+        sent = [(address, event) for address, event in events if address]
+        messages = [OscMessage(address, "i", _event_words(event)) for address, event in sent]
+        if not messages:
+            return []
+        return OscTemplate(messages).packets(np.array([event.performer for _, event in sent], np.float64))
+
+
+def _event_words(event: LiveEvent) -> tuple[str, ...]:
+    return (event.character,) if event.character else ()
+
+
+def _performer_values(body: Body) -> list[AnyArray]:
+    """Returns the numbers of one performer, in the order of ``_PERFORMER``."""
+    contacts = np.zeros(2) if body.contacts is None else body.contacts
+    return [body.joints.ravel(), body.confidence, contacts, np.array([body.height])]
+
+
+def _word(name: str) -> str:
+    """Returns a name as one part of an address."""
+    return _RESERVED.sub("_", name) or "_"

@@ -1,0 +1,22 @@
+"""The base class of the protocols that send UDP packets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from enliven.outputs.live_frame import CharacterInfo, LiveFrame
+
+
+class LiveOutput:
+    """A protocol that turns frames into UDP packets. Used from one thread."""
+
+    def packets(self, frame: LiveFrame) -> list[bytes]:
+        """Returns the packets of one frame, in the order in which they are sent."""
+        raise NotImplementedError
+
+    def check(self, characters: Mapping[str, CharacterInfo]) -> None:
+        """Checks the characters that are on the stage at the start. Most protocols send any character.
+
+        Raises:
+            InputError: if the output cannot send the character that its address names.
+        """

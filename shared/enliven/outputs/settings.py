@@ -1,0 +1,44 @@
+"""Settings of one live output, ``[outputs.NAME]`` in an edge's settings file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class LiveOutputSettings:
+    """One other program that receives the motion live."""
+
+    to: str = setting(
+        doc="Protocol and receiver, SCHEME:HOST[:PORT][/SOURCE]. Schemes: vmc, vrchat, rokoko, osc, foxglove."
+    )
+    height: float = setting(
+        0.0,
+        "vrchat: height of the user as set in VRChat. Positions are scaled to it. 0: the performer's own.",
+        unit="m",
+        low=0.0,
+        high=3.0,
+    )
+    map: str = setting("", "osc: path of a TOML file that renames addresses, relative to this file.")
+    compress: bool = setting(
+        True, "rokoko: compresses packets as LZ4 frames, as Rokoko Studio does. False: plain JSON."
+    )
+    insecure: bool = setting(
+        False, "foxglove: allows an address that other computers reach. Everyone there can then watch."
+    )
+
+
+def outputs_of(
+    words: Sequence[str], settings: Mapping[str, LiveOutputSettings]
+) -> dict[str, LiveOutputSettings]:
+    """Returns the outputs of the settings, and those of the command line's ``--out``, by name."""
+    outputs = dict(settings)
+    for word in words:
+        name = f"--out {word}"
+        while name in outputs:  # The same address twice is refused later, with both names in the message.
+            name += " again"
+        outputs[name] = LiveOutputSettings(to=word)
+    return outputs

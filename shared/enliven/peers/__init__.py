@@ -1,0 +1,1 @@
+"""Network discovery and clock synchronisation between programs."""

@@ -1,0 +1,120 @@
+"""The announcement of an edge on the local network: a DNS-SD text record, checked when it is read."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from enliven import __version__
+from enliven.errors import InputError
+from enliven.logs import escape_text
+from enliven.wire import VERSION
+
+SERVICE_TYPE = "_enliven._tcp.local."
+"""The DNS-SD type of edges and relays."""
+_MAX_NAME_LENGTH = 64
+"""Maximum number of characters of a shown name, as in the heartbeat."""
+_MAX_INSTANCE_BYTES = 60
+"""Maximum bytes of a service's name. DNS allows 63, and another edge of this name gets "-2" at its end."""
+_MAX_CHARACTERS = 10_000
+"""Maximum number of characters that an announcement may state. An edge has some 16."""
+
+
+@dataclass(frozen=True)
+class Announcement:
+    """The announcement of an edge or a relay. It contains no secret, because everyone on the network can read
+    it.
+
+    Attributes:
+        name: name of the edge or relay.
+        pose_port: port of the streams.
+        control_port: port of the requests.
+        has_keys: True if only paired viewers can connect.
+        characters: number of characters on the stage.
+        relay_of: the address of the edge that a relay forwards; empty for an edge.
+        wire_version: version of the network protocol.
+        version: version of enliven.
+    """
+
+    name: str
+    pose_port: int
+    control_port: int
+    has_keys: bool = False
+    characters: int = 0
+    relay_of: str = ""
+    wire_version: int = VERSION
+    version: str = __version__
+
+    @property
+    def instance(self) -> str:
+        """The name of the service. It is the same at each start, so that it is stable in lists."""
+        printable = "".join(c if c.isprintable() and c != "." else "-" for c in self.name).strip() or "edge"
+        return printable.encode()[:_MAX_INSTANCE_BYTES].decode(errors="ignore")
+
+    @property
+    def problem(self) -> str:
+        """Why this release cannot show the announced edge. Empty if it can."""
+        if self.wire_version == VERSION:
+            return ""
+        return f"uses version {self.wire_version} of the network protocol, this program version {VERSION}"
+
+
+def pack_announcement(announcement: Announcement) -> dict[str, str]:
+    """Returns the text record of an announcement. The pose port is not part of it, because DNS-SD has a field
+    for the port.
+    """
+    return {
+        "name": announcement.name[:_MAX_NAME_LENGTH],
+        "control": str(announcement.control_port),
+        "keys": str(int(announcement.has_keys)),
+        "characters": str(announcement.characters),
+        "relay": announcement.relay_of[:_MAX_NAME_LENGTH],
+        "wire": str(announcement.wire_version),
+        "version": announcement.version,
+    }
+
+
+def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None]) -> Announcement:
+    """Returns the announcement in a text record from the network. Names in it are escaped for display.
+
+    Raises:
+        InputError: if it is not the record of an edge.
+    """
+    name = _text(properties, "name")
+    if not name.strip():
+        raise InputError("an announced edge has no name", where="network")
+    return Announcement(
+        name,
+        _number("port", str(port), 1, 65535),
+        _number("control", _text(properties, "control"), 1, 65535),
+        _text(properties, "keys") != "0",
+        _number("characters", _text(properties, "characters"), 0, _MAX_CHARACTERS),
+        _text(properties, "relay"),
+        _number("wire", _text(properties, "wire"), 0, 255),
+        _text(properties, "version"),
+    )
+
+
+def lacks_discovery() -> str:
+    """Returns why edges cannot be found or announced, with the remedy. Empty if they can."""
+    if importlib.util.find_spec("zeroconf") is not None:
+        return ""
+    return "the library 'zeroconf' is not installed. Install it: pip install zeroconf"
+
+
+def _text(properties: Mapping[bytes, bytes | None], key: str) -> str:
+    """Returns an escaped and shortened value. Empty if it is missing."""
+    value = properties.get(key.encode()) or b""
+    return escape_text(value[: 4 * _MAX_NAME_LENGTH].decode(errors="replace")[:_MAX_NAME_LENGTH])
+
+
+def _number(key: str, text: str, low: int, high: int) -> int:
+    """Returns a number in a range.
+
+    Raises:
+        InputError: if the text is not a number in the range.
+    """
+    if text.isascii() and text.isdecimal() and len(text) < 8 and low <= int(text) <= high:
+        return int(text)
+    raise InputError(f"an announced edge has the {key} {text!r:.40}", where="network")

@@ -1,0 +1,1 @@
+"""The anatomy of skeletons: their facing direction, their limbs, and the names of human joints."""

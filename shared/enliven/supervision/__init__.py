@@ -1,0 +1,3 @@
+"""Supervision of programs that run for weeks: progress reports, restarts, and records of their state on
+disk.
+"""

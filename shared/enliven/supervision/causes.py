@@ -1,0 +1,54 @@
+"""Explains why a program ended: exit code, signal, or killed by the kernel for lack of memory."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from pathlib import Path
+
+INTERRUPTED_EXIT_CODE = 130
+"""Exit code of a run that Ctrl-C or SIGTERM ended: 128 + SIGINT (2), the convention of shells."""
+OUT_OF_MEMORY = "killed by the kernel, because the memory was used up"
+"""Cause of a program that Linux killed to free memory."""
+_CGROUP_ROOT = Path("/sys/fs/cgroup")
+"""Mount point of the second version of Linux's control groups, which bound the memory of services."""
+
+
+def exit_cause(code: int) -> str:
+    """Returns the reason for the end of a program: its exit code, or the signal if the code is negative."""
+    if code >= 0:
+        return f"exit code {code}"
+    with contextlib.suppress(ValueError):
+        return f"signal {signal.Signals(-code).name}"
+    return f"signal {-code}"
+
+
+def exit_code_from_status(code: int) -> int:
+    """Returns a child's exit status as an exit code: 130 if it was interrupted, 1 if it crashed."""
+    if code in (-signal.SIGINT, -signal.SIGTERM):
+        return INTERRUPTED_EXIT_CODE
+    return 1 if code < 0 else code
+
+
+def count_memory_kills(proc: Path = Path("/proc"), cgroups: Path = _CGROUP_ROOT) -> int:
+    """Returns how many processes the kernel has killed for lack of memory, on this computer and in this
+    service.
+
+    Only the difference between two calls is meaningful. Returns 0 on other systems than Linux.
+    """
+    count = _read_counter(proc / "vmstat")
+    with contextlib.suppress(OSError):
+        for line in (proc / "self" / "cgroup").read_text().splitlines():
+            if line.startswith("0::"):
+                count += _read_counter(cgroups / line.removeprefix("0::").strip("/") / "memory.events")
+    return count
+
+
+def _read_counter(path: Path) -> int:
+    """Returns the value of ``oom_kill`` in a file of counters, or 0 if the file or the counter is missing."""
+    with contextlib.suppress(OSError, ValueError):
+        for line in path.read_text().splitlines():
+            key, _, value = line.partition(" ")
+            if key == "oom_kill":
+                return int(value)
+    return 0

@@ -1,0 +1,1 @@
+"""The web page that shows characters: its files, and a copy that needs no server."""

@@ -1,0 +1,97 @@
+"""The TLS certificate of a web server: read, checked and loaded."""
+
+from __future__ import annotations
+
+import ssl
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from enliven.errors import InputError
+from enliven.files import read_file
+from enliven.web_server.access import read_secret_file
+
+_MAX_PEM_BYTES = 1 << 20
+"""Maximum bytes of a file with certificates or a key. A certificate chain has about 10,000."""
+_NEW_CERTIFICATE = "docs/health.md shows how to make a new one."
+"""The remedy for a certificate that cannot be used."""
+
+
+@dataclass(frozen=True)
+class ServerCertificate:
+    """A TLS certificate with its key, ready for a server.
+
+    Attributes:
+        path: file of the certificate.
+        end_s: Unix time at which it expires, in seconds.
+        context: the SSL context for a server's sockets.
+    """
+
+    path: Path
+    end_s: float
+    context: ssl.SSLContext
+
+
+def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
+    """Returns a certificate that can be used now.
+
+    Args:
+        path: file with the certificate, followed by those of its issuers if there are any (PEM).
+        key: file with its private key (PEM), without a passphrase.
+        at_s: Unix time in seconds.
+
+    Raises:
+        InputError: if a file cannot be read, the certificate is not valid now, the key does not match or
+            has a passphrase, or others may read the key.
+    """
+    from cryptography import x509
+
+    pem = read_file(path, _MAX_PEM_BYTES)
+    try:
+        certificate = x509.load_pem_x509_certificate(pem)
+    except ValueError:
+        raise InputError(
+            "it does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE
+        ) from None
+    read_secret_file(key, "key file", _MAX_PEM_BYTES)
+    valid_from, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    if at_s >= end.timestamp():
+        raise InputError(f"the certificate expired on {_date(end)}", where=str(path), remedy=_NEW_CERTIFICATE)
+    if at_s < valid_from.timestamp():
+        raise InputError(
+            f"the certificate is not valid before {_date(valid_from)}",
+            where=str(path),
+            remedy=f"Check the clock: it is {_date(datetime.fromtimestamp(at_s, tz=UTC))} here.",
+        )
+    return ServerCertificate(path, end.timestamp(), _load_context(path, key))
+
+
+def _load_context(path: Path, key: Path) -> ssl.SSLContext:
+    """Returns a server's SSL context with a certificate and its key. Raises errors like
+    :func:`load_certificate`.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    has_passphrase = False
+
+    def refuse_passphrase() -> str:
+        nonlocal has_passphrase
+        has_passphrase = True
+        return ""
+
+    try:
+        context.load_cert_chain(path, key, password=refuse_passphrase)
+    except (ssl.SSLError, ValueError, OSError) as error:
+        if has_passphrase:
+            problem, remedy = "the key has a passphrase", f"Remove it: openssl pkey -in {key} -out NEW_KEY"
+        elif getattr(error, "reason", "") == "KEY_VALUES_MISMATCH":
+            problem, remedy = f"the key does not belong to the certificate {path}", _NEW_CERTIFICATE
+        else:
+            problem, remedy = "it does not contain a key (PEM)", _NEW_CERTIFICATE
+        raise InputError(problem, where=str(key), remedy=remedy) from None
+    return context
+
+
+def _date(moment: datetime) -> str:
+    """Returns a text with the date and time of a moment."""
+    return moment.strftime("%Y-%m-%d %H:%M UTC")

@@ -1,0 +1,115 @@
+"""Reads the packages of the project: their modules, imports and docstrings.
+
+The order of imports is not checked here, but by the contracts of import-linter in ``pyproject.toml``.
+"""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = {
+    "enliven": "shared/enliven",
+    "enliven_edge": "edge/enliven_edge",
+    "enliven_viewer": "viewer/enliven_viewer",
+    "enliven_synthesis": "synthesis/enliven_synthesis",
+}
+"""Folder of each top-level package."""
+MAX_MODULES = 20
+"""Maximum number of modules in a folder. A package with more has more than one purpose."""
+ONLY_IMPORTED_BY = {"onnxruntime": "enliven_edge.onnx_runtime"}
+"""Libraries that only one module may import: this module switches their telemetry off."""
+
+
+@dataclass
+class SourceTree:
+    """The modules of all packages.
+
+    Attributes:
+        root: folder of the project.
+        packages: names of all packages, at any depth.
+        modules: file of each module and package, by dotted name.
+    """
+
+    root: Path = ROOT
+    folders: dict[str, str] = field(default_factory=lambda: dict(PACKAGES))
+    packages: set[str] = field(default_factory=set)
+    modules: dict[str, Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for package, folder in self.folders.items():
+            for path in sorted((self.root / folder).rglob("*.py")):
+                parts = [package, *path.relative_to(self.root / folder).with_suffix("").parts]
+                if parts[-1] == "__init__":
+                    parts.pop()
+                    self.packages.add(".".join(parts))
+                self.modules[".".join(parts)] = path
+
+    def package_of(self, module: str) -> str:
+        """Returns the package that contains a module, or the package itself."""
+        return module if module in self.packages else module.rpartition(".")[0]
+
+    def public_names(self, package: str) -> dict[str, str]:
+        """Returns the names of a package's stub (not its modules), each with the module that defines it."""
+        stub = self.modules[package].with_suffix(".pyi")
+        lines = ast.parse(stub.read_text(encoding="utf-8")).body if stub.exists() else []
+        imports = [line for line in lines if isinstance(line, ast.ImportFrom) and line.module]
+        return {a.asname or a.name: f"{package}.{line.module}" for line in imports for a in line.names}
+
+    def violations(self) -> Iterator[str]:
+        """Yields a sentence with advice for each package or import that breaks a rule."""
+        for package in sorted(self.packages):
+            text = self.modules[package].read_text(encoding="utf-8")
+            if not ast.get_docstring(ast.parse(text)):
+                yield f"{package} does not say what it is for: write a paragraph at the top of its __init__."
+            count = sum(self.package_of(module) == package for module in self.modules.keys() - self.packages)
+            if count > MAX_MODULES:
+                advice = "divide it into packages by their purpose"
+                yield f"{package} has {count} modules, {count - MAX_MODULES} too many: {advice}."
+            for name in self.public_names(package):
+                if f"{package}.{name}" in self.modules:
+                    yield f"{package} exports {name}, which is also a module of it: rename the module."
+        for module, path in sorted(self.modules.items()):
+            for line, name in external_imports(path.read_text(encoding="utf-8")):
+                allowed = ONLY_IMPORTED_BY.get(name)
+                if allowed is not None and module != allowed:
+                    where = path.relative_to(self.root)
+                    yield f"{where}:{line} imports {name}, which only {allowed} may: use its functions."
+
+
+def external_imports(text: str) -> Iterator[tuple[int, str]]:
+    """Yields line and top-level package of each import in a module, including calls of ``import_module``."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module or ""] if not node.level else []
+        elif isinstance(node, ast.Call) and node.args:
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            first = getattr(node.args[0], "value", None)
+            names = [first] if called in ("import_module", "__import__") and isinstance(first, str) else []
+        else:
+            continue
+        for name in names:
+            yield node.lineno, name.partition(".")[0]
+
+
+def import_levels() -> dict[str, list[list[str]]]:
+    """Returns the levels of each folder with a contract in ``pyproject.toml``, the lowest first."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    return {
+        container: [level.split(" | ") for level in reversed(contract["layers"])]
+        for contract in settings["contracts"]
+        for container in contract.get("containers", ())
+    }
+
+
+@cache
+def project_tree() -> SourceTree:
+    """Returns the packages of this project, read once."""
+    return SourceTree()

@@ -1,0 +1,192 @@
+"""Packages have a purpose, a size and an import order. Each rule refuses a violation."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from source_tree import (
+    ONLY_IMPORTED_BY,
+    PACKAGES,
+    ROOT,
+    SourceTree,
+    external_imports,
+    import_levels,
+    project_tree,
+)
+
+LINT = [
+    sys.executable,
+    "-c",
+    "from importlinter.cli import lint_imports_command as c; c()",
+    "--no-cache",
+]
+MAX_LEVELS = 9
+"""Maximum number of levels of the library's packages."""
+
+
+def lint(*arguments: str, folder: Path = ROOT) -> tuple[int, str]:
+    """Checks the contracts of a folder. Returns the exit status and the report."""
+    done = subprocess.run([*LINT, *arguments], cwd=folder, capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_imports_keep_all_contracts():
+    status, report = lint()
+    assert status == 0, report
+    assert "16 kept" in report
+
+
+def test_library_has_few_levels():
+    tree = project_tree()
+    levels = [
+        level for level in import_levels()["enliven"] if any(f"enliven.{m}" in tree.packages for m in level)
+    ]
+    first = next(k for k, level in enumerate(levels) if "meshes" in level)
+    assert len(levels) - first <= MAX_LEVELS, levels
+
+
+CONTRACTS = """
+[tool.importlinter]
+root_packages = ["core", "edge"]
+[[tool.importlinter.contracts]]
+name = "Programs"
+type = "layers"
+layers = ["edge", "core"]
+[[tool.importlinter.contracts]]
+name = "Cycles"
+type = "acyclic_siblings"
+ancestors = ["core", "edge"]
+[[tool.importlinter.contracts]]
+name = "Levels"
+type = "layers"
+containers = ["edge"]
+exhaustive = true
+layers = ["loop", "tracking", "sensing"]
+"""
+FILES = {
+    "core/__init__.py": '"""Mathematics."""',
+    "core/arrays.py": "",
+    "edge/__init__.py": '"""The edge."""',
+    "edge/loop.py": "from edge.tracking.tracker import Tracker",
+    "edge/sensing/__init__.py": '"""Frames."""',
+    "edge/sensing/__init__.pyi": "from .frame import Frame as Frame",
+    "edge/sensing/frame.py": "import core.arrays\nFrame = 1",
+    "edge/tracking/__init__.py": '"""People."""',
+    "edge/tracking/tracker.py": "from edge.sensing.frame import Frame\nTracker = Frame",
+}
+
+
+def write_files(root: Path, changes: dict[str, str]) -> None:
+    """Writes a small project with some files changed or added."""
+    for name, text in {"pyproject.toml": CONTRACTS, **FILES, **changes}.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("changes", "broken"),
+    [
+        ({}, ""),
+        ({"core/arrays.py": "def f():\n    from edge.sensing.frame import Frame"}, "Programs"),
+        ({"edge/sensing/frame.py": "import edge.tracking.tracker\nFrame = 1"}, "Levels"),
+        ({"edge/late.py": ""}, "Levels"),
+        (
+            {"edge/tracking/a.py": "import edge.tracking.b", "edge/tracking/b.py": "import edge.tracking.a"},
+            "Cycles",
+        ),
+    ],
+    ids=["in order", "in a function", "upwards", "without a level", "in a cycle"],
+)
+def test_contracts_find_a_forbidden_import(tmp_path, changes, broken):
+    write_files(tmp_path, changes)
+    status, report = lint(folder=tmp_path)
+    assert bool(status) == bool(broken), report
+    assert not broken or f"{broken} BROKEN" in report, report
+
+
+def test_packages_keep_all_rules():
+    assert "\n".join(project_tree().violations()) == ""
+
+
+def test_every_package_is_read():
+    tree = project_tree()
+    assert PACKAGES.keys() <= tree.packages and len(tree.modules) > 500
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({f"edge/tracking/m{k}.py": "" for k in range(20)}, "edge.tracking has 21 modules, 1 too many"),
+        ({"edge/sensing/Frame.py": ""}, "edge.sensing exports Frame, which is also a module of it"),
+        ({"edge/sensing/__init__.py": "import lazy_loader"}, "edge.sensing does not say what it is for"),
+        (
+            {"edge/loop.py": "def f():\n    from onnxruntime.parts import A"},
+            "edge/loop.py:2 imports onnxruntime, which only enliven_edge.onnx_runtime may: use its functions",
+        ),
+        (
+            {"edge/loop.py": "import importlib\nA = importlib.import_module('onnxruntime')"},
+            "edge/loop.py:2 imports onnxruntime, which only enliven_edge.onnx_runtime may: use its functions",
+        ),
+    ],
+)
+def test_a_violation_is_reported_with_advice(tmp_path, changes, message):
+    write_files(tmp_path, changes)
+    (violation,) = SourceTree(tmp_path, {"core": "core", "edge": "edge"}).violations()
+    assert violation.startswith(message)
+
+
+def test_no_other_file_imports_a_library_with_telemetry():
+    for folder in ("scripts", "tests", "docs", "firmware_configs"):
+        for path in (ROOT / folder).rglob("*.py"):
+            names = {name for _, name in external_imports(path.read_text(encoding="utf-8"))}
+            assert not names & ONLY_IMPORTED_BY.keys(), path
+
+
+def test_helpers_import_no_module_of_one_test_folder():
+    """Only tests/helpers and tests/conventions are on the path of every test."""
+    tests = ROOT / "tests"
+    shared = {path.stem for folder in ("helpers", "conventions") for path in (tests / folder).rglob("*.py")}
+    elsewhere = {path.stem for path in tests.rglob("*.py")} - shared
+    for path in (tests / "helpers").rglob("*.py"):
+        names = {name for _, name in external_imports(path.read_text(encoding="utf-8"))}
+        assert not names & elsewhere, path
+
+
+def test_architecture_page_is_current():
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import architecture
+
+    page = architecture.PAGE.read_text(encoding="utf-8")
+    assert page == architecture.written(page), "run .venv/bin/python scripts/architecture.py"
+    assert page.count("<!-- end -->") == 9
+
+
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        ("enliven_edge.service:Edge.walk", "enliven_edge.service has no Edge.walk"),
+        ("enliven_edge.nowhere:walk", "there is no module enliven_edge.nowhere"),
+        ("viewer/none.vert", "viewer/none.vert does not exist"),
+        ("enliven_viewer.studio.tools.cut:CutTool", "no earlier file of the trace contains 'CutTool'"),
+    ],
+)
+def test_a_trace_that_the_code_does_not_follow_is_refused(at, message):
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import traces
+
+    start = {"at": "enliven_edge.service:Edge.step", "by": ""}
+    with pytest.raises(ValueError, match=message):
+        traces.table(project_tree(), traces.Trace("somewhere", 9, [start, {"at": at}]))
+
+
+def test_a_public_api_names_each_thing_once_as_itself():
+    stubs = [path for folder in PACKAGES.values() for path in (ROOT / folder).rglob("*.pyi")]
+    assert 8 <= len(stubs) <= 12, "a package has a stub if scripts and plug-ins use it"
+    for path in stubs:
+        if path.parent == ROOT / "shared" / "enliven":
+            continue  # This list is also read by people.
+        for line in ast.parse(path.read_text(encoding="utf-8")).body:
+            named = isinstance(line, ast.ImportFrom) and all(a.asname == a.name for a in line.names)
+            assert named, f"{path.relative_to(ROOT)}:{line.lineno}: write `from .module import name as name`"

@@ -1,0 +1,31 @@
+"""Small motions and characters for the tests of batches."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "mapping"))
+from made_bodies import bvh_text, horse, man, meshed
+
+from enliven.document.project import Project
+from enliven.exporters import performance_of
+from enliven.exporters.gltf.write import write_gltf
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    """A folder with two motions of a man in ``motions`` and two models in ``characters``."""
+    motions, characters = tmp_path / "motions", tmp_path / "characters"
+    motions.mkdir()
+    characters.mkdir()
+    for number, name in enumerate(("walk", "run")):
+        phases = np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None]
+        swing = (8.0 + 4.0 * number) * np.sin(phases)
+        (motions / f"{name}.bvh").write_text(bvh_text(man(), np.tile(swing, (1, 1, 3))))
+    (motions / "notes.txt").write_text("Recorded on a Tuesday.\n")
+    for name, skeleton in (("horse", horse()), ("man", man())):
+        project = Project().with_characters(meshed(name, skeleton))
+        write_gltf(characters / f"{name}.glb", [performance_of(project, name)], name)
+    return tmp_path

@@ -1,0 +1,17 @@
+"""Profiles for the tests of the kiosk's window."""
+
+from __future__ import annotations
+
+import pytest
+
+from enliven.kiosk.profile import EdgeOfKiosk, KioskCharacter, KioskProfile, StorySettings
+
+
+@pytest.fixture
+def profile() -> KioskProfile:
+    """Returns a kiosk with a chair and a lamp. Its edge does not run."""
+    return KioskProfile(
+        edges={"floor": EdgeOfKiosk(port=9)},
+        characters={"chair": KioskCharacter("chair", "chair"), "lamp": KioskCharacter("lamp", "lamp")},
+        story=StorySettings(language="en"),
+    )

@@ -1,0 +1,1 @@
+"""The kiosk's window: shows the story to visitors, and reports to operators."""

@@ -1,0 +1,335 @@
+"""Performances of a kiosk without visitors: recorded visits that possess its own characters, and takes."""
+
+from __future__ import annotations
+
+import logging
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from enliven.arrays import Float32
+from enliven.deformation.graph.graph import graph_of
+from enliven.document import Character
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import BodyFrame
+from enliven.kiosk.visitors import Place
+from enliven.person import Body, Joint
+from enliven.possession import EmbeddedActor
+from enliven.recording import BODIES_TOPIC, Recording
+from enliven_viewer.link.take_feed import TakeFeed
+from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.playback.document import Document
+from enliven_viewer.playback.interpolation import blend_bodies
+from enliven_viewer.playback.timeline import NS_PER_S, Timeline
+from enliven_viewer.render.scene import SceneCharacter
+
+log = logging.getLogger(__name__)
+
+_PAUSE_S = 2.5
+"""Time between two performances in seconds: the character eases to rest and looks around."""
+_RELEASE_S = 1.2
+"""Time for which a visit's character eases to rest after the body has left, in seconds."""
+_MAX_STEP_S = 0.1
+"""Longest time step of a visit in seconds. A slow picture slows it down instead of tearing the mesh."""
+
+
+@dataclass(frozen=True)
+class Act:
+    """The content of one spot of the picture.
+
+    Attributes:
+        character: name of its character; empty for none.
+        body: the body that the character turns to, or that drives it; None for no body.
+        ring: filling of the ring, 0..1.
+        driven: the character in the pose that a body or a take gives it; None while it waits.
+        source: what moves the character, see :meth:`CharacterFigure.show`.
+        others: more characters of a take.
+    """
+
+    character: str
+    body: Body | None = None
+    ring: float = 0.0
+    driven: SceneCharacter | None = None
+    source: str = "waits"
+    others: tuple[SceneCharacter, ...] = ()
+
+
+class RecordedPerformance(Protocol):
+    """A recorded performance in progress."""
+
+    character: str
+
+    def advance(self, seconds: float) -> Act | None:
+        """Advances the performance. Returns what to show, or None at its end."""
+        ...
+
+
+class VisitPerformance:
+    """A recorded body that walks to the spot, waits for the ring, and possesses a character.
+
+    Args:
+        frames: the bodies, with the spot at the origin of the floor.
+        actor: the character with its solver. It must be free.
+        parts: the body parts that hold it.
+        place: the spot in the picture.
+        radius: its radius in metres.
+        dwell: seconds until the ring is full.
+    """
+
+    def __init__(
+        self,
+        frames: Sequence[BodyFrame],
+        actor: EmbeddedActor,
+        parts: str,
+        place: Place,
+        radius: float,
+        dwell: float,
+    ) -> None:
+        self.character = actor.character.id
+        self._frames, self._actor, self._parts = frames, actor, parts
+        self._times = np.array([frame.time_ns for frame in frames]) / NS_PER_S
+        self._times -= self._times[0]
+        self._offset = np.array([place[0], 0.0, place[1]])
+        self._place, self._radius, self._dwell = place, radius, dwell
+        self._now = self._ring = 0.0
+        self._number = random.randrange(1 << 16)  # Distinguishes this visit from the one before it.
+
+    def advance(self, seconds: float) -> Act | None:
+        """Advances the visit. Returns what to show, or None at its end."""
+        step = min(seconds, _MAX_STEP_S)
+        self._now += step
+        if self._now > self._times[-1] + _RELEASE_S:
+            return None
+        body = self._body_at(self._now)
+        if body is None:
+            self._release()
+            return Act(self.character, None, 0.0, self._perform([]), f"visit {self._number}")
+        if not self._actor.holds:
+            hips = body.joints[Joint.HIP_CENTER, [0, 2]]
+            if math.dist(hips, self._place) <= self._radius:
+                self._ring = min(self._ring + step / self._dwell, 1.0)
+            if self._ring < 1.0:
+                return Act(self.character, body, self._ring)
+            self._actor.possess(body, self._parts)
+        return Act(self.character, body, 0.0, self._perform([body]), f"visit {self._number}")
+
+    def _perform(self, bodies: list[Body]) -> SceneCharacter:
+        pose = self._actor.perform(bodies, round(self._now * NS_PER_S))
+        return SceneCharacter(self._actor.character, pose)
+
+    def _release(self) -> None:
+        if self._actor.holds:
+            self._actor.release()
+
+    def _body_at(self, second: float) -> Body | None:
+        """Returns the body at a time, at its place in the picture; None after the last frame."""
+        if second > self._times[-1]:
+            return None
+        after = int(np.searchsorted(self._times, second, side="right"))
+        first, last = self._frames[after - 1], self._frames[min(after, len(self._frames) - 1)]
+        span = max(self._times[min(after, len(self._times) - 1)] - self._times[after - 1], 1e-6)
+        fraction = float(np.clip((second - self._times[after - 1]) / span, 0.0, 1.0))
+        bodies = blend_bodies(tuple(first.bodies), tuple(last.bodies), fraction)
+        return replace(bodies[0], joints=bodies[0].joints + self._offset) if bodies else None
+
+
+class TakePerformance:
+    """A recorded take with its own characters.
+
+    Args:
+        path: the take.
+        place: the spot in the picture, where the middle of the take's characters is put.
+
+    Raises:
+        InputError: if the take cannot be played.
+    """
+
+    def __init__(self, path: Path, place: Place) -> None:
+        self._live = LiveStage(TakeFeed(path), Document(Timeline(bounded=False)), take=path.name)
+        self._live.playhead.loop = False
+        self._place, self._name = place, path.name
+        self._offset: Float32 | None = None
+        self.character = ""
+        self._shown = 0.0
+
+    def advance(self, seconds: float) -> Act | None:
+        """Advances the take. Returns what to show, or None at its end."""
+        self._live.advance(seconds)
+        self._shown += seconds
+        timeline, actors = self._live.document.timeline, self._live.scene.actors
+        ended = self._live.document.edge.phase == "ended"
+        if ended and (not actors or self._live.playhead.time_ns >= timeline.end_ns):
+            self._live.close()
+            return None
+        if not actors:
+            return Act("")
+        offset = self._offset
+        if offset is None:
+            middle = np.concatenate([actor.extent for actor in actors]).mean(0)
+            offset = np.array([self._place[0] - middle[0], 0.0, self._place[1] - middle[2]], np.float32)
+            self._offset = offset
+        moved = [_move(actor, offset) for actor in actors]
+        self.character = moved[0].character.id
+        return Act(self.character, None, 0.0, moved[0], f"take {self._name}", tuple(moved[1:]))
+
+
+def _move(actor: SceneCharacter, offset: Float32) -> SceneCharacter:
+    """Returns a character moved by (3,) metres."""
+    pose = replace(actor.pose, positions=actor.pose.positions + offset)
+    vertices = None if actor.vertices is None else actor.vertices + offset
+    return replace(actor, pose=pose, vertices=vertices, cues=None)
+
+
+class Programme:
+    """The performances of a kiosk in turn, without an end.
+
+    Characters are prepared in the background, since the search for a person in a mesh takes seconds.
+
+    Args:
+        paths: recordings of bodies, or takes. Empty: the visits that ship.
+        parts: by character, the body parts that hold it.
+        place: the spot.
+        radius: its radius in metres.
+        dwell: seconds until the ring is full.
+        order: the characters, in the order in which they appear.
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        parts: Mapping[str, str],
+        place: Place,
+        radius: float,
+        dwell: float,
+        order: Sequence[str],
+    ) -> None:
+        self.problems: list[str] = []
+        self._parts, self._place, self._radius, self._dwell = parts, place, radius, dwell
+        self._order = list(order)
+        self._makers = self._read(paths or list_shipped_visits())
+        self._background = ThreadPoolExecutor(1, "kiosk performances")
+        self._prepared: dict[str, tuple[Character, Future[EmbeddedActor]]] = {}
+        self._characters: Mapping[str, Character] = {}
+        self._current: RecordedPerformance | None = None
+        self._pause_s = 0.0
+        self._turn = 0
+
+    @property
+    def character(self) -> str:
+        """Returns the character that performs now or waits for its performance."""
+        playing = self._current.character if self._current is not None else ""
+        names = [name for name in self._order if name in self._characters]
+        return playing or (names[self._turn % len(names)] if names else "")
+
+    def meet(self, characters: Mapping[str, Character]) -> None:
+        """Takes in the characters of the stage. New ones are prepared in the background."""
+        self._characters = characters
+        for name, character in characters.items():
+            before = self._prepared.get(name)
+            if character.kind == "graph" and (before is None or before[0] is not character):
+                future = self._background.submit(_prepare, character)
+                self._prepared[name] = character, future
+
+    def advance(self, seconds: float) -> Act:
+        """Advances the programme. Returns what to show."""
+        if self._current is not None:
+            act = self._current.advance(seconds)
+            if act is not None:
+                return act
+            self._current, self._pause_s = None, _PAUSE_S
+            self._turn += 1
+        self._pause_s -= seconds
+        if self._pause_s <= 0.0:
+            self._current = self._start()
+        return Act(self.character)
+
+    def stop(self) -> None:
+        """Ends the current performance, because a visitor has come."""
+        if self._current is not None:
+            self._turn += 1
+        self._current, self._pause_s = None, _PAUSE_S
+
+    def close(self) -> None:
+        """Ends the work in the background."""
+        self._background.shutdown(wait=False, cancel_futures=True)
+
+    def _start(self) -> RecordedPerformance | None:
+        """Returns the next performance; None if none can begin yet."""
+        for step in range(len(self._makers)):
+            performance = self._makers[(self._turn + step) % len(self._makers)]()
+            if performance is not None:
+                return performance
+        return None
+
+    def _read(self, paths: Sequence[Path]) -> list[Callable[[], RecordedPerformance | None]]:
+        """Returns a function for each readable recording that starts its performance."""
+        makers: list[Callable[[], RecordedPerformance | None]] = []
+        for path in paths:
+            try:
+                makers.append(self._read_one(path))
+            except EnlivenError as error:
+                self.problems.append(str(error))
+                log.warning("%s", error)
+        return makers
+
+    def _read_one(self, path: Path) -> Callable[[], RecordedPerformance | None]:
+        recording = Recording(path)
+        if {"pose", "character"} <= set(recording.info.topics):
+            return lambda: self._start_take(path)
+        if BODIES_TOPIC not in recording.info.topics:
+            raise InputError(
+                "it contains neither bodies nor a performance",
+                where=str(path),
+                remedy="Record one: enliven edge --record FILE.mcap",
+            )
+        frames = [frame for frame in recording.frames() if isinstance(frame, BodyFrame)]
+        if len(frames) < 2:
+            raise InputError(
+                "it contains fewer than two frames of bodies",
+                where=str(path),
+                remedy="Record a longer visit.",
+            )
+        return lambda: self._start_visit(frames)
+
+    def _start_take(self, path: Path) -> RecordedPerformance | None:
+        try:
+            return TakePerformance(path, self._place)
+        except EnlivenError as error:
+            log.warning("%s", error)
+            return None
+
+    def _start_visit(self, frames: Sequence[BodyFrame]) -> RecordedPerformance | None:
+        """Returns a visit to the next character; None while that is being prepared."""
+        prepared = self._prepared.get(self.character)
+        if prepared is None or not prepared[1].done():
+            return None
+        try:
+            rehearsed = prepared[1].result()
+        except EnlivenError as error:
+            log.warning("%s", error)
+            return None
+        actor = EmbeddedActor(
+            rehearsed.character, rehearsed.graph, rehearsed.settings, person=lambda: rehearsed.likeness
+        )
+        parts = self._parts.get(self.character, "all")
+        return VisitPerformance(frames, actor, parts, self._place, self._radius, self._dwell)
+
+
+def list_shipped_visits() -> list[Path]:
+    """Returns the paths of the visits that ship with the package."""
+    folder = Path(str(resources.files("enliven_viewer.kiosk") / "visits"))
+    return sorted(folder.glob("*.mcap"))
+
+
+def _prepare(character: Character) -> EmbeddedActor:
+    """Returns an actor of a character, with the person in its mesh found and its solver compiled."""
+    actor = EmbeddedActor(character, graph_of(character))
+    actor.warm_up()
+    return actor

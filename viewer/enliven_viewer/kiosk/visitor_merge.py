@@ -1,0 +1,99 @@
+"""Merges the visitors of several edges: one that two edges see at the same place counts once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.kiosk.visitors import Place
+from enliven.person import Body, Joint
+from enliven_viewer.live.followed_edge import shared_performer_id
+
+SAME_VISITOR_M = 0.45
+"""Distance in metres within which bodies of two edges are the same visitor: less than that of two people side
+by side, more than the error of a calibration."""
+LEAVING_FACTOR = 1.4
+"""Factor on that distance for bodies that were the same visitor in the frame before."""
+
+
+class VisitorMerge:
+    """Merges bodies from frame to frame.
+
+    A visitor keeps the body of one edge as long as that edge sees them, so that a character does not jump
+    between the edges. A body that holds a character comes first.
+    """
+
+    def __init__(self) -> None:
+        self._shown: set[int] = set()
+        self._hidden: dict[int, int] = {}
+
+    def merge(self, bodies: Mapping[int, Sequence[Body]], holding: Collection[int]) -> dict[int, Body]:
+        """Returns the bodies of one frame by their shared ids.
+
+        Args:
+            bodies: the bodies of each edge in the shared space, by the number of the edge.
+            holding: the shared ids of the bodies that hold a character.
+        """
+        edges = {shared_performer_id(n, body.id): n for n, there in bodies.items() for body in there}
+        shared = {
+            (number := shared_performer_id(n, body.id)): replace(body, id=number)
+            for n, there in bodies.items()
+            for body in there
+        }
+        order = sorted(shared, key=lambda k: (k not in holding, k not in self._shown, edges[k], k))
+        kept: dict[int, Body] = {}
+        hidden: dict[int, int] = {}
+        for number in order:
+            double = self._find_double(number, shared, kept, edges, hidden)
+            if double is None or number in holding:
+                kept[number] = shared[number]
+            else:
+                hidden[number] = double
+        self._shown, self._hidden = set(kept), hidden
+        return dict(sorted(kept.items()))
+
+    def _find_double(
+        self,
+        number: int,
+        bodies: Mapping[int, Body],
+        kept: Mapping[int, Body],
+        edges: Mapping[int, int],
+        hidden: Mapping[int, int],
+    ) -> int | None:
+        """Returns the nearest kept body of another edge at the same place; None if there is none.
+
+        A kept body is the double of at most one body of each edge: that of the frame before, if it is still
+        there.
+        """
+        before = {
+            other: kept_number
+            for other, kept_number in self._hidden.items()
+            if other != number
+            and {other, kept_number} <= bodies.keys()
+            and _distance(bodies[other], bodies[kept_number]) <= SAME_VISITOR_M * LEAVING_FACTOR
+        }
+        pairs = before | dict(hidden)
+        taken = {kept_number for other, kept_number in pairs.items() if edges[other] == edges[number]}
+        candidates = []
+        for other, body in kept.items():
+            if edges[other] == edges[number] or other in taken:
+                continue
+            was_double = self._hidden.get(number) == other
+            distance = _distance(bodies[number], body)
+            if distance <= SAME_VISITOR_M * (LEAVING_FACTOR if was_double else 1.0):
+                candidates.append((distance, other))
+        return min(candidates)[1] if candidates else None
+
+
+def _distance(first: Body, second: Body) -> float:
+    """Returns the distance of the hips of two bodies on the floor in metres. Infinite if it is not known."""
+    a, b = _place(first), _place(second)
+    return math.inf if a is None or b is None else math.dist(a, b)
+
+
+def _place(body: Body) -> Place | None:
+    hips = body.joints[Joint.HIP_CENTER, [0, 2]]
+    return (float(hips[0]), float(hips[1])) if np.isfinite(hips).all() else None

@@ -1,2 +1,0 @@
-from .settings import StudioSettings as StudioSettings
-from .window import StudioWindow as StudioWindow

@@ -1,0 +1,1 @@
+"""The interface of the studio for features: registration, input over the view, and styles of widgets."""

@@ -1,0 +1,134 @@
+"""The application as features see it: the registry of everything that they add to the studio."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from enliven.errors import InputError
+from enliven_viewer.language import tr
+from enliven_viewer.studio.actions.table import ActionTable
+from enliven_viewer.studio.app.contributions import FileType, Panel, PanelPlace, ViewLayer, ViewOverlay
+from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
+from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.preferences import Preferences
+from enliven_viewer.studio.tools.base import Tool
+
+State = TypeVar("State")
+ToolKind = TypeVar("ToolKind", bound=Tool)
+
+
+class App:
+    """The registry of features. ``register(app)`` of each feature adds to it when the studio starts.
+
+    Args:
+        editor: the editor of the project.
+        folder: the folder of the preferences; None for the user's own.
+
+    Attributes:
+        preferences: the artist's lasting preferences.
+        actions: every action, for menus, shortcuts, buttons and the command palette.
+        input: the input over the view; its ``handles`` come before the active tool.
+        panels: panels at the right, in place of a workspace's usual panel, or above the timeline.
+        tool_options: functions that draw the options of a tool in the panel at the right, by the tool's name.
+        perform_sections: functions that draw a section of the Perform panel.
+        overlays: marks and text over the view.
+        view_layers: geometry in the 3D view.
+        ruler_layers: functions that draw on the timeline's ruler. They take its left and top in pixels.
+        file_types: the types of files that can be opened.
+        frame_tasks: functions called once per frame, before the frame is drawn.
+        key_handlers: functions called with each key before the tool. They return True if they have used it.
+        closing_tasks: functions called when the window closes.
+        widgets: the last drawn rectangle of each widget, by name, so that a scripted session can click it.
+        drawn: the same rectangles, with the frame in which each was drawn, for the tour.
+    """
+
+    def __init__(self, editor: Editor, folder: Path | None = None) -> None:
+        self.editor = editor
+        self.preferences = Preferences(folder)
+        self.actions = ActionTable(editor.toasts, self.preferences)
+        self.input = ViewportInput(editor, self.actions)
+        self.panels: list[Panel] = []
+        self.tool_options: dict[str, Callable[[], object]] = {}
+        self.perform_sections: list[Callable[[], object]] = []
+        self.overlays: list[ViewOverlay] = []
+        self.view_layers: list[ViewLayer] = []
+        self.ruler_layers: list[Callable[[float, float], object]] = []
+        self.file_types: list[FileType] = []
+        self.frame_tasks: list[Callable[[], object]] = []
+        self.key_handlers: list[Callable[[str], bool]] = []
+        self.closing_tasks: list[Callable[[], object]] = []
+        self.widgets: dict[str, Rectangle] = {}
+        self.drawn = DrawnWidgets()
+        self._states: dict[type, object] = {}
+
+    def add_state(self, state: State) -> State:
+        """Adds the state of a feature, which :meth:`state` finds by its class. Returns it.
+
+        Raises:
+            InputError: if there is a state of this class already.
+        """
+        name = type(state).__name__
+        if type(state) in self._states:
+            problem, remedy = tr("it is there already"), tr("Register the feature once.")
+            raise InputError(problem, where=f"state {name}", remedy=remedy)
+        self._states[type(state)] = state
+        return state
+
+    def state(self, kind: type[State]) -> State:
+        """Returns the state of a feature.
+
+        Raises:
+            InputError: if its feature is not registered.
+        """
+        state = self._states.get(kind)
+        if not isinstance(state, kind):
+            remedy = tr("Register its feature first, see studio/features/registry.py.")
+            raise InputError(tr("no feature has added it"), where=f"state {kind.__name__}", remedy=remedy)
+        return state
+
+    def add_tool(self, kind: type[ToolKind]) -> ToolKind:
+        """Adds a tool to the toolbar and its key to the shortcuts. Returns the tool.
+
+        Raises:
+            InputError: if its name or key is taken.
+        """
+        self.actions.add(make_tool_action(self.input, kind))
+        tool = kind(self.editor)
+        self.input.tools[kind.name] = tool
+        return tool
+
+    def find_panel(self, workspace: str, place: PanelPlace = "right") -> Panel | None:
+        """Returns the open panel of a workspace in a place; None if there is none."""
+        panels = (panel for panel in self.panels if panel.place == place)
+        panels = (panel for panel in panels if not panel.workspaces or workspace in panel.workspaces)
+        return next((panel for panel in panels if panel.is_shown()), None)
+
+    def widget(self, name: str) -> Rectangle:
+        """Returns the rectangle in which a widget was last drawn.
+
+        Raises:
+            InputError: if the widget has not been drawn.
+        """
+        if name not in self.widgets:
+            widget_names = ", ".join(sorted(self.widgets))
+            problem = f"no widget {name!r} is on the screen"
+            raise InputError(problem, where="session", remedy=f"Known: {widget_names}.")
+        return self.widgets[name]
+
+    def remember(self, name: str) -> None:
+        """Records the rectangle of the last widget."""
+        from imgui_bundle import (
+            imgui,  # Imported here, because a workspace without a window does not need it.
+        )
+
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self.widgets[name] = (low.x, low.y, high.x, high.y)
+        self.drawn.note(name, self.widgets[name])
+        if name in self.drawn.wanted and not self.drawn.left_alone:
+            clip = imgui.get_window_draw_list()
+            top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
+            if low.y < top or high.y > bottom:
+                imgui.set_scroll_here_y(0.5)  # Scroll to the widget at which the tour or a script points.

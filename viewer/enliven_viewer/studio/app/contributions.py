@@ -1,0 +1,92 @@
+"""Contributions of features to the studio: panels, overlays, layers of the 3D view, and file types."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import moderngl
+
+from enliven_viewer.render.gl.targets import RenderTarget
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.panel_layout import Area
+
+PanelPlace = Literal["right", "above timeline"]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel of the window: at the right, in place of a workspace's usual panel, or above the timeline.
+
+    Attributes:
+        name: a permanent name.
+        draw: draws the panel in an area of the window.
+        is_shown: returns whether the panel is open.
+        workspaces: names of the workspaces that can show it; empty for all.
+        back: name of the widget that closes it. The tour points at it if the panel hides its target.
+        place: where the panel is.
+    """
+
+    name: str
+    draw: Callable[[Area], object]
+    is_shown: Callable[[], bool]
+    workspaces: tuple[str, ...] = ()
+    back: str = ""
+    place: PanelPlace = "right"
+
+
+@dataclass(frozen=True)
+class ViewOverlay:
+    """Flat marks and text over the 3D view, below all panels.
+
+    Attributes:
+        draw: draws the overlay in the area of the view.
+        find_bottom: returns the distance in pixels from the top of the view to the lower end of its large
+            text, so that other text leaves the space free; 0 without text.
+    """
+
+    draw: Callable[[Area], object]
+    find_bottom: Callable[[], float] = lambda: 0.0
+
+
+class RenderPass:
+    """Geometry that is drawn into the image of the 3D view, with its camera and depth buffer.
+
+    A method that draws something resolves the image. The methods of this class draw nothing.
+    """
+
+    def draw(self, picture: RenderTarget) -> None:
+        """Draws over the characters, below the marks of the tool and the bones."""
+
+    def draw_above_bones(self, picture: RenderTarget) -> None:
+        """Draws over the bones."""
+
+
+@dataclass(frozen=True)
+class ViewLayer:
+    """A layer of the 3D view.
+
+    Attributes:
+        make_pass: makes the render pass, with the window's OpenGL context.
+        hides_characters: returns whether only this layer is visible, without characters.
+    """
+
+    make_pass: Callable[[moderngl.Context], RenderPass]
+    hides_characters: Callable[[], bool] = lambda: False
+
+
+@dataclass(frozen=True)
+class FileType:
+    """A type of file that can be opened.
+
+    Attributes:
+        suffixes: its file extensions, with the dot.
+        read: returns the content of a file. It may run in a thread.
+        add: adds the content to the project.
+    """
+
+    suffixes: tuple[str, ...]
+    read: Callable[[Path], Any]
+    add: Callable[[Editor, Path, Any], None]

@@ -1,0 +1,62 @@
+"""The target of a tour step: a widget by its name, or a place in the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from enliven_viewer.studio.viewport.overlay import Point
+
+Rectangle = tuple[float, float, float, float]
+"""Left, top, right, bottom in pixels."""
+_STALE_FRAMES = 2
+"""Number of frames after which a widget that was not drawn again counts as gone: menus close, panels
+change.
+"""
+
+
+@dataclass(frozen=True)
+class Target:
+    """The target of a step.
+
+    Attributes:
+        widgets: names of widgets; the first one on screen is used.
+        box: bounding box of the target in the image, in pixels.
+        path: the drag path in the image, in pixels.
+    """
+
+    widgets: tuple[str, ...] = ()
+    box: Rectangle | None = None
+    path: tuple[Point, ...] = ()
+
+
+@dataclass
+class DrawnWidgets:
+    """The places of widgets, with the frame in which each was drawn, and the widgets to scroll to.
+
+    Attributes:
+        picture: number of the current frame.
+        wanted: names of the targeted widgets.
+        left_alone: whether the artist is scrolling, so that the tour must not.
+    """
+
+    picture: int = 0
+    wanted: tuple[str, ...] = ()
+    left_alone: bool = False
+    _drawn: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
+
+    def note(self, name: str, rectangle: Rectangle) -> None:
+        """Records where a widget is drawn in this frame."""
+        self._drawn[name] = self.picture, rectangle
+
+    def want(self, names: tuple[str, ...]) -> None:
+        """Sets the targeted widgets."""
+        if names != self.wanted:
+            self.wanted, self.left_alone = names, False
+
+    def find(self, names: tuple[str, ...]) -> tuple[str, Rectangle] | None:
+        """Returns the first of several widgets that is on screen, with its place; None if there is none."""
+        for name in names:
+            picture, rectangle = self._drawn.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))
+            if self.picture - picture <= _STALE_FRAMES:
+                return name, rectangle
+        return None

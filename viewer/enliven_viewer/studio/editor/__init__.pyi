@@ -1,1 +1,0 @@
-from .editor import Edit as Edit, Editor as Editor

@@ -1,0 +1,213 @@
+"""The curves of the selection (F-curves): groups of channels with a common unit, sampled at regular times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import (
+    LayerBase,
+    MotionKey,
+    Project,
+    key_values,
+)
+from enliven.modeling.edits import key_layer, keys_of, layer_keys, rig_of
+from enliven.rotation import (
+    remove_sign_jumps,
+    to_rotation_vector,
+)
+
+AXES = ("x", "y", "z")
+LAYER_KEY_ATTRIBUTES: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
+"""The numeric groups of a layer, with the attribute that holds their keys."""
+
+
+@dataclass(frozen=True)
+class CurveDot:
+    """A key on a curve.
+
+    Attributes:
+        number: number of the key among the keys of the bone or the key poses of the puppet.
+        axis: the channel.
+        time: time in the project in seconds.
+        value: value in the group's unit.
+        ease: interpolation to the next key; empty for key poses, since the solver interpolates between them.
+    """
+
+    number: int
+    axis: int
+    time: float
+    value: float
+    ease: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveGroup:
+    """Channels of one unit.
+
+    Attributes:
+        name: "keys", "moves", "turn", "place", "weight" or "speed".
+        unit: unit shown after a value.
+        channels: names of the channels.
+        values: (T, C) at the requested times. Values that are not finite are not drawn.
+        dots: the draggable keys on the curves.
+    """
+
+    name: str
+    unit: str
+    channels: tuple[str, ...]
+    values: Float
+    dots: tuple[CurveDot, ...] = ()
+
+
+@dataclass(frozen=True)
+class CurveSubject:
+    """The object of the curves: a character, and a handle or a layer of it."""
+
+    character: str
+    handle: int | None
+    layer: int | None
+
+
+def sample_groups(project: Project, subject: CurveSubject, times: Float) -> dict[str, CurveGroup]:
+    """Returns the curves of an object at times (T,), without its keys, which :func:`make_key_groups` returns.
+
+    Raises:
+        EnlivenError: if the character cannot be played.
+    """
+    character = project.character(subject.character)
+    groups = list[CurveGroup]()
+    rig = rig_of(character)
+    player = rig.player(project, character)
+    moving = rig.handle_motion(character, player, subject.handle, subject.layer)
+    if moving is not None:
+        rows = [moving(float(time)) for time in times]
+        turns = remove_sign_jumps(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
+        groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrap_rotations(turns)))
+        groups.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
+    layer = find_layer(project, subject)
+    if layer is not None:
+        length = project.length_of(layer)
+        layer_weight = 0.0 if layer.muted else float(getattr(layer, "weight", 1.0))
+        weights = [layer_weight * layer.moment(float(time), length).weight for time in times]
+        groups.append(CurveGroup("weight", "", ("weight",), np.array(weights)[:, None]))
+        speeds = [_find_speed(layer, float(time), length) for time in times]
+        groups.append(CurveGroup("speed", "x", ("speed",), np.array(speeds)[:, None]))
+    return {group.name: group for group in groups}
+
+
+def make_key_groups(project: Project, subject: CurveSubject, times: Float) -> dict[str, CurveGroup]:
+    """Returns the keys of an object and the curves through them: "keys" in degrees, and "moves" in metres.
+
+    The keys are those of the selected bone or node, or else of the whole character. A bone has only
+    rotations. Control points of a puppet have key poses instead.
+    """
+    character = project.characters.get(subject.character)
+    if character is None or (subject.handle is not None and subject.handle >= character.keyable):
+        return {}
+    number, values = key_layer(project, subject.character, subject.handle), np.zeros((len(times), 6))
+    keys = keys_of(project, subject.character, subject.handle)
+    if number is not None:
+        layer = character.playing[number]
+        length = project.length_of(layer)
+        seconds = [layer.played(float(time), length)[0] for time in times]
+        values = key_values([key for _, key in keys], np.array(seconds))
+    groups = {"keys": CurveGroup("keys", "\u00b0", AXES, values[:, :3], _make_dots(keys, "degrees"))}
+    if subject.handle is None or not character.jointed:
+        groups["moves"] = CurveGroup("moves", "m", AXES, values[:, 3:], _make_dots(keys, "metres"))
+    return groups
+
+
+def _make_dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[CurveDot, ...]:
+    """Returns a dot for each key and axis. ``values`` names the shown attribute of the keys."""
+    return tuple(
+        CurveDot(k, axis, time, getattr(key, values)[axis], key.ease)
+        for k, (time, key) in enumerate(keys)
+        for axis in range(3)
+    )
+
+
+def make_pose_dots(project: Project, subject: CurveSubject) -> tuple[CurveDot, ...]:
+    """Returns the selected control point's positions in the puppet's key poses.
+
+    Their times are those at which the key poses are played.
+    """
+    character, layer = project.characters.get(subject.character), find_layer(project, subject)
+    if character is None or subject.handle is None or layer is None:
+        return ()
+    length, examples = project.length_of(layer), character.examples_of(layer)
+    return tuple(
+        CurveDot(k, axis, layer.time_of(pose.time, length), float(pose.places[subject.handle, axis]))
+        for k, pose in examples
+        if layer.plays(pose.time, length)
+        for axis in range(3)
+    )
+
+
+def make_layer_dots(project: Project, subject: CurveSubject, group: str) -> tuple[CurveDot, ...]:
+    """Returns the keys of the weight or the speed of an object's layer, with the drawn values."""
+    number = find_layer_number(project, subject)
+    if number is None or group not in LAYER_KEY_ATTRIBUTES:
+        return ()
+    keys = layer_keys(project, subject.character, number, LAYER_KEY_ATTRIBUTES[group])
+    offset = project.character(subject.character).playing[number].offset
+    return tuple(
+        CurveDot(
+            k,
+            0,
+            offset + key.second,
+            key.value * find_value_scale(project, subject, group, offset + key.second),
+            key.ease,
+        )
+        for k, key in enumerate(keys)
+    )
+
+
+def find_value_scale(project: Project, subject: CurveSubject, group: str, time: float) -> float:
+    """Returns the drawn value of a layer key with value 1: the layer's own weight or speed."""
+    layer = find_layer(project, subject)
+    if layer is None or group == "weight":
+        return float(getattr(layer, "weight", 1.0)) or 1.0
+    plain: dict[str, Any] = {"speeds": ()}
+    return _find_speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
+
+
+def find_layer(project: Project, subject: CurveSubject) -> LayerBase | None:
+    """Returns the selected layer of an object, or else the first audible one."""
+    number = find_layer_number(project, subject)
+    return None if number is None else project.character(subject.character).playing[number]
+
+
+def find_layer_number(project: Project, subject: CurveSubject) -> int | None:
+    """Returns the number of that layer; None if no layer is audible."""
+    character = project.characters.get(subject.character)
+    playing = () if character is None else character.playing
+    if subject.layer is not None and subject.layer < len(playing):
+        return subject.layer
+    return next((number for number, layer in enumerate(playing) if not layer.muted), None)
+
+
+def _unwrap_rotations(turns: Float) -> Float:
+    """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid full turns."""
+    vectors = to_rotation_vector(turns)
+    for k in range(1, len(vectors)):
+        angle = float(np.linalg.norm(vectors[k]))
+        if angle < 1e-6:
+            continue
+        rounds = vectors[k] * (1.0 + np.array([[-1.0], [0.0], [1.0]]) * 2 * np.pi / angle)
+        vectors[k] = rounds[np.linalg.norm(rounds - vectors[k - 1], axis=1).argmin()]
+    return np.asarray(np.degrees(vectors))
+
+
+def _find_speed(layer: LayerBase, time: float, length: float, width: float = 1e-4) -> float:
+    """Returns the playback speed at a time: seconds of the take per second of the project.
+
+    The speed is 0 if the take stands still.
+    """
+    before, after = layer.moment(time, length), layer.moment(time + width, length)
+    if before.rounds != after.rounds:
+        return float("nan")
+    return (after.second - before.second) / width

@@ -1,0 +1,355 @@
+"""The curve editor, with the curves of the selection.
+
+Keys can be dragged, added, removed and eased with the pointer.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project
+from enliven.errors import EnlivenError
+from enliven_viewer.language import later
+from enliven_viewer.studio.editor.editor import Edit, Editor
+from enliven_viewer.studio.features.animation.channels import (
+    LAYER_KEY_ATTRIBUTES,
+    CurveDot,
+    CurveGroup,
+    CurveSubject,
+    find_layer_number,
+    make_key_groups,
+    make_layer_dots,
+    make_pose_dots,
+    sample_groups,
+)
+from enliven_viewer.studio.features.animation.curve_scale import Scale
+from enliven_viewer.studio.features.animation.key_edits import (
+    KEY_ATTRIBUTES,
+    add_curve_key,
+    clamp_warning,
+    move_curve_key,
+    remove_curve_key,
+    set_interpolation,
+)
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+
+GROUP_NAMES = ("keys", "moves", "turn", "place", "weight", "speed")
+"""All groups of channels, in the order of their buttons."""
+KEY_GRAB_DISTANCE_PX = 8.0
+"""Distance in pixels within which a key can be grabbed."""
+_CURVE_SAMPLES = 240
+"""Number of samples of a curve over the visible time span: one every few pixels."""
+_ZOOM_PER_NOTCH = 0.85
+"""Factor of the visible value range per notch of the wheel."""
+
+
+@dataclass(frozen=True, eq=False)
+class _CurveRequest:
+    """A request for sampled curves."""
+
+    project: Project
+    subject: CurveSubject
+    start: float
+    span: float
+
+    def same(self, other: _CurveRequest | None) -> bool:
+        if other is None:
+            return False
+        return self.project is other.project and (self.subject, self.start, self.span) == (
+            other.subject,
+            other.start,
+            other.span,
+        )
+
+
+_EASE_TITLES = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
+"""The name in the history of each change of a key's interpolation."""
+
+
+class CurveInput:
+    """The state of the curve editor, and the edits made with the pointer.
+
+    Attributes:
+        on: whether the curves are shown.
+        group: name of the shown group of channels.
+        height: height of the curve area in pixels.
+        chosen: number of the key that was clicked last, or None.
+    """
+
+    def __init__(self, editor: Editor, timeline: TimelineInput) -> None:
+        self.editor, self.timeline = editor, timeline
+        self.on, self.group, self.height = False, "keys", 160.0
+        self.chosen: int | None = None
+        self._scale: Scale | None = None
+        self._seen: tuple[CurveSubject | None, str] = (None, "")
+        self._held: tuple[CurveDot, float, float, Scale] | None = None
+        self._pool: ThreadPoolExecutor | None = None
+        self._work: tuple[_CurveRequest, Future[dict[str, CurveGroup]]] | None = None
+        self._known: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
+        self._keys: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
+
+    def toggle(self) -> None:
+        """Shows or hides the curves."""
+        self.on = not self.on
+
+    @property
+    def subject(self) -> CurveSubject | None:
+        """Returns the object of the curves: the selected character with its handle and layer.
+
+        Returns None without a selection.
+        """
+        chosen = self.editor.chosen()
+        if chosen is None:
+            return None
+        return CurveSubject(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
+
+    @property
+    def times(self) -> Float:
+        """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
+        layout = self.timeline.layout
+        return np.linspace(layout.start, layout.start + layout.visible_s, _CURVE_SAMPLES)
+
+    def refresh(self) -> None:
+        """Takes finished curves from the background thread, and starts sampling if they are outdated.
+
+        Call once per frame; does not block.
+        """
+        subject = self.subject
+        if subject is None:
+            return
+        self._take()
+        layout, project = self.timeline.layout, self.editor.project
+        if self.editor.chosen() is not None:
+            project = self.editor.solving.shown(project, subject.character)[0]
+        request = _CurveRequest(project, subject, layout.start, layout.visible_s)
+        if self._work is None and not request.same(self._known[0] if self._known else None):
+            self._pool = self._pool or ThreadPoolExecutor(1, "curves")
+            self._work = (request, self._pool.submit(sample_groups, project, subject, self.times))
+
+    def groups(self) -> dict[str, CurveGroup]:
+        """Returns all groups of curves of the selection that have already been sampled."""
+        subject, project = self.subject, self.editor.project
+        if subject is None:
+            return {}
+        is_current = self._known is not None and self._known[0].subject == subject
+        groups = dict(self._known[1]) if self._known is not None and is_current else {}
+        layout = self.timeline.layout
+        request = _CurveRequest(project, subject, layout.start, layout.visible_s)
+        if self._keys is None or not request.same(self._keys[0]):
+            self._keys = (request, make_key_groups(project, subject, self.times))
+        groups.update(self._keys[1])
+        if "place" in groups and (dots := make_pose_dots(project, subject)):
+            groups["place"] = replace(groups["place"], dots=dots)
+        for name in LAYER_KEY_ATTRIBUTES:
+            if name in groups:
+                groups[name] = replace(groups[name], dots=make_layer_dots(project, subject, name))
+        return {name: groups[name] for name in GROUP_NAMES if name in groups}
+
+    def settle(self) -> dict[str, CurveGroup]:
+        """Returns all groups of curves, completely solved and sampled.
+
+        Blocks; for sessions without a window.
+        """
+        chosen = self.editor.chosen()
+        if chosen is not None:
+            self.editor.solving.settle(self.editor.project, chosen.id)
+        self.refresh()
+        while self._work is not None:
+            wait_for([self._work[1]])
+            self.refresh()
+        return self.groups()
+
+    def shown_group(self) -> CurveGroup | None:
+        """Returns the shown group: the requested one, or else the first available one."""
+        groups = self.groups()
+        return groups.get(self.group) or next(iter(groups.values()), None)
+
+    def sample_times(self) -> Float:
+        """Returns (T,) the sample times of :meth:`shown_group`, which may be slightly outdated."""
+        if self._known is None or self.shown_name() in KEY_ATTRIBUTES:
+            return self.times
+        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)
+
+    def shown_name(self) -> str:
+        """Returns the name of the shown group, or empty."""
+        group = self.shown_group()
+        return "" if group is None else group.name
+
+    def scale(self, group: CurveGroup) -> Scale:
+        """Returns the value scale: it fits all values until the user zooms or pans."""
+        if self._seen != (self.subject, group.name):
+            self._seen, self._scale, self.chosen = (self.subject, group.name), None, None
+        if self._held is not None:
+            return self._held[3]
+        if self._scale is not None:
+            return replace(self._scale, height=self.height)
+        values = np.concatenate([group.values.ravel(), [dot.value for dot in group.dots]])
+        return Scale.fit_values(values, group.unit, self.height)
+
+    def fit(self) -> None:
+        """Fits the value scale to all values again."""
+        self._scale = None
+
+    def zoom(self, notches: float, y: float) -> None:
+        """Zooms the value range in or out around a pixel."""
+        group = self.shown_group()
+        if group is not None:
+            self._scale = self.scale(group).zoom(_ZOOM_PER_NOTCH**notches, y)
+
+    def pan(self, pixels: float) -> None:
+        """Pans the values down by some pixels."""
+        group = self.shown_group()
+        if group is not None:
+            self._scale = self.scale(group).pan(pixels)
+
+    def dot_at(self, x: float, y: float) -> CurveDot | None:
+        """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
+        group = self.shown_group()
+        if group is None:
+            return None
+        layout, scale = self.timeline.layout, self.scale(group)
+        near = [
+            (float(np.hypot(layout.x(dot.time) - x, scale.y(dot.value) - y)), dot.number, dot.axis, dot)
+            for dot in group.dots
+        ]
+        best = min(near, default=None, key=lambda candidate: candidate[:3])
+        return best[3] if best is not None and best[0] <= KEY_GRAB_DISTANCE_PX else None
+
+    def press(self, x: float, y: float) -> None:
+        """Handles a press of the left button: grabs a key, or else moves the playhead."""
+        dot, group = self.dot_at(x, y), self.shown_group()
+        self.chosen = None if dot is None else dot.number
+        if dot is not None and group is not None:
+            self._held = (dot, x, y, self.scale(group))
+        elif group is not None:
+            self.editor.scrub(self.timeline.layout.time(x))
+
+    def drag(self, x: float, y: float) -> None:
+        """Handles pointer movement: previews the move of the held key."""
+        if self._held is not None:
+            self.editor.sketch(self._move_edit(x, y))
+
+    def release(self, x: float, y: float) -> None:
+        """Handles the release of the button: the drag becomes one edit."""
+        held = self._held
+        if held is not None and self.editor.draft is not None:
+            if self.subject is not None:
+                self._warn(self.subject, self.shown_name(), *self._drag_target(x, y))
+            self.editor.edit("move key", self._move_edit(x, y))
+        self.editor.draft, self._held = None, None
+        dot = self.dot_at(x, y)
+        # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
+        self.chosen = self.chosen if dot is None else dot.number
+
+    @property
+    def busy(self) -> bool:
+        """Returns True if a key is being dragged."""
+        return self._held is not None
+
+    def double(self, x: float, y: float) -> None:
+        """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
+        subject, group = self.subject, self.shown_group()
+        if subject is None or group is None or group.name not in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES):
+            return
+        if self.dot_at(x, y) is not None:
+            return
+        name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
+        self._warn(subject, name, time, value)
+        self.editor.edit(
+            "set key", lambda p: add_curve_key(p, subject, self._find_lane(subject), name, time, value)
+        )
+
+    def remove(self) -> None:
+        """Removes the selected key."""
+        subject, number, name = self.subject, self.chosen, self.shown_name()
+        if subject is None or number is None:
+            return
+        self.chosen = None
+        edit_name = (
+            later("remove key")
+            if name in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES)
+            else later("remove key pose")
+        )
+        self.editor.edit(
+            edit_name, lambda p: remove_curve_key(p, subject, self._find_lane(subject), name, number)
+        )
+
+    def type(self, key: str) -> bool:
+        """Handles keyboard input for the selected key: Delete removes it.
+
+        Returns whether it had an effect.
+        """
+        if not self.on or self.chosen is None or key not in ("delete", "backspace"):
+            return False
+        self.remove()
+        return True
+
+    def ease(self, ease: str) -> None:
+        """Changes the interpolation from the selected key to the next one."""
+        subject, number, name = self.subject, self.chosen, self.shown_name()
+        if subject is not None and number is not None:
+            self.editor.edit(
+                _EASE_TITLES[ease],
+                lambda p: set_interpolation(p, subject, self._find_lane(subject), name, number, ease),
+            )
+
+    def _find_lane(self, subject: CurveSubject) -> tuple[int, ...]:
+        """Returns the numbers of the layers that share a timeline bar with the object's layer.
+
+        That layer comes first.
+        """
+        number = find_layer_number(self.editor.project, subject) or 0
+        bars = self.timeline.layout.bars()
+        layers_of_bar = (
+            bar.layers for bar in bars if bar.character.id == subject.character and number in bar.layers
+        )
+        rest = tuple(layer for layer in next(layers_of_bar, ()) if layer != number)
+        return (number, *rest)
+
+    def _warn(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
+        """Reports if a value is outside the playable range, so that the nearest valid value is used."""
+        if warning := clamp_warning(self.editor.project, subject, name, time, value):
+            self.editor.toasts.say(warning)
+
+    def _drag_target(self, x: float, y: float) -> tuple[float, float]:
+        """Returns the time and the value to which the pointer drags the held key."""
+        assert self._held is not None
+        dot, from_x, from_y, scale = self._held
+        layout = self.timeline.layout
+        time = dot.time + layout.time(x) - layout.time(from_x)
+        value = dot.value + scale.value(y) - scale.value(from_y)
+        # A drag along one axis keeps the value on the other axis.
+        return (
+            dot.time if abs(x - from_x) < KEY_GRAB_DISTANCE_PX / 2 else time,
+            dot.value if abs(y - from_y) < KEY_GRAB_DISTANCE_PX / 2 else value,
+        )
+
+    def _move_edit(self, x: float, y: float) -> Edit:
+        """Returns the edit that moves the held key to a pixel."""
+        assert self._held is not None
+        subject, name, dot, (time, value) = (
+            self.subject,
+            self.shown_name(),
+            self._held[0],
+            self._drag_target(x, y),
+        )
+        assert subject is not None
+        lane = self._find_lane(subject)
+        return lambda project: move_curve_key(project, subject, lane, name, dot, time, value)
+
+    def _take(self) -> None:
+        """Takes the finished curves from the background thread."""
+        if self._work is None or not self._work[1].done():
+            return
+        (request, future), self._work = self._work, None
+        error = future.exception()
+        if error is not None and not isinstance(error, EnlivenError):
+            # Report only internal errors here, because the panel that plays the character reports the other
+            # errors.
+            self.editor.toasts.tell(error)
+        self._known = (request, {} if error is not None else future.result())

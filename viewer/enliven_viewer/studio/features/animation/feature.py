@@ -1,0 +1,54 @@
+"""Registers curves with their panel, and the layer of ghosts and trails, with their states and actions."""
+
+from __future__ import annotations
+
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.app.contributions import Panel, ViewLayer
+from enliven_viewer.studio.features.animation.curve_input import CurveInput
+from enliven_viewer.studio.features.animation.ghost_pass import GhostPass
+from enliven_viewer.studio.features.animation.ghosts import Ghosts
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+
+
+def register(app: App) -> None:
+    """Registers curves, ghosts and trails."""
+    ghosts = app.add_state(Ghosts(app.editor))
+    curves = app.add_state(CurveInput(app.editor, app.state(TimelineInput)))
+
+    def draw_curve_panel(area: Area) -> None:
+        # Imported when a window draws, because a workspace without one needs no ImGui.
+        from enliven_viewer.studio.features.animation.curve_panel import draw_curves
+
+        draw_curves(app, curves, area)
+
+    app.actions.add(_make_ghost_action(ghosts), _make_curve_action(curves))
+    app.panels.append(Panel("curves", draw_curve_panel, lambda: curves.on, place="above timeline"))
+    app.key_handlers.append(curves.type)
+    app.view_layers.append(ViewLayer(lambda context: GhostPass(context, ghosts)))
+
+
+def _make_ghost_action(ghosts: Ghosts) -> Action:
+    return Action(
+        "view.ghosts",
+        "View",
+        "Ghosts and trails",
+        ("shift+g",),
+        ghosts.toggle,
+        is_on=lambda: ghosts.on,
+        about="Past (blue) and future (orange) poses of the chosen shape, and paths of its hands and feet.",
+        apart=True,
+    )
+
+
+def _make_curve_action(curves: CurveInput) -> Action:
+    return Action(
+        "view.curves",
+        "View",
+        "Curves",
+        ("shift+c",),
+        curves.toggle,
+        is_on=lambda: curves.on,
+        about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
+    )

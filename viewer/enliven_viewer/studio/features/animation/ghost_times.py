@@ -1,0 +1,71 @@
+"""Chooses the times of ghosts: key poses, or else regular steps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.document import LayerBase, Project, RigBase
+from enliven.modeling.edits import key_layer
+
+_TIME_TOLERANCE_S = 1e-3
+"""Time difference in seconds below which a ghost would coincide with the character itself."""
+
+
+def find_key_times(
+    project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
+) -> tuple[float, ...]:
+    """Returns the times in the project at which a character plays its keys, in order; empty without keys.
+
+    The keys are those of a selected layer, or else of a selected bone or node, or else of the whole
+    character. For a puppet they are its examples.
+
+    Args:
+        handle, layer: the selected handle and layer of the character, or None.
+    """
+    keyed = _find_selected_keys(project, character, handle, layer)
+    if keyed is not None:
+        length = project.length_of(keyed)
+        keys = getattr(project, keyed.source)[keyed.take].keys
+        played = [key.second for key in keys if keyed.plays(key.second, length)]
+        return tuple(sorted({keyed.time_of(second, length) for second in played}))
+    moments = set[float]()
+    for playing_layer in character.playing:
+        if playing_layer.muted:
+            continue
+        length = project.length_of(playing_layer)
+        for _, pose in character.examples_of(playing_layer):
+            if playing_layer.plays(pose.time, length):
+                moments.add(playing_layer.time_of(pose.time, length))
+    return tuple(sorted(moments))
+
+
+def _find_selected_keys(
+    project: Project, character: RigBase, handle: int | None, layer: int | None
+) -> LayerBase | None:
+    """Returns the layer of keys that belongs to the selection; None if it is not audible."""
+    playing, number = character.playing, layer
+    keyed = [
+        k
+        for k, playing_layer in enumerate(playing)
+        if getattr(project, playing_layer.source)[playing_layer.take].keys
+    ]
+    if number not in keyed:
+        if handle is not None and handle >= character.keyable:
+            return None  # The handle is a control point, which has key poses instead of keys.
+        number = key_layer(project, character.id, handle)
+    return None if number is None or playing[number].muted else playing[number]
+
+
+def choose_ghost_times(
+    keys: tuple[float, ...], time: float, length: float, count: int, step: float
+) -> tuple[float, ...]:
+    """Returns the times of up to ``count`` ghosts before ``time`` and up to ``count`` after it, in order.
+
+    Without keys, the ghosts are ``step`` seconds apart, at times that do not move with the playhead.
+    """
+    if not keys:
+        middle = round(time / step)
+        keys = tuple(step * k for k in range(middle - count - 1, middle + count + 2))
+    inside = np.array([key for key in keys if -_TIME_TOLERANCE_S <= key <= length + _TIME_TOLERANCE_S])
+    before, after = inside[inside < time - _TIME_TOLERANCE_S], inside[inside > time + _TIME_TOLERANCE_S]
+    return (*before[len(before) - min(count, len(before)) :].tolist(), *after[:count].tolist())

@@ -1,0 +1,147 @@
+"""Ghosts and motion trails of an editor's characters, with one switch; computed in the background."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+
+import numpy as np
+
+from enliven.document import Project, RigBase
+from enliven.errors import EnlivenError
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.animation.ghost_picture import (
+    GhostPicture,
+    make_ghost_bodies,
+    make_trail_rows,
+)
+from enliven_viewer.studio.features.animation.ghost_times import choose_ghost_times, find_key_times
+from enliven_viewer.studio.features.animation.motion_samples import (
+    MotionSamples,
+    SampleRequest,
+    sample_motion,
+)
+from enliven_viewer.studio.features.animation.trail_points import choose_trail_points
+
+_MAX_CHARACTERS = 3
+"""Maximum number of characters with ghosts if none is selected. More would hide one another."""
+
+
+class Ghosts:
+    """The past and future poses of the selected character, or of the first few if none is selected.
+
+    Attributes:
+        on: whether ghosts are shown. Nothing is computed while they are off.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor, self.on = editor, False
+        self._pool: ThreadPoolExecutor | None = None
+        self._known: dict[str, MotionSamples] = {}
+        self._work: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
+        self._refused: dict[str, SampleRequest] = {}
+
+    def toggle(self) -> None:
+        """Shows or hides the ghosts."""
+        self.on = not self.on
+        if not self.on:
+            self._known.clear()
+            self._refused.clear()
+
+    def picture(self) -> GhostPicture | None:
+        """Returns the ghosts and trails that have already been computed; None while they are off.
+
+        Does not block.
+        """
+        if not self.on:
+            return None
+        self._take()
+        characters = self._list_shown_characters()
+        self._begin([self._sample_request(character) for character in characters])
+        return self._draw_ghosts(characters)
+
+    def settle(self) -> GhostPicture | None:
+        """Returns the same as :meth:`picture`, but waits until all of it is computed.
+
+        For sessions without a window.
+        """
+        picture = self.picture()
+        while self._work is not None:
+            wait_for([self._work[2]])
+            picture = self.picture()
+        return picture
+
+    def _draw_ghosts(self, characters: list[RigBase]) -> GhostPicture:
+        editor, bodies, rows = self.editor, [], [np.zeros((0, 12), np.float32)]
+        for character in characters:
+            sampled = self._known.get(character.id)
+            if sampled is None:
+                continue
+            bodies += make_ghost_bodies(sampled, editor.time)
+            is_selected = editor.selection.character == character.id
+            handle, chain = (editor.selection.handle, editor.selection.chain) if is_selected else (None, ())
+            rest = next(iter(sampled.points.values()))
+            points = choose_trail_points(sampled.wanted.character, rest, handle, chain)
+            keys = self._find_keys(sampled.wanted.project, sampled.wanted.character)
+            rows.append(make_trail_rows(sampled, points, keys, editor.time, editor.lens))
+        return GhostPicture(tuple(bodies), np.concatenate(rows))
+
+    def _list_shown_characters(self) -> list[RigBase]:
+        """Returns the selected character, or else the first few.
+
+        A puppet is returned in its last solved state.
+        """
+        editor, chosen = self.editor, self.editor.chosen()
+        characters = (
+            [chosen] if chosen is not None else list(editor.project.characters.values())[:_MAX_CHARACTERS]
+        )
+        return [character for character in characters if any(not layer.muted for layer in character.playing)]
+
+    def _sample_request(self, character: RigBase) -> SampleRequest:
+        editor, settings = self.editor, self.editor.settings
+        project = editor.project
+        project, character = editor.solving.shown(project, character.id)
+        step, length = settings.frame_step, editor.length
+        first = int(np.ceil(max(editor.time - settings.trail, 0.0) / step))
+        last = int(min(editor.time + settings.trail, length) / step)
+        keys = self._find_keys(project, character)
+        moments = choose_ghost_times(keys, editor.time, length, settings.ghosts, settings.ghost_step)
+        return SampleRequest(project, character, first, last, step, moments)
+
+    def _find_keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
+        """Returns the times of the keys of a character's selection."""
+        chosen = self.editor.selection
+        if chosen.character != character.id:
+            return find_key_times(project, character)
+        return find_key_times(project, character, chosen.handle, chosen.layer)
+
+    def _begin(self, wanted: list[SampleRequest]) -> None:
+        """Starts computing the first outdated request, if no computation is running."""
+        names = {request.character.id for request in wanted}
+        self._known = {name: sampled for name, sampled in self._known.items() if name in names}
+        if self._work is not None:
+            return
+        for request in wanted:
+            name = request.character.id
+            sampled, refused = self._known.get(name), self._refused.get(name)
+            if request.same(refused) or (sampled is not None and request.same(sampled.wanted)):
+                continue
+            self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
+            self._work = (name, request, self._pool.submit(sample_motion, request, sampled))
+            return
+
+    def _take(self) -> None:
+        """Takes the finished result from the background thread."""
+        if self._work is None or not self._work[2].done():
+            return
+        (name, wanted, future), self._work = self._work, None
+        error = future.exception()
+        if error is None:
+            self._known[name] = future.result()
+        else:
+            if not isinstance(error, EnlivenError):
+                # Report only internal errors here, because the panel that plays the character reports the
+                # other errors.
+                self.editor.toasts.tell(error)
+            self._known.pop(name, None)
+            self._refused[name] = wanted

@@ -1,0 +1,262 @@
+"""The brush tool that paints stiffness on a possessed mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Float32, UInt8
+from enliven.document import Plane, RigBase
+from enliven.examples.symmetric import reflect_points
+from enliven.meshes import Mesh, barycentric
+from enliven.modeling.edits import MAX_DOUBLINGS, Brush, brush_stiffness, paint_character, unpaint_character
+from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
+from enliven_viewer.studio.viewport.overlay import Disc, Overlay
+from enliven_viewer.studio.viewport.picking import surface_at
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
+from enliven_viewer.theme import FUTURE_POSE, MARK, PAST_POSE, PLAIN_SURFACE, SHADOW, Colour
+
+BRUSHES: dict[Brush, str] = {
+    "softer": later("Softer"),
+    "stiffer": later("Stiffer"),
+    "erase": later("Erase"),
+}
+"""Brush modes, with the labels of their buttons."""
+MIN_RADIUS_PX = 6.0
+"""Minimum brush radius in pixels: a few vertices of a detailed mesh."""
+MAX_RADIUS_PX = 200.0
+"""Maximum brush radius in pixels: covers half of a large view's width."""
+RADIUS_STEP = 1.25
+"""Scale factor of the brush radius for one press of its shortcut."""
+_INITIAL_RADIUS_PX = 34.0
+"""Initial brush radius in pixels: the width of a limb that fills a third of the view."""
+_POINT_SPACING = 0.35
+"""Spacing of points along a stroke, as a fraction of the radius, so that the stroke is even."""
+_MAX_GAP = 4.0
+"""Maximum gap, as a multiple of the radius, that a stroke fills. A wider gap means that it jumped to another
+part of the mesh.
+"""
+_UNPAINTED_OPACITY = 0.62
+"""Opacity of the overlay on unpainted areas: the shading stays visible, the mesh's own colours hardly."""
+_FULL_OPACITY = 0.82
+"""Opacity of the overlay at full strength."""
+_RING_EDGE_OPACITY = 0.45
+"""Opacity of the ring's dark edge, which makes the ring visible on meshes of any brightness."""
+_MIRRORED_RING_OPACITY = 0.75
+"""Opacity of the ring on the mirrored side."""
+
+
+class PaintTool(Tool):
+    """A tool that paints how stiff or soft a mesh is, on one side or symmetrically.
+
+    Attributes:
+        brush: the brush mode.
+        radius: brush radius in pixels.
+        both_sides: whether strokes are mirrored, if the mesh is symmetric.
+    """
+
+    name, label, key, icon = "paint", "Stiff or soft", "d", "\uf1fc"
+    hides_performer = True
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self.brush: Brush = "softer"
+        self.radius = _INITIAL_RADIUS_PX
+        self.both_sides = False
+        self._stroke: list[Float] = []
+        self._now: Brush = "softer"
+        self._metres = 0.0
+        self._over: tuple[str, Float] | None = None
+        self._at: tuple[float, float] | None = None
+        self._planes: tuple[Float, Plane | None] | None = None
+        self._preview: tuple[object, int, Float32 | None] | None = None
+
+    @property
+    def hint(self) -> str:
+        character = self.editor.chosen()
+        if character is None or character.mesh is None:
+            return "Click a mesh to paint where it is stiff and where it is soft."
+        if character.kind == "bones":
+            return "Its bones move it, so paint has no effect before it becomes a mesh that performers hold."
+        if self.both_sides and self.mirror(character.mesh) is None:
+            return "Its sides are not alike, so only the side you paint is painted."
+        brush_hints = {
+            "softer": "Orange gives way, and swings past what the performer does.",
+            "stiffer": "Blue keeps its shape.",
+            "erase": "Brings back what the mesh was before.",
+        }
+        return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", brush_hints[self.brush])
+
+    def mirror(self, mesh: Mesh) -> Plane | None:
+        """Returns the symmetry plane of a mesh; None if it has none.
+
+        Cached by the identity of the vertex array.
+        """
+        if self._planes is None or self._planes[0] is not mesh.vertices:
+            self._planes = mesh.vertices, plane_of_symmetry(mesh)
+        return self._planes[1]
+
+    def resize(self, factor: float) -> None:
+        """Multiplies the brush radius by a factor."""
+        self.radius = float(np.clip(self.radius * factor, MIN_RADIUS_PX, MAX_RADIUS_PX))
+
+    def clear(self) -> None:
+        """Removes all paint from the selected mesh."""
+        name = self.editor.selection.character or ""
+        self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
+
+    def lacks_paint(self) -> str:
+        """Returns why no paint can be cleared, with advice; empty if some can."""
+        character = self.editor.chosen()
+        if character is None or character.mesh is None or character.mesh.stiffness is None:
+            return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
+        return ""
+
+    def hover(self, pointer: Pointer) -> None:
+        self._at, self._over = pointer.at, self._find_touched_point(pointer)
+
+    def press(self, pointer: Pointer) -> bool:
+        self.editor.playing, self._at = False, pointer.at
+        over = self._find_touched_point(pointer)
+        if over is None:
+            return False
+        if over[0] != self.editor.selection.character:
+            self.editor.choose(over[0])
+        self._stroke, self._over = [over[1]], over
+        self._now = self._choose_brush(pointer)
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        self._at = pointer.at
+        over = self._find_touched_point(pointer, measure=False)
+        if not self._stroke or over is None or over[0] != self.editor.selection.character:
+            return
+        offset = over[1] - self._stroke[-1]
+        far, fine = float(np.linalg.norm(offset)), _POINT_SPACING * self._metres
+        if far >= fine:
+            steps = int(np.ceil(far / fine)) if far <= _MAX_GAP * self._metres else 1
+            last = self._stroke[-1]
+            self._stroke += [last + offset * (k + 1) / steps for k in range(steps)]
+            self._over = over
+
+    def release(self, pointer: Pointer) -> None:
+        stroke, self._stroke = self._stroke, []
+        character = self.editor.chosen()
+        if not stroke or character is None or character.mesh is None:
+            return
+        brush_stroke = np.array(stroke), self._metres, self._now, self._find_plane(character.mesh)
+        step_names = {
+            "softer": later("paint softer"),
+            "stiffer": later("paint stiffer"),
+            "erase": later("erase paint"),
+        }
+        self.editor.edit(
+            step_names[self._now], lambda project: paint_character(project, character.id, *brush_stroke)
+        )
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._stroke = []
+
+    def overlay(self) -> Overlay:
+        if self._at is None:
+            return Overlay()
+        colour = _find_ring_colour(self._now if self._stroke else self.brush)
+        marks = [
+            Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE_OPACITY), 4.0),
+            Disc(self._at, self.radius, colour, 2.0),
+        ]
+        character = self.editor.chosen()
+        plane = (
+            None
+            if character is None or character.mesh is None or self._over is None
+            else self._find_plane(character.mesh)
+        )
+        if (
+            plane is not None
+            and character is not None
+            and character.mesh is not None
+            and self._over is not None
+        ):
+            posed = self.editor.stage_character(character.id)
+            other = reflect_points(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
+            nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
+            marks += [
+                Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
+                for at in self.editor.lens.pixels_of(posed.vertices[[nearest]])
+            ]
+        return Overlay(tuple(marks))
+
+    def picture(self) -> ToolPicture:
+        character = self.editor.chosen()
+        if character is None or character.mesh is None:
+            return EMPTY_PICTURE
+        stiffness = self._find_shown_stiffness(character, character.mesh)
+        if stiffness is None:
+            stiffness = np.ones(len(character.mesh.vertices), np.float32)
+        posed = self.editor.stage_character(character.id)
+        seen = posed.solved if posed.solved is not None else posed.vertices
+        return ToolPicture(shade=(seen, character.mesh.faces, make_shades(stiffness)))
+
+    def _find_shown_stiffness(self, character: RigBase, mesh: Mesh) -> Float32 | None:
+        """Returns the stiffness including the stroke that is being drawn."""
+        if not self._stroke:
+            return mesh.stiffness
+        preview = self._preview
+        if preview is None or preview[0] is not mesh or preview[1] != len(self._stroke):
+            stiffness = brush_stiffness(
+                mesh, np.array(self._stroke), self._metres, self._now, self._find_plane(mesh)
+            )
+            preview = self._preview = mesh, len(self._stroke), stiffness
+        return preview[2]
+
+    def _find_plane(self, mesh: Mesh) -> Plane | None:
+        return self.mirror(mesh) if self.both_sides else None
+
+    def _choose_brush(self, pointer: Pointer) -> Brush:
+        """Returns the mode of a stroke; with Ctrl the opposite mode."""
+        opposite: dict[Brush, Brush] = {"softer": "stiffer", "stiffer": "softer", "erase": "erase"}
+        return opposite[self.brush] if pointer.ctrl else self.brush
+
+    def _find_touched_point(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
+        """Returns the mesh under the pointer, and the touched point at rest in metres.
+
+        If `measure` is set, also updates the brush size in metres.
+        """
+        lens = self.editor.lens
+        hit = surface_at(self.editor.pickable_characters, lens, pointer.at)
+        if hit is None:
+            return None
+        posed = self.editor.stage_character(hit.character)
+        mesh = posed.character.mesh
+        assert mesh is not None
+        place = lens.view.eye + hit.depth * lens.ray(pointer.at)
+        if measure:
+            self._metres = self.radius * float(lens.pixel_sizes(place[None])[0])
+        return hit.character, _find_rest_position(posed, mesh, hit.face, place)
+
+
+def _find_rest_position(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
+    """Returns (3,) metres: the rest position of a point on a face."""
+    face_vertices = mesh.faces[face]
+    fraction = barycentric(place[None], posed.vertices[face_vertices][None])[0]
+    return np.asarray(fraction @ mesh.vertices[face_vertices])
+
+
+def _find_ring_colour(brush: Brush) -> Colour:
+    """Returns the colour of the ring for the effect of a stroke."""
+    if brush == "erase":
+        return (*MARK[:3], 0.95)
+    return (*(part / 255 for part in (FUTURE_POSE if brush == "softer" else PAST_POSE)), 0.95)
+
+
+def make_shades(stiffness: Float32) -> UInt8:
+    """Returns (V, 4) sRGB and opacity: blue for stiffer, orange for softer, grey for 1."""
+    doublings = np.log2(stiffness) / MAX_DOUBLINGS
+    strength = np.minimum(np.abs(doublings), 1.0)[:, None]
+    full = np.where(doublings[:, None] > 0, np.array(PAST_POSE), np.array(FUTURE_POSE))
+    colours = np.array(PLAIN_SURFACE) + np.sqrt(strength) * (full - np.array(PLAIN_SURFACE))
+    opacity = 255 * (_UNPAINTED_OPACITY + (_FULL_OPACITY - _UNPAINTED_OPACITY) * strength)
+    return np.concatenate([colours, opacity], 1).astype(np.uint8)

@@ -1,0 +1,44 @@
+"""The features of the studio: those of this package, and those that other packages add by entry points.
+
+A new feature is one package with a ``register`` function, and one line here. In another package it is an
+entry point of the group ``enliven.studio_features``, which refers to its ``register`` function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import entry_points
+
+from enliven.errors import EnlivenError, ResourceError
+from enliven_viewer.language import tr
+from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.features.animation import feature as animation
+from enliven_viewer.studio.features.paint import feature as paint
+from enliven_viewer.studio.features.scan import feature as scan
+from enliven_viewer.studio.features.sound import feature as sound
+
+Register = Callable[[App], object]
+ENTRY_POINTS = "enliven.studio_features"
+"""Entry-point group through which other packages add features. An entry point refers to a function that
+takes the :class:`App`.
+"""
+FEATURES: tuple[Register, ...] = (paint.register, sound.register, animation.register, scan.register)
+"""The register function of each feature of this package, in the order of their actions in menus."""
+
+
+def register_features(app: App) -> None:
+    """Registers all features.
+
+    If one of another package raises an error, the studio shows it and starts. Contributions from before the
+    error stay.
+    """
+    for register in FEATURES:
+        register(app)
+    for entry in entry_points(group=ENTRY_POINTS):
+        try:
+            entry.load()(app)
+        except Exception as error:  # Any error of another package must not keep the studio from starting.
+            reason = f"{error.where}: {error.what}" if isinstance(error, EnlivenError) else str(error)
+            problem = tr("the feature {0} cannot be loaded: {1}", entry.name, reason)
+            remedy = tr("Update or remove the package {0}.", entry.dist.name if entry.dist else entry.value)
+            app.editor.toasts.complain(ResourceError(problem, where=entry.value, remedy=remedy))

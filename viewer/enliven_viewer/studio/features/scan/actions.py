@@ -1,0 +1,60 @@
+"""The actions of scanning, for menus, command palette and the panel's buttons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.features.scan.session import ScanSession
+
+
+def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
+    """Yields every action of scanning."""
+    yield Action(
+        "scan.open",
+        "Scan",
+        "Scan...",
+        ("ctrl+shift+n",),
+        scan.open,
+        about="Carry the camera round an object to make it a character.",
+    )
+    yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.lacks_stage)
+    yield Action(
+        "scan.pause",
+        "Scan",
+        "Pause, or go on",
+        (),
+        scan.pause,
+        scan.lacks_scan,
+        is_on=lambda: scan.message.phase == "paused",
+        apart=True,
+    )
+    yield Action(
+        "scan.undo",
+        "Scan",
+        "Take the last seconds back",
+        (),
+        scan.undo,
+        scan.lacks_undo,
+        about="After a hand came into view, or the camera slipped.",
+    )
+    yield Action(
+        "scan.done",
+        "Scan",
+        "Done: make it a character",
+        (),
+        scan.done,
+        scan.lacks_scan,
+        about="It is cut out, stands on the stage, and can be possessed.",
+    )
+    yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.lacks_scan)
+    yield Action(
+        "scan.again",
+        "Scan",
+        "Add to the scan",
+        (),
+        scan.again,
+        scan.lacks_again,
+        about="Go on scanning to fill gaps.",
+        apart=True,
+    )

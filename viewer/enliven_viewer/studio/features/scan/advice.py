@@ -1,0 +1,128 @@
+"""Instructions for the person that carries the camera: one sentence, readable from three metres away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.wire import ScanMessage
+from enliven_viewer.language import later, tr
+
+Mood = Literal["good", "wait", "bad"]
+ADVICE_BOTTOM = 72.0
+"""Distance in pixels from the top of the view to the lower end of the instructions."""
+_ARRIVAL_ANGLE = 0.35
+"""Angle around the object, in radians (20 degrees), within which the camera counts as at the recommended
+view.
+"""
+_OTHER_SIDE_ANGLE = 2.2
+"""Angle around the object, in radians (126 degrees), above which the instruction says "the other side"."""
+_MIN_HEIGHT_DIFFERENCE_M = 0.25
+"""Minimum height difference in metres that is mentioned."""
+
+_TRACKING_ADVICE = {
+    "lost": (later("Lost: go back to where you were"), "bad"),
+    "found": (later("Lost: hold still, it looks right"), "wait"),
+    "unsure": (later("Show it something with corners: this surface is too plain"), "wait"),
+    "empty": (later("Go nearer: the camera sees nothing"), "wait"),
+}
+"""The instruction and mood for each tracking state of the newest image."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """An instruction to show.
+
+    Attributes:
+        text: the instruction, shown in large letters.
+        mood: "good": continue; "wait": something hinders the scan; "bad": nothing is added.
+        arrow: whether the arrow to the next view is shown.
+    """
+
+    text: str
+    mood: Mood = "good"
+    arrow: bool = False
+
+
+def choose_advice(message: ScanMessage) -> Advice:
+    """Returns the instruction for the person with the camera."""
+    if message.phase == "paused":
+        return Advice(tr("Paused"), "wait")
+    if message.phase == "finishing":
+        return Advice(tr("It becomes a character: some seconds"), "wait")
+    if message.phase == "failed":
+        return Advice(message.note or tr("The scan cannot become a character"), "bad")
+    if message.phase != "scanning":
+        return Advice("")
+    if message.thing in ("carried", "settling", "sought", "lost"):
+        return Advice(_moved_object_advice(message), "wait")
+    if message.thing == "person":
+        return _choose_person_advice(message)
+    if message.tracking in _TRACKING_ADVICE:
+        text, mood = _TRACKING_ADVICE[message.tracking]
+        return Advice(text, "bad" if mood == "bad" else "wait")
+    if message.full:
+        return Advice(tr("The scan is full: nothing new is added. Press Done"), "wait")
+    if not message.tracking or not message.stage_from_camera:
+        return Advice(tr("Point the camera at the object"), "wait")
+    if message.thing == "found":
+        return Advice(
+            tr("Found again in {0:.1f} s: go round it", max(message.seconds, 0.1)), "good", arrow=True
+        )
+    if message.thing == "turning":
+        return Advice(
+            tr("The camera follows it: go on turning") if message.view else tr("All round: press Done")
+        )
+    if not message.view:
+        return Advice(tr("All round: press Done"), "good")
+    return Advice(_describe_direction(message), "good", arrow=True)
+
+
+def _choose_person_advice(status: ScanMessage) -> Advice:
+    """Returns the instruction for a person that turns in front of the camera."""
+    if status.tracking in ("", "empty"):
+        return Advice(tr("Stand one to three metres in front of the camera, whole in view"), "wait")
+    if status.tracking != "scanning":
+        return Advice(tr("Turn back a little, then on, more slowly"), "wait")
+    if status.missing <= 0:
+        return Advice(tr("All round: stand still"))
+    return Advice(tr("Turn on the spot, slowly: {0:.0f} of 100", 100 * (1 - status.missing)))
+
+
+def _moved_object_advice(status: ScanMessage) -> str:
+    """Returns the instruction for an object with an unknown pose."""
+    if status.thing == "carried":
+        return tr("Object lifted or lost: put it down, and go round it")
+    if status.thing == "lost":
+        return tr("Object not found: turn it back a little, and more slowly")
+    if status.thing == "settling":
+        return tr("Looking for the object, {0:.0f} s: walk round it slowly", status.seconds)
+    return tr("Not found yet: walk on, show what was seen before")
+
+
+def _describe_direction(status: ScanMessage) -> str:
+    """Returns the instruction towards the recommended view, from the carrier's perspective."""
+    camera = np.array(status.stage_from_camera).reshape(3, 4)[:, 3]
+    eye, target = np.array(status.view[:3]), np.array(status.view[3:])
+    round_it = _find_turn_angle(camera - target, eye - target)
+    up = float(eye[1] - camera[1])
+    higher = up > _MIN_HEIGHT_DIFFERENCE_M
+    held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
+    if abs(round_it) > _OTHER_SIDE_ANGLE:
+        return tr("Walk round to the other side")
+    if abs(round_it) > _ARRIVAL_ANGLE:
+        # Moving anticlockwise, as seen from above, is moving to the right for a person that faces the centre.
+        side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
+        if not held:
+            return side
+        return tr("{0}, and hold it higher", side) if higher else tr("{0}, and hold it lower", side)
+    return held or tr("Good: go on slowly")
+
+
+def _find_turn_angle(first: Float, second: Float) -> float:
+    """Returns the angle about +Y from one direction to another, in radians from -pi to pi."""
+    angle = np.arctan2(second[0], second[2]) - np.arctan2(first[0], first[2])
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)

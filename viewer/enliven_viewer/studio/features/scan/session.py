@@ -1,0 +1,286 @@
+"""A scan in the studio: requests to the edge, its progress, and the character that it becomes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character
+from enliven.formats.project.one_character import project_of_mesh
+from enliven.meshes import Mesh
+from enliven.wire import SCAN, SCAN_PIECE, Answer, Refused, Scan, ScanMessage, ScanMode
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.scan.crop_box import CropBox, find_initial_box
+from enliven_viewer.studio.features.scan.preview import ScanPreview, ScanPreviewMesh
+from enliven_viewer.studio.perform.actions import NO_STAGE
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.viewport.overlay import Point
+
+ScanSize = Literal["thing", "small", "room"]
+KeptPart = Literal["thing", "box", "all"]
+VOXEL_SIZES: dict[ScanSize, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
+"""Voxel size in metres by the scanned object: a cup, a chair, a room."""
+_PERSON_VOXEL_M = 0.008
+"""Voxel size in metres for a person at two metres. With smaller voxels the person's rotation is often
+ambiguous.
+"""
+_MAX_DISTANCE_M = 1.5
+"""Maximum distance in metres from a fixed camera when the object is turned in front of it."""
+_DRAWN_OFFSET_M = 0.012
+"""Height offset in metres of the drawn scan, so that its floor hides the floor of the stage."""
+_TEXT_SPACE_M = 0.5
+"""Space in metres above the scan that is kept in view for the instructions."""
+_FRAMING_IMAGES = 8
+"""Number of fused images after which the view is framed; by then the centre of the object is known."""
+_HOLD_STILL_NS = 1_000_000_000
+"""Time in nanoseconds on the sensor's clock that a person stands still after the last side came into view.
+Then the scan becomes a character. The sensor's clock makes it independent of the edge's speed.
+"""
+_NO_SCAN = ScanMessage()
+
+
+class ScanSession:
+    """The edge's scan as seen by the studio.
+
+    Args:
+        editor: the editor; the scanned object becomes a character of its project.
+        perform: the link to the edge.
+
+    Attributes:
+        shown: whether the panel is open.
+        message: the progress of the scan, as reported by the edge.
+        size: the size class of the object.
+        mode: how the scan is made. A person becomes a character once all sides were seen.
+        kept_part: what becomes the character: the object on the floor, the content of the box, or everything.
+        box: the crop box that the artist drags.
+        name: name of the new character; empty to let the edge choose one.
+    """
+
+    def __init__(self, editor: Editor, perform: PerformSession) -> None:
+        self.editor, self.perform = editor, perform
+        self.shown = False
+        self.mode = ScanMode.AROUND
+        self.kept_part: KeptPart = "thing"
+        self.box = CropBox()
+        self.size: ScanSize = "thing"
+        self.name = ""
+        self.message = _NO_SCAN
+        self._growing = ScanPreviewMesh()
+        self._wanted: tuple[int, str] | None = None
+        self._framed = -1
+        self._round_ns: int | None = None
+
+    @property
+    def active(self) -> bool:
+        """Returns True if a scan is running on the edge."""
+        return self.message.phase in ("scanning", "paused", "finishing", "failed")
+
+    @property
+    def surface(self) -> tuple[ScanPreview, Float] | None:
+        """Returns the preview surface and its (4, 4) placement on the stage; None if there is none."""
+        if not self.active or self._growing.picture is None:
+            return None
+        return self._growing.picture, self.stage_from_scan
+
+    @property
+    def stage_from_scan(self) -> Float:
+        """Returns (4, 4), the placement of the scan's world on the stage."""
+        place = np.vstack([np.array(self.message.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+        place[1, 3] += _DRAWN_OFFSET_M
+        return place
+
+    # Requests ---------------------------------------------------------------------------------------------
+
+    def lacks_stage(self) -> str:
+        """Returns why scanning is unavailable, with advice; empty if it is available."""
+        if self.perform.client is None:
+            return NO_STAGE
+        return self.perform.lacks_edge()
+
+    def lacks_scan(self) -> str:
+        """Returns why the scan accepts no requests; empty if it does."""
+        none = "" if self.active else "Nothing is scanned. Start a scan first"
+        making = (
+            "The character is being made. Wait until it stands on the stage"
+            if self.message.phase == "finishing"
+            else ""
+        )
+        return self.lacks_stage() or none or making
+
+    def lacks_undo(self) -> str:
+        """Returns why nothing can be undone; empty if something can."""
+        return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
+
+    def lacks_again(self) -> str:
+        """Returns why no scan can be continued; empty if one can."""
+        there = self.message.phase == "done"
+        return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
+
+    def open(self) -> None:
+        """Shows the panel, in the workspace that contains the stage."""
+        self.perform.active_workspace, self.shown = "Perform", True
+
+    def start(self) -> None:
+        """Starts a scan."""
+        self.open()
+        if lacking := self.lacks_stage():
+            self.editor.toasts.say(*tr(lacking).split(". "))
+            return
+        within = _MAX_DISTANCE_M if self.mode is ScanMode.NEAR else None
+        voxel = _PERSON_VOXEL_M if self.mode is ScanMode.PERSON else VOXEL_SIZES[self.size]
+        self._ask(Scan("start", self.name.strip() or None, voxel, within, mode=self.mode))
+
+    def pause(self) -> None:
+        """Pauses or resumes the scan."""
+        self._ask(Scan("pause" if self.message.phase == "scanning" else "go on"))
+
+    def again(self) -> None:
+        """Continues a finished scan: new images are added to it."""
+        self.open()
+        self._ask(Scan("go on"))
+
+    def undo(self) -> None:
+        """Undoes the last seconds of the scan."""
+        self._ask(Scan("undo"))
+
+    def done(self) -> None:
+        """Finishes the scan and makes a character of it."""
+        if self.kept_part != "box":
+            self._ask(Scan("done", whole=self.kept_part == "all"))
+            return
+        corners = [float(x) for x in self.box.corners.ravel()]
+        self._ask(Scan("done", box=corners, stage_from_scan=list(self.message.stage_from_scan)))
+
+    def cancel(self) -> None:
+        """Cancels the scan and discards it."""
+        self._ask(Scan("cancel"))
+
+    def keep(self, kept_part: KeptPart) -> None:
+        """Chooses what becomes the character. A box starts around the object at the centre."""
+        if kept_part == "box" and self.kept_part != "box":
+            self.fit_box()
+        self.kept_part = kept_part
+
+    def fit_box(self) -> None:
+        """Fits the box around the object at the centre of the stage."""
+        grown, place = self._growing.picture, self.stage_from_scan
+        points = np.zeros((0, 3)) if grown is None else np.asarray(grown.vertices, float)
+        self.box.corners = find_initial_box(points @ place[:3, :3].T + place[:3, 3])
+
+    @property
+    def boxed(self) -> bool:
+        """Returns True if the box is shown and can be dragged."""
+        return self.active and self.message.phase != "finishing" and self.kept_part == "box"
+
+    # The box's handles over the view ---------------------------------------------------------------------
+
+    def press(self, at: Point) -> bool:
+        """Handles a press of the left button over the view. Returns whether a side of the box was grabbed."""
+        return self.boxed and self.box.press(at, self.editor.lens)
+
+    def drag(self, at: Point) -> None:
+        """Handles pointer movement while a side is held."""
+        self.box.drag(at, self.editor.lens)
+
+    def release(self) -> None:
+        """Handles the release of the button."""
+        self.box.release()
+
+    def _ask(self, order: Scan) -> None:
+        client = self.perform.client
+        if client is not None:
+            client.ask(order, self._take_answer)
+
+    def _take_answer(self, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            problem, _, remedy = answer.reason.removeprefix("scan: ").partition(". ")
+            self.editor.toasts.say(problem[:1].upper() + problem[1:], remedy)
+
+    # Once per frame ---------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """Reads the newest messages of the edge."""
+        client = self.perform.client
+        if client is None:
+            self.message = _NO_SCAN
+            return
+        client.take(SCAN)
+        client.take(SCAN_PIECE)
+        before, place = self.message, self.stage_from_scan
+        self.message = client.latest(SCAN).get("", _NO_SCAN)
+        if self.message.number == before.number and self.message.stage_from_scan != before.stage_from_scan:
+            self.box.follow(place, self.stage_from_scan)
+        self._end_when_round()
+        self._growing.update(client.latest(SCAN_PIECE), self.message.number)
+        if self.active and self.message.number != before.number:
+            self.shown = True
+        bounds = self._growing.bounds if self.active else None
+        if (
+            bounds is not None
+            and self._framed != self.message.number
+            and self.message.fused > _FRAMING_IMAGES
+        ):
+            self._framed = self.message.number
+            self._frame(bounds)
+        if self.message.phase == "done" and before.phase in ("finishing", "scanning"):
+            self._wanted = self.message.number, self.message.character
+        if self._wanted is not None:
+            self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
+
+    def _end_when_round(self) -> None:
+        """Finishes the scan of a person a moment after the last side was seen.
+
+        The person cannot reach the keyboard.
+        """
+        if self.message.thing != "person" or self.message.phase != "scanning" or self.message.missing > 0:
+            self._round_ns = None
+        elif self._round_ns is None:
+            self._round_ns = self.message.time_ns
+        elif self.message.time_ns - self._round_ns > _HOLD_STILL_NS:
+            self._round_ns = None
+            self.done()
+
+    def _frame(self, bounds: Float) -> None:
+        """Moves the view so that the growing surface is visible."""
+        place = self.stage_from_scan
+        points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
+        points = points @ place[:3, :3].T + place[:3, 3]
+        camera = np.array(self.message.stage_from_camera).reshape(3, 4)[:, 3]
+        # Leave room for the camera on all sides of the scan, and for the instructions above it.
+        top = np.array([0.0, points[:, 1].max() + _TEXT_SPACE_M, 0.0])
+        points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
+        aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
+        self.editor.camera.frame((points.min(0), points.max(0)), aspect, margin=0.85)
+
+    def _keep(self, scanned: Character | None, name: str) -> None:
+        """Adds the scanned character on the stage to the project as one edit, selects it, and frames it."""
+        if scanned is None:
+            return
+        self._wanted = None
+        mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
+        scan_project = project_of_mesh(mesh, name)
+        shape = scan_project.characters[name]
+        ends, joints = (
+            np.array(points).reshape(-1, 3) for points in (self.message.ends, self.message.joints)
+        )
+        shape = shape.with_changes(ends=ends, joints=joints)
+        is_present = name in self.editor.project.characters
+        step = later("add to the scan {0}", name) if is_present else later("scan {0}", name)
+        if not self.editor.edit(
+            step,
+            lambda project: project.with_streams(*scan_project.streams.values()).with_characters(shape),
+        ):
+            return
+        self.perform.sender.mark_sent(name, self.editor.project.characters[name])
+        self.editor.choose(name)
+        self.editor.frame_all()
+        self.shown = False
+        self.editor.toasts.say(
+            tr("{0} stands on the stage", name),
+            tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),
+        )
+        if self.message.note:
+            self.editor.toasts.say(self.message.note, self.message.remedy)

@@ -1,0 +1,48 @@
+"""The actions on sounds to perform along with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from enliven.document import Project
+from enliven_viewer.language import later
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.features.sound.player import SoundPlayer
+
+_NO_SOUND = later("No sound is open. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
+_MENU = "Sound"
+
+
+def make_sound_actions(player: SoundPlayer) -> Iterator[Action]:
+    """Yields the actions that mute, move and remove the sounds."""
+    editor = player.editor
+
+    def lacks() -> str:
+        return "" if editor.project.sounds else _NO_SOUND
+
+    def begin() -> None:
+        def change(project: Project) -> Project:
+            return project.with_sounds(
+                *(replace(sound, begin=editor.time) for sound in project.sounds.values())
+            )
+
+        editor.edit("begin the sound here", change)
+
+    def remove() -> None:
+        editor.edit("remove the sound", lambda project: replace(project, sounds={}))
+
+    yield Action(
+        "sound.hear",
+        "Clip",
+        "Hear the sound",
+        ("alt+m",),
+        player.toggle,
+        lacks,
+        lambda: player.is_on,
+        about="While you play, and while you record to it.",
+        apart=True,
+        group=_MENU,
+    )
+    yield Action("sound.begin", "Clip", "The sound begins here", ("alt+b",), begin, lacks, group=_MENU)
+    yield Action("sound.remove", "Clip", "Remove the sound", (), remove, lacks, group=_MENU)

@@ -1,0 +1,27 @@
+"""Registers sound: its player, actions, file types, and the waveform on the timeline's ruler."""
+
+from __future__ import annotations
+
+from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.app.contributions import FileType
+from enliven_viewer.studio.features.sound.actions import make_sound_actions
+from enliven_viewer.studio.features.sound.player import SoundPlayer
+from enliven_viewer.studio.features.sound.sound_reader import SOUND_SUFFIXES, add_sound, read_sound
+from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+
+
+def register(app: App) -> None:
+    """Registers sound."""
+    player, timeline = app.add_state(SoundPlayer(app.editor)), app.state(TimelineInput)
+
+    def draw_ruler(left: float, top: float) -> None:
+        # Imported when a window draws, because a workspace without one needs no ImGui.
+        from enliven_viewer.studio.features.sound.waveform import draw_sounds
+
+        draw_sounds(timeline, (left, top), is_on=player.is_on)
+
+    app.actions.add(*make_sound_actions(player))
+    app.file_types.append(FileType(SOUND_SUFFIXES, read_sound, add_sound))
+    app.ruler_layers.append(draw_ruler)
+    app.frame_tasks.append(player.follow)
+    app.closing_tasks.append(player.stop)

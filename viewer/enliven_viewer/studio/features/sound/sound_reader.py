@@ -1,0 +1,70 @@
+"""Reads sound files into a project, to perform along with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import Int16
+from enliven.errors import InputError
+from enliven.sounds import SOUND_RATE, Sound
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor.editor import Editor
+
+SOUND_SUFFIXES = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
+"""File extensions of sound files."""
+_MAX_DURATION_S = 1200.0
+"""Maximum duration in seconds, which is 77 MB in a project."""
+
+
+def read_sound(path: Path) -> Sound:
+    """Returns the sound of a file, as one channel at :data:`SOUND_RATE`.
+
+    Raises:
+        InputError: if it is not a sound, is damaged before its first sample, or is longer than 20 minutes.
+    """
+    import av  # Imported here, because it takes 0.1 s to load.
+
+    where = str(path)
+    parts, count = list[Int16](), 0
+    try:
+        with av.open(where) as file:
+            if not file.streams.audio:
+                raise InputError(
+                    tr("it has no sound"), where=where, remedy=tr("Give a .wav, .mp3, .ogg or .flac.")
+                )
+            for part in _samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
+                parts.append(part)
+                count += len(part)
+                if count > _MAX_DURATION_S * SOUND_RATE:
+                    problem = tr("it is longer than {0:.0f} minutes", _MAX_DURATION_S / 60)
+                    raise InputError(
+                        problem, where=where, remedy=tr("Keep only the part that you perform to.")
+                    )
+    except (av.FFmpegError, OSError):
+        if not count:
+            problem = tr("it cannot be read as sound")
+            raise InputError(problem, where=where, remedy=tr("Save it as .wav.")) from None
+    if not count:
+        raise InputError(tr("it contains no sound"), where=where, remedy=tr("Save it again as .wav."))
+    return Sound(path.stem, np.concatenate(parts))
+
+
+def add_sound(editor: Editor, path: Path, read: Sound) -> None:
+    """Adds a sound to perform along with. It begins at the playhead and replaces an existing sound."""
+    sound = replace(read, begin=editor.time)
+    if editor.edit(later("open {0}", path.name), lambda project: replace(project, sounds={sound.id: sound})):
+        editor.toasts.say(tr("{0} begins here", path.name), tr("It is heard while you play and record."))
+
+
+def _samples(file: Any, resampler: Any) -> Iterator[Int16]:
+    """Yields (N,) int16 samples until the file ends or a damaged part begins."""
+    for frame in file.decode(file.streams.audio[0]):
+        for resampled in resampler.resample(frame):
+            yield resampled.to_ndarray()[0]
+    for resampled in resampler.resample(None):
+        yield resampled.to_ndarray()[0]
