@@ -7,13 +7,8 @@ help:            ## what can be made
 run: setup       ## watch a chair move with a recorded person (a window, or a film where there is no display)
 	@.venv/bin/enliven run $(ARGS)
 
-# Types first: they take half a minute and the tests many. Three processes for two cores, since tests of cameras
-# and of processes wait much of their time.
-# A test that never ends would occupy CI until its time limit, and nobody would learn its name. After this time in
-# seconds, the stacks of all threads are printed and the test fails, even if a library blocks the interpreter.
-HANG_S = 720
-PYTEST = .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50 \
-	-o faulthandler_timeout=$(HANG_S) -o faulthandler_exit_on_timeout=true --max-worker-restart=1
+# Types first: they take half a minute and the tests many.
+PYTEST = .venv/bin/python scripts/run_tests.py
 
 test: setup-dev  ## linters, types, the fast tests, and one run of the main job
 	@.venv/bin/ruff check .

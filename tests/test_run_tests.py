@@ -1,0 +1,58 @@
+"""How `make test` treats failures: a test that fails once is run again alone, and one that fails twice fails."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).parent.parent / "scripts" / "run_tests.py"
+UNSTEADY = """
+from pathlib import Path
+
+def test_fails_the_first_time():
+    mark = Path(__file__).with_suffix(".mark")
+    known = mark.exists()
+    mark.touch()
+    assert known
+"""
+BROKEN = "def test_fails_always():\n    assert False\n"
+MANY = "import pytest\n@pytest.mark.parametrize('k', range(6))\ndef test_fails(k):\n    assert False\n"
+STOPPED = "import os\ndef test_ends_its_process():\n    os._exit(3)\ndef test_after(): pass\n"
+
+
+def run(folder: Path, **files: str) -> subprocess.CompletedProcess:
+    """Runs test files as `make test` does, in a folder of their own."""
+    (folder / "pytest.ini").write_text("[pytest]\n")
+    for name, text in files.items():
+        (folder / f"test_{name}.py").write_text(text)
+    command = [sys.executable, str(SCRIPT)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.slow
+def test_a_test_that_passes_alone_is_named_unsteady(tmp_path):
+    result = run(tmp_path, unsteady=UNSTEADY, good="def test_passes():\n    pass\n")
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "UNSTEADY (passes alone): test_unsteady.py::test_fails_the_first_time" in result.stdout
+
+
+@pytest.mark.slow
+def test_a_test_that_fails_twice_fails_the_run(tmp_path):
+    result = run(tmp_path, unsteady=UNSTEADY, broken=BROKEN)
+    assert result.returncode == 1
+    assert "FAILED TWICE: test_broken.py::test_fails_always" in result.stdout
+    assert "UNSTEADY (passes alone): test_unsteady.py" in result.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [MANY, STOPPED, "import a_module_that_is_missing\n"])
+def test_a_run_with_many_failures_or_without_an_end_fails(tmp_path, text):
+    result = run(tmp_path, broken=text, unsteady="def test_passes():\n    pass\n")
+    assert result.returncode != 0, result.stdout
+
+
+@pytest.mark.slow
+def test_a_run_without_failures_passes_and_repeats_nothing(tmp_path):
+    result = run(tmp_path, good="def test_passes():\n    pass\n")
+    assert result.returncode == 0 and "once more" not in result.stdout
