@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.keys.roles import Role
 from enliven.outputs.settings import LiveOutputSettings
 from enliven.possession import ActorSettings
-from enliven.settings import load_settings, setting
+from enliven.settings import group, load_settings, setting
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.colour_pose import ColourSettings
@@ -113,18 +113,18 @@ class EdgeSettings:
     up: Literal["", "x", "y", "z"] = setting(
         "", "Axis of the mesh that points up. Empty: detected automatically."
     )
-    tracker: TrackerSettings = setting(TrackerSettings, "Tracking of people.")
-    actor: ActorSettings = setting(ActorSettings, "How characters approach and follow their performers.")
-    matching: MatchingSettings = setting(MatchingSettings, "Choosing a part of a rigged model by posing.")
-    puppet: PuppetSettings = setting(PuppetSettings, "How puppets approach and follow their performers.")
-    stage: StageSettings = setting(StageSettings, "Number of characters on the stage.")
-    colour: ColourSettings = setting(ColourSettings, "Use of the colour image, if the sensor has one.")
-    health: HealthSettings = setting(HealthSettings, "Limits for reporting problems.")
-    physics: PhysicsSettings = setting(PhysicsSettings, "Boxes and balls that characters can push.")
-    recording: RecordingSettings = setting(
+    tracker: TrackerSettings = group(TrackerSettings, "Tracking of people.")
+    actor: ActorSettings = group(ActorSettings, "How characters approach and follow their performers.")
+    matching: MatchingSettings = group(MatchingSettings, "Choosing a part of a rigged model by posing.")
+    puppet: PuppetSettings = group(PuppetSettings, "How puppets approach and follow their performers.")
+    stage: StageSettings = group(StageSettings, "Number of characters on the stage.")
+    colour: ColourSettings = group(ColourSettings, "Use of the colour image, if the sensor has one.")
+    health: HealthSettings = group(HealthSettings, "Limits for reporting problems.")
+    physics: PhysicsSettings = group(PhysicsSettings, "Boxes and balls that characters can push.")
+    recording: RecordingSettings = group(
         RecordingSettings, "Parts of the recorded take, and the space that is kept free on its disk."
     )
-    wire: WireSettings = setting(WireSettings, "Network name, addresses and ports.")
+    wire: WireSettings = group(WireSettings, "Network name, addresses and ports.")
     characters: dict[str, CharacterSettings] = field(
         default_factory=dict,
         metadata={"doc": "The characters by name, where the command line names none."},
@@ -138,14 +138,14 @@ class EdgeSettings:
     sensors: dict[str, SourceSettings] = field(
         default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}
     )
-    sensor: SensorCareSettings = setting(SensorCareSettings, "Care for cameras that hang.")
+    sensor: SensorCareSettings = group(SensorCareSettings, "Care for cameras that hang.")
     space: str = setting(
         "", "Path of the result of `enliven calibrate` for several sensors, relative to this file."
     )
-    calibration: CalibrationSettings = setting(
+    calibration: CalibrationSettings = group(
         CalibrationSettings, "Calibration of several sensors, and the required accuracy."
     )
-    fusion: FusionSettings = setting(FusionSettings, "Fusion of several sensors' bodies.")
+    fusion: FusionSettings = group(FusionSettings, "Fusion of several sensors' bodies.")
 
 
 def characters_from_options(

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from enliven.errors import InputError
-from enliven.settings import setting
+from enliven.settings import group, setting
 from enliven_edge.sensors import (
     CameraPower,
     Sensor,
@@ -35,7 +35,7 @@ class SourceSettings:
     options: dict[str, Value] = field(
         default_factory=dict, metadata={"doc": "Options of the sensor, such as path, serial or width."}
     )
-    scene: SceneSettings = setting(
+    scene: SceneSettings = group(
         SceneSettings, "Sensor pose, and the part of its image that may show people."
     )
 

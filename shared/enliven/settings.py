@@ -1,8 +1,9 @@
 """Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
-A group of settings is a frozen dataclass with fields made by :func:`setting`. Groups can be nested. TOML
-files override the defaults. An unknown key is an error that names the nearest known one. A key that existed
-in an earlier version is ignored with a warning.
+A group of settings is a frozen dataclass with fields made by :func:`setting`. A :func:`group` nests another.
+TOML files override the defaults. An unknown key is an error that names the nearest known one. A key that
+existed in an earlier version is ignored with a warning. Values that no user has a reason to change are
+constants. :func:`parameter` and :func:`data_field` describe values that are not settings.
 """
 
 from __future__ import annotations
@@ -52,12 +53,31 @@ def setting(
     """Returns a dataclass field with the description, the unit and the closed range for users.
 
     ``formerly`` is an earlier name of the key, which files may still contain.
-    Without a default the key is required. A default that is itself a settings dataclass makes a group.
+    Without a default the key is required.
     """
     metadata = {"doc": doc, "unit": unit, "low": low, "high": high, "formerly": formerly}
-    if dataclasses.is_dataclass(default) and isinstance(default, type):
-        return dataclasses.field(default_factory=default, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def group(kind: type, doc: str = "") -> Any:
+    """Returns a dataclass field for a nested settings class. Its default has the defaults of that class."""
+    return dataclasses.field(default_factory=kind, metadata={"doc": doc})
+
+
+def data_field(
+    default: Any = dataclasses.MISSING,
+    doc: str = "",
+    *,
+    unit: str = "",
+    low: float = -math.inf,
+    high: float = math.inf,
+) -> Any:
+    """Returns a dataclass field for data of a document or device, with the arguments of :func:`setting`.
+
+    Examples are the key poses of a session, the chains of a mapping, and the calibration of a camera. Files
+    keep these values, and readers check them like settings.
+    """
+    return setting(default, doc, unit=unit, low=low, high=high)
 
 
 def parameter(

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import pytest
 
 from enliven.errors import InputError
-from enliven.settings import load_settings, parameter, setting
+from enliven.settings import group, load_settings, parameter, setting
 from enliven_edge.settings import EdgeSettings
 
 
@@ -20,7 +20,7 @@ class Lens:
 @dataclass(frozen=True)
 class Camera:
     name: str = setting(doc="The name is needed.")
-    lens: Lens = setting(Lens, "The lens.")
+    lens: Lens = group(Lens, "The lens.")
     rows: tuple[float, ...] = setting((), "Some rows.")
     limit: int | None = setting(None, "A limit.")
 
@@ -109,7 +109,7 @@ class Shutter:
 
 @dataclass(frozen=True)
 class Body:
-    shutter: Shutter = setting(Shutter, "The shutter.")
+    shutter: Shutter = group(Shutter, "The shutter.")
 
 
 def test_settings_that_no_longer_exist_are_ignored_with_one_sentence(caplog) -> None:

@@ -13,7 +13,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body, Joint
-from enliven.settings import setting
+from enliven.settings import group, setting
 from enliven_edge.landmarks.lifting import Lifter, LiftSettings
 from enliven_edge.landmarks.source import LandmarkSource, MediaPipeSettings, MediaPipeSource
 
@@ -26,8 +26,8 @@ class ColourSettings:
         False,
         "Also finds people in the colour image, if the sensor has one. This takes additional time per frame.",
     )
-    mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "Detector of the landmarks.")
-    lift: LiftSettings = setting(LiftSettings, "Conversion of landmarks to bodies.")
+    mediapipe: MediaPipeSettings = group(MediaPipeSettings, "Detector of the landmarks.")
+    lift: LiftSettings = group(LiftSettings, "Conversion of landmarks to bodies.")
 
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from enliven.deformation.spheres import SphereSettings
-from enliven.settings import setting
+from enliven.settings import group, setting
 
 WorldName = Literal["none", "boxes", "dodgeball"]
 
@@ -110,7 +110,7 @@ class PhysicsSettings:
         "Whether the performers' own bodies push objects. 'free' applies only to performers without a "
         "character.",
     )
-    engine: EngineSettings = setting(EngineSettings, "Time steps and contacts.")
-    spheres: SphereSettings = setting(SphereSettings, "Approximation of characters by spheres.")
-    boxes: BoxesSettings = setting(BoxesSettings, "Towers of boxes.")
-    dodgeball: DodgeballSettings = setting(DodgeballSettings, "Thrown balls.")
+    engine: EngineSettings = group(EngineSettings, "Time steps and contacts.")
+    spheres: SphereSettings = group(SphereSettings, "Approximation of characters by spheres.")
+    boxes: BoxesSettings = group(BoxesSettings, "Towers of boxes.")
+    dodgeball: DodgeballSettings = group(DodgeballSettings, "Thrown balls.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
-from enliven.settings import parameter, setting
+from enliven.settings import group, parameter, setting
 
 
 @dataclass(frozen=True)
@@ -230,15 +230,15 @@ class OutputSettings:
 class TrackerSettings:
     """All settings of the tracker."""
 
-    scene: SceneSettings = setting(
+    scene: SceneSettings = group(
         SceneSettings, "Sensor pose, and the part of the image that may show people."
     )
-    room: BackgroundSettings = setting(BackgroundSettings, "Background model: the room without people.")
-    people: PeopleSettings = setting(PeopleSettings, "Number of people, and re-identification.")
-    search: SearchSettings = setting(SearchSettings, "Search for new people.")
-    fit: FitSettings = setting(FitSettings, "Fit of the body model.")
-    smoothing: SmoothingSettings = setting(SmoothingSettings, "Smoothing of the output.")
-    output: OutputSettings = setting(OutputSettings, "Post-processing of the fit.")
+    room: BackgroundSettings = group(BackgroundSettings, "Background model: the room without people.")
+    people: PeopleSettings = group(PeopleSettings, "Number of people, and re-identification.")
+    search: SearchSettings = group(SearchSettings, "Search for new people.")
+    fit: FitSettings = group(FitSettings, "Fit of the body model.")
+    smoothing: SmoothingSettings = group(SmoothingSettings, "Smoothing of the output.")
+    output: OutputSettings = group(OutputSettings, "Post-processing of the fit.")
     estimator: bool = setting(True, "Uses the neural network that finds body parts in the depth image.")
     body_height: float = setting(
         1.72, "Assumed height of a person until it is measured.", unit="m", low=0.5, high=2.5

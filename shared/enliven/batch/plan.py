@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.exporters import exporter_of, find_sheet_function
 from enliven.files import require_folder
 from enliven.oneshot.retargeting import RetargetOptions
-from enliven.settings import load_settings, setting
+from enliven.settings import group, load_settings, setting
 
 MOTION_SUFFIXES = (".bvh", ".txt", ".mcap", ".glb", ".gltf")
 """Suffixes of the motions that are read from a folder. Since .txt files are often notes, a text file counts
@@ -39,7 +39,7 @@ class BatchPlan:
     output: str = setting("out/batch", "Folder of the results.")
     format: str = setting("glb", "Format of the results: a suffix that `enliven export` writes.")
     sheets: bool = setting(False, "Draw a contact sheet of each result (needs the viewer's package).")
-    options: RetargetOptions = setting(RetargetOptions)
+    options: RetargetOptions = group(RetargetOptions)
     mappings: dict[str, str] = field(
         default_factory=dict,
         metadata={"doc": "A mapping file for each character that needs one, by file name."},

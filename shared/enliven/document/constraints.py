@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.settings import setting
+from enliven.settings import data_field
 
 
 @dataclass(frozen=True)
 class Position:
     """A control point is at ``place`` (3,) metres, in the mesh's frame, at a frame."""
 
-    point: str = setting(doc="Name of the control point.")
-    frame: int = setting(doc="Frame of the layer's take.", low=0)
-    place: tuple[float, float, float] = setting(doc="Position in the mesh's frame.", unit="m")
-    axes: str = setting("xyz", "Coordinates that are constrained.")
+    point: str = data_field(doc="Name of the control point.")
+    frame: int = data_field(doc="Frame of the layer's take.", low=0)
+    place: tuple[float, float, float] = data_field(doc="Position in the mesh's frame.", unit="m")
+    axes: str = data_field("xyz", "Coordinates that are constrained.")
 
     def __str__(self) -> str:
         return f"the position of {self.point!r} at frame {self.frame} ({self.axes})"
@@ -25,10 +25,10 @@ class Velocity:
     """A control point moves with ``velocity`` (3,), metres per second, from the previous frame to this
     one."""
 
-    point: str = setting(doc="Name of the control point.")
-    frame: int = setting(doc="Frame of the layer's take.", low=0)
-    velocity: tuple[float, float, float] = setting(doc="Velocity in the mesh's frame.", unit="m/s")
-    axes: str = setting("xyz", "Coordinates that are constrained.")
+    point: str = data_field(doc="Name of the control point.")
+    frame: int = data_field(doc="Frame of the layer's take.", low=0)
+    velocity: tuple[float, float, float] = data_field(doc="Velocity in the mesh's frame.", unit="m/s")
+    axes: str = data_field("xyz", "Coordinates that are constrained.")
 
     def __str__(self) -> str:
         return f"the velocity of {self.point!r} at frame {self.frame} ({self.axes})"
@@ -38,11 +38,11 @@ class Velocity:
 class Coupling:
     """``point`` is ``apart`` (3,) metres from ``other`` at a frame, by default at the same height."""
 
-    point: str = setting(doc="Name of the control point.")
-    other: str = setting(doc="Name of the other control point.")
-    frame: int = setting(doc="Frame of the layer's take.", low=0)
-    axes: str = setting("y", "Coordinates that are coupled.")
-    apart: tuple[float, float, float] = setting(
+    point: str = data_field(doc="Name of the control point.")
+    other: str = data_field(doc="Name of the other control point.")
+    frame: int = data_field(doc="Frame of the layer's take.", low=0)
+    axes: str = data_field("y", "Coordinates that are coupled.")
+    apart: tuple[float, float, float] = data_field(
         (0.0, 0.0, 0.0), "Vector from the other control point to this one.", unit="m"
     )
 

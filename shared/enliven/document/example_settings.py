@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.settings import setting
+from enliven.settings import data_field, setting
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class ExampleSettings:
         low=0.0,
         high=10.0,
     )
-    rate: float = setting(
+    rate: float = data_field(
         30.0,
         "Frame rate for which `acceleration` is defined. Other rates are smoothed over the same time.",
         unit="1/s",
@@ -32,16 +32,16 @@ class ExampleSettings:
         low=0.0,
         high=1e6,
     )
-    affine: float = setting(
+    affine: float = data_field(
         10.0, "Weight of the condition that the example weights sum to one.", low=0.1, high=1000.0
     )
-    far: float = setting(
+    far: float = data_field(
         0.1, "Penalty on the weights of examples that are far from the current pose.", low=0.01, high=10.0
     )
-    pose: float = setting(
+    pose: float = data_field(
         1.0, "Influence of the other joints on the choice of near examples.", low=1e-3, high=100.0
     )
-    slack: float = setting(
+    slack: float = data_field(
         1.0,
         "How readily a control point leaves the span of the examples, to meet a constraint or move "
         "more smoothly.",

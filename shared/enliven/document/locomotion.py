@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from enliven.document.pin import ContactSettings
-from enliven.settings import setting
+from enliven.settings import data_field, group, setting
 
 Kind = Literal["contact", "flight"]
 
@@ -15,22 +15,22 @@ Kind = Literal["contact", "flight"]
 class LocomotionSettings:
     """Settings for how a mesh moves over the floor."""
 
-    contact: ContactSettings = setting(ContactSettings)
-    runner: float = setting(
+    contact: ContactSettings = group(ContactSettings)
+    runner: float = data_field(
         0.4,
         "Maximum speed of a standing foot as a fraction of the feet's mean speed. It keeps contacts of "
         "fast runners.",
         low=0.0,
         high=1.0,
     )
-    gravity: float = setting(
+    gravity: float = data_field(
         9.81, "Gravitational acceleration during flight.", unit="m/s^2", low=0.0, high=1000.0
     )
     landing: Literal["timed", "free"] = setting(
         "timed",
         '"timed": the puppet lands together with the performer; "free": gravity decides when it lands.',
     )
-    grip: float = setting(
+    grip: float = data_field(
         0.02,
         "How much lower than the anchor foot another foot must be to become the anchor.",
         unit="mesh sizes",
@@ -52,7 +52,7 @@ class LocomotionSettings:
         low=0.0,
         high=1000.0,
     )
-    throw: float = setting(
+    throw: float = data_field(
         0.1,
         "Time before lift-off over which the launch velocity is averaged.",
         unit="s",
@@ -65,5 +65,5 @@ class LocomotionSettings:
 class Switch:
     """The start of contact with the floor, or of flight, at a frame."""
 
-    frame: int = setting(doc="Frame of the layer's take.", low=0)
-    kind: Kind = setting(doc='State from this frame on: "contact" or "flight".')
+    frame: int = data_field(doc="Frame of the layer's take.", low=0)
+    kind: Kind = data_field(doc='State from this frame on: "contact" or "flight".')

@@ -4,48 +4,48 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from enliven.settings import setting
+from enliven.settings import data_field
 
 
 @dataclass(frozen=True)
 class ContactSettings:
     """Settings for when a joint stands on the floor, relative to the length of its limb."""
 
-    height: float = setting(
+    height: float = data_field(
         0.04,
         "Maximum height of a standing foot above its lowest position.",
         unit="limb lengths",
         low=0.0,
         high=2.0,
     )
-    speed: float = setting(
+    speed: float = data_field(
         0.5, "Maximum speed of a standing foot.", unit="limb lengths/s", low=0.0, high=100.0
     )
-    release: float = setting(
+    release: float = data_field(
         1.6, "Factor on both limits above which a standing foot counts as lifted.", low=1.0, high=10.0
     )
-    shortest: float = setting(
+    shortest: float = data_field(
         0.1, "Minimum duration of a contact. Shorter ones are ignored.", unit="s", low=0.0, high=10.0
     )
-    blend: float = setting(
+    blend: float = data_field(
         0.12, "Duration of the blend into and out of a foot lock.", unit="s", low=0.0, high=10.0
     )
-    rise: float = setting(
+    rise: float = data_field(
         1.0,
         "Fraction of its own rise that a standing foot keeps, for example when the heel lifts before "
         "the toe.",
         low=0.0,
         high=1.0,
     )
-    sink: float = setting(
+    sink: float = data_field(
         0.0,
         "Fraction of its own sinking that a standing foot keeps. Use 1 if something else keeps it "
         "above the floor.",
         low=0.0,
         high=1.0,
     )
-    above: bool = setting(False, "Keeps the foot above the floor level of the model's rest pose.")
-    drop: float = setting(
+    above: bool = data_field(False, "Keeps the foot above the floor level of the model's rest pose.")
+    drop: float = data_field(
         0.1,
         "Maximum lowering of the root so that a foot reaches its position.",
         unit="limb lengths",

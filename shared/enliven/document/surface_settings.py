@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.settings import setting
+from enliven.settings import data_field, setting
 
 
 @dataclass(frozen=True)
 class ArapSettings:
     """Settings for how a surface follows its handles."""
 
-    iterations: int = setting(
+    iterations: int = data_field(
         3, "Number of iterations per frame. With squash and stretch, the last one computes the pose.", low=1
     )
     squash_and_stretch: bool = setting(
@@ -26,33 +26,33 @@ class ArapSettings:
     exaggeration: float = setting(
         1.0, "Strength of squash and stretch: 0 is off, 1 is natural, more exaggerates.", low=0.0, high=5.0
     )
-    most_stretch: float = setting(
+    most_stretch: float = data_field(
         4.0, "Maximum stretch factor of a cell. Its inverse is the minimum.", low=1.0
     )
-    follow: float = setting(
+    follow: float = data_field(
         0.01,
         "If the handles move rigidly except for at most this fraction, the whole mesh follows them "
         "rigidly first.",
         low=0.0,
         high=1.0,
     )
-    threads: int = setting(
+    threads: int = data_field(
         0, "Number of processor cores that share the work: 1 or 2. 0 chooses whichever is faster at the "
         "moment.",
         low=0, high=2,
     )  # fmt: skip
-    coarse_above: int = setting(
+    coarse_above: int = data_field(
         12_000,
         "Puppet meshes with more vertices are solved on a reduced mesh that carries the detail along.",
         low=100,
     )
-    coarse_vertices: int = setting(8_000, "Approximate number of vertices of this reduced mesh.", low=50)
-    guide_vertices: int = setting(
+    coarse_vertices: int = data_field(8_000, "Approximate number of vertices of this reduced mesh.", low=50)
+    guide_vertices: int = data_field(
         400, "Approximate number of vertices of the proxy mesh that finds large bends.", low=20
     )
-    most_vertices: int = setting(
+    most_vertices: int = data_field(
         500_000, "Maximum number of vertices of a mesh that is solved without reduction.", low=3
     )
-    most_carried: int = setting(
+    most_carried: int = data_field(
         20_000_000, "Maximum number of vertices of a mesh. Larger ones are refused.", low=3
     )

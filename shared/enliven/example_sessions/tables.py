@@ -18,7 +18,7 @@ from enliven.document import (
     Switch,
     Velocity,
 )
-from enliven.settings import setting
+from enliven.settings import data_field, group
 
 Vector3 = tuple[float, float, float]
 
@@ -27,37 +27,37 @@ Vector3 = tuple[float, float, float]
 class MeshTable:
     """The table [mesh]: the mesh's file and how it is fitted."""
 
-    file: str = setting(doc="Path of the mesh, or of an .enliven project that contains the puppet.")
-    height: float | None = setting(
+    file: str = data_field(doc="Path of the mesh, or of an .enliven project that contains the puppet.")
+    height: float | None = data_field(
         None, "Height to which the mesh is scaled. None: its own height.", unit="m", low=1e-6
     )
-    up: Literal["x", "y", "z"] = setting("y", "Axis of the file that points up.")
-    turned: float = setting(
+    up: Literal["x", "y", "z"] = data_field("y", "Axis of the file that points up.")
+    turned: float = data_field(
         0.0,
         "Rotation about the vertical axis so that the mesh faces +Z, after `up` is applied.",
         unit="degrees",
     )
-    puppet: str = setting("", "Name of the puppet in an .enliven project. Empty: the first one.")
+    puppet: str = data_field("", "Name of the puppet in an .enliven project. Empty: the first one.")
 
 
 @dataclass(frozen=True)
 class TakeTable:
     """The table [[take]]: a motion file."""
 
-    file: str = setting(doc="Path of the motion file.")
-    name: str = setting("", "Name of the take in the session. Empty: the file's name.")
-    animation: str | None = setting(None, "Name of the motion in the file. None: the first one.")
-    start: float = setting(0.0, "Start time in the file.", unit="s", low=0.0)
-    end: float | None = setting(None, "End time in the file.", unit="s", low=0.0)
+    file: str = data_field(doc="Path of the motion file.")
+    name: str = data_field("", "Name of the take in the session. Empty: the file's name.")
+    animation: str | None = data_field(None, "Name of the motion in the file. None: the first one.")
+    start: float = data_field(0.0, "Start time in the file.", unit="s", low=0.0)
+    end: float | None = data_field(None, "End time in the file.", unit="s", low=0.0)
 
 
 @dataclass(frozen=True)
 class PuppetTable:
     """The table [puppet]: name and pose of the puppet."""
 
-    name: str = setting("", "Name of the puppet. Empty: the mesh's name.")
-    place: Vector3 = setting((0.0, 0.0, 0.0), "Position of the puppet in the world.", unit="m")
-    turn: tuple[float, float, float, float] = setting(
+    name: str = data_field("", "Name of the puppet. Empty: the mesh's name.")
+    place: Vector3 = data_field((0.0, 0.0, 0.0), "Position of the puppet in the world.", unit="m")
+    turn: tuple[float, float, float, float] = data_field(
         (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet as a quaternion w, x, y, z."
     )
 
@@ -66,27 +66,27 @@ class PuppetTable:
 class PointTable:
     """The table [[point]]: a control point."""
 
-    name: str = setting("", "Name of the control point.")
-    vertex: int | None = setting(None, "Vertex number of the control point in the mesh.", low=0)
-    at: Vector3 | None = setting(
+    name: str = data_field("", "Name of the control point.")
+    vertex: int | None = data_field(None, "Vertex number of the control point in the mesh.", low=0)
+    at: Vector3 | None = data_field(
         None, "Position instead of a vertex number: the nearest vertex is used.", unit="m"
     )
-    joint: str = setting("", "Joint of the performer that the control point follows.")
-    foot: bool = setting(False, "The puppet can stand on this control point.")
-    weight: float | None = setting(None, "Weight of the control point. None: it is held exactly.", low=1e-9)
+    joint: str = data_field("", "Joint of the performer that the control point follows.")
+    foot: bool = data_field(False, "The puppet can stand on this control point.")
+    weight: float | None = data_field(None, "Weight of the control point. None: it is held exactly.", low=1e-9)
 
 
 @dataclass(frozen=True)
 class PoseTable:
     """The table [[pose]]: a key pose."""
 
-    take: str = setting("", "Take with the performer's pose. Empty: the first take.")
-    time: float | None = setting(None, "Time of the performer's pose.", unit="s")
-    frame: int | None = setting(None, "Frame of the performer's pose, instead of a time.")
-    places: dict[str, Vector3] | None = setting(
+    take: str = data_field("", "Take with the performer's pose. Empty: the first take.")
+    time: float | None = data_field(None, "Time of the performer's pose.", unit="s")
+    frame: int | None = data_field(None, "Frame of the performer's pose, instead of a time.")
+    places: dict[str, Vector3] | None = data_field(
         None, "Positions of control points by name. Others stay at rest."
     )
-    moves: dict[str, Vector3] | None = setting(
+    moves: dict[str, Vector3] | None = data_field(
         None, "Displacements of control points from rest by name, instead of positions."
     )
 
@@ -95,36 +95,36 @@ class PoseTable:
 class SymmetryTable:
     """The table [symmetry]: the symmetry plane of the mesh."""
 
-    find: bool = setting(False, "Detects the mesh's own symmetry plane.")
-    point: Vector3 = setting((0.0, 0.0, 0.0), "Point on the symmetry plane.", unit="m")
-    normal: Vector3 = setting((1.0, 0.0, 0.0), "Normal of the symmetry plane.")
+    find: bool = data_field(False, "Detects the mesh's own symmetry plane.")
+    point: Vector3 = data_field((0.0, 0.0, 0.0), "Point on the symmetry plane.", unit="m")
+    normal: Vector3 = data_field((1.0, 0.0, 0.0), "Normal of the symmetry plane.")
 
 
 @dataclass(frozen=True)
 class LayerTable:
     """The table [[layer]]: how a take is played."""
 
-    take: str = setting("", "Take that the layer plays. Empty: the first take.")
-    points: tuple[str, ...] = setting((), "Control points that the layer moves. Empty: all.")
-    offset: float = setting(0.0, "Start time of the layer.", unit="s")
-    speed: float = setting(1.0, "Playback speed. Negative values play backwards.")
-    loop: bool = setting(False, "Repeats the take at its end.")
-    hold: bool = setting(
+    take: str = data_field("", "Take that the layer plays. Empty: the first take.")
+    points: tuple[str, ...] = data_field((), "Control points that the layer moves. Empty: all.")
+    offset: float = data_field(0.0, "Start time of the layer.", unit="s")
+    speed: float = data_field(1.0, "Playback speed. Negative values play backwards.")
+    loop: bool = data_field(False, "Repeats the take at its end.")
+    hold: bool = data_field(
         True, "Holds the first and last pose outside the take. If false, nothing plays there."
     )
-    ease: float = setting(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
-    smooth: float = setting(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
-    weight: float = setting(
+    ease: float = data_field(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
+    smooth: float = data_field(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
+    weight: float = data_field(
         1.0, "Blend weight of the layer: 0 keeps the layers below, 1 replaces them.", low=0.0, high=1.0
     )
-    muted: bool = setting(False, "Mutes the layer.")
-    travel: bool = setting(True, "The puppet travels through the world.")
-    level_feet: bool = setting(True, "Keeps feet at equal height when one foot takes over from another.")
-    mirrored: bool = setting(
+    muted: bool = data_field(False, "Mutes the layer.")
+    travel: bool = data_field(True, "The puppet travels through the world.")
+    level_feet: bool = data_field(True, "Keeps feet at equal height when one foot takes over from another.")
+    mirrored: bool = data_field(
         False, "Reverses the puppet's rotations as in a mirror. A mirrored puppet needs this."
     )
-    recorded: str = setting("", "Name of the recording that the layer came from.")
-    alternatives: str = setting(
+    recorded: str = data_field("", "Name of the recording that the layer came from.")
+    alternatives: str = data_field(
         "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
     )
 
@@ -156,27 +156,27 @@ class RootTable:
     layers.
     """
 
-    take: str = setting(
+    take: str = data_field(
         "", "Name of the take with the root's keys. Without keys: the take that moves the root."
     )
-    about: Vector3 = setting((0.0, 0.0, 0.0), "World position about which the root turns.", unit="m")
-    basis: tuple[float, float, float, float] = setting(
+    about: Vector3 = data_field((0.0, 0.0, 0.0), "World position about which the root turns.", unit="m")
+    basis: tuple[float, float, float, float] = data_field(
         (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet after its keys were made, as a quaternion w, x, y, z."
     )
-    size: float = setting(1.0, "Scale of the puppet after its keys were made.", low=1e-9)
-    offset: float = setting(0.0, "Start time of the layer.", unit="s")
-    speed: float = setting(1.0, "Playback speed. Negative values play backwards.")
-    loop: bool = setting(False, "Repeats the take at its end.")
-    hold: bool = setting(
+    size: float = data_field(1.0, "Scale of the puppet after its keys were made.", low=1e-9)
+    offset: float = data_field(0.0, "Start time of the layer.", unit="s")
+    speed: float = data_field(1.0, "Playback speed. Negative values play backwards.")
+    loop: bool = data_field(False, "Repeats the take at its end.")
+    hold: bool = data_field(
         True, "Holds the first and last pose outside the take. If false, nothing plays there."
     )
-    ease: float = setting(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
-    smooth: float = setting(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
-    weight: float = setting(1.0, "Strength of the layer, from 0 to 1.", low=0.0, high=1.0)
-    muted: bool = setting(False, "Mutes the layer.")
-    mirrored: bool = setting(False, "States that the puppet was mirrored after its keys were made.")
-    recorded: str = setting("", "Name of the recording that the layer came from.")
-    alternatives: str = setting(
+    ease: float = data_field(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
+    smooth: float = data_field(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
+    weight: float = data_field(1.0, "Strength of the layer, from 0 to 1.", low=0.0, high=1.0)
+    muted: bool = data_field(False, "Mutes the layer.")
+    mirrored: bool = data_field(False, "States that the puppet was mirrored after its keys were made.")
+    recorded: str = data_field("", "Name of the recording that the layer came from.")
+    alternatives: str = data_field(
         "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
     )
 
@@ -185,6 +185,6 @@ class RootTable:
 class SettingsTable:
     """The table [settings]: settings of the solvers."""
 
-    surface: ArapSettings = setting(ArapSettings)
-    examples: ExampleSettings = setting(ExampleSettings)
-    locomotion: LocomotionSettings = setting(LocomotionSettings)
+    surface: ArapSettings = group(ArapSettings)
+    examples: ExampleSettings = group(ExampleSettings)
+    locomotion: LocomotionSettings = group(LocomotionSettings)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from enliven.errors import InputError
-from enliven.settings import load_settings, setting
+from enliven.settings import group, load_settings, setting
 
 MAX_SOUVENIR_AGE_S = 86_400.0
 """Longest time for which a souvenir can be kept, in seconds: a day."""
@@ -194,13 +194,13 @@ class KioskProfile:
     characters: dict[str, KioskCharacter] = field(
         default_factory=dict, metadata={"doc": "The characters, by name. None: the chair."}
     )
-    zone: ZoneSettings = setting(ZoneSettings)
-    story: StorySettings = setting(StorySettings)
-    screen: ScreenSettings = setting(ScreenSettings)
-    souvenir: SouvenirSettings = setting(SouvenirSettings)
-    health: HealthPageSettings = setting(HealthPageSettings)
-    alerts: AlertSettings = setting(AlertSettings)
-    care: CareSettings = setting(CareSettings)
+    zone: ZoneSettings = group(ZoneSettings)
+    story: StorySettings = group(StorySettings)
+    screen: ScreenSettings = group(ScreenSettings)
+    souvenir: SouvenirSettings = group(SouvenirSettings)
+    health: HealthPageSettings = group(HealthPageSettings)
+    alerts: AlertSettings = group(AlertSettings)
+    care: CareSettings = group(CareSettings)
 
 
 def load_profile(path: Path) -> KioskProfile:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from enliven.settings import setting
+from enliven.settings import data_field
 
 Mode = Literal["pose", "move"]
 Rest = Literal["auto", "zero", "first", "mean"]
@@ -21,32 +21,32 @@ Rest = Literal["auto", "zero", "first", "mean"]
 class ChainPlan:
     """A chain of a take, and the chain of a shape that it drives."""
 
-    source: tuple[str, ...] = setting(
+    source: tuple[str, ...] = data_field(
         (),
         "Joints of the take's chain: first and last, or all. The first joint stays in place; a single "
         "joint gives only its own rotation.",
     )
-    target: tuple[str, ...] = setting(
+    target: tuple[str, ...] = data_field(
         (), "Joints of the model's chain: first and last, or all. The first joint stays in place."
     )
-    role: str = setting(
+    role: str = data_field(
         "",
         'Role of the chain, such as "left leg". Chains of one role that continue each other form one '
         "limb and turn about the same axes.",
     )
-    mode: Mode = setting(
+    mode: Mode = data_field(
         "move",
         '"pose": the model\'s bones point in the performer\'s directions. "move": they keep their rest '
         "pose and add the performer's movement from theirs.",
     )
-    flip: bool = setting(False, "Rotates the movement by half a turn about the chain's axis.")
-    weight: float = setting(1.0, "Fraction of the movement that is transferred.", low=0.0, high=1.0)
-    offset: float = setting(0.0, "Start time of the take for this chain.", unit="s", low=-3600, high=3600)
-    speed: float = setting(1.0, "Playback speed. Negative values play backwards.", low=-100, high=100)
-    loop: bool = setting(False, "Repeats the take at its end.")
-    extend: bool = setting(False, "Extends the target from its last joint along the longest branch.")
-    mirrored: bool = setting(False, "Mirrors the performer's movement.")
-    carries: bool = setting(
+    flip: bool = data_field(False, "Rotates the movement by half a turn about the chain's axis.")
+    weight: float = data_field(1.0, "Fraction of the movement that is transferred.", low=0.0, high=1.0)
+    offset: float = data_field(0.0, "Start time of the take for this chain.", unit="s", low=-3600, high=3600)
+    speed: float = data_field(1.0, "Playback speed. Negative values play backwards.", low=-100, high=100)
+    loop: bool = data_field(False, "Repeats the take at its end.")
+    extend: bool = data_field(False, "Extends the target from its last joint along the longest branch.")
+    mirrored: bool = data_field(False, "Mirrors the performer's movement.")
+    carries: bool = data_field(
         False,
         "Also moves other branches from the same joints, such as fingers, hair or twist bones, unless "
         "another chain drives them.",
@@ -57,45 +57,45 @@ class ChainPlan:
 class Plan:
     """A mapping of a whole take to a whole shape."""
 
-    rest: Rest | float = setting(
+    rest: Rest | float = data_field(
         "auto",
         'Reference pose of the take: "mean", "first", "zero" (rest pose of the file), or a time in '
         'seconds. "auto": hanging limbs for two-legged performers, else "mean".',
     )
-    turn: bool = setting(
+    turn: bool = data_field(
         True, "Turns the whole model with the performer, by chains that drive only its root."
     )
-    travel: bool = setting(False, "Moves the whole model through the world with the performer.")
-    level: bool = setting(
+    travel: bool = data_field(False, "Moves the whole model through the world with the performer.")
+    level: bool = data_field(
         False, "Keeps the model level: as a whole, it follows only the performer's heading."
     )
-    floor: bool = setting(True, "Keeps the lowest point of a standing model on the floor.")
-    steps: bool = setting(
+    floor: bool = data_field(True, "Keeps the lowest point of a standing model on the floor.")
+    steps: bool = data_field(
         True, "Legs that are not posed directly follow the steps of the performer's feet. Needs `floor`."
     )
-    stretch: bool = setting(
+    stretch: bool = data_field(
         False,
         "Also transfers changes of bone length, scaled to the model's size. Clips of the model itself "
         "always do this.",
     )
-    limits: bool = setting(
+    limits: bool = data_field(
         True,
         "Keeps joints within the ranges of the model's own clips plus a margin, or within a wide cone "
         "without clips. Models built like the performer are exempt.",
     )
-    stride: float = setting(
+    stride: float = data_field(
         1.0,
         "Length of steps and travel, relative to the performer's strides scaled to the model's size.",
         low=0.0,
         high=10.0,
     )
-    pin: bool = setting(False, "Locks feet that stand still (foot lock). Needs `travel`.")
-    take_facing: float | None = setting(
+    pin: bool = data_field(False, "Locks feet that stand still (foot lock). Needs `travel`.")
+    take_facing: float | None = data_field(
         None,
         "Initial heading of the performer, from +Z to the left. None: detected automatically.",
         unit="deg",
     )
-    model_facing: float | None = setting(
+    model_facing: float | None = data_field(
         None, "Heading of the model, from +Z to its left. None: detected automatically.", unit="deg"
     )
-    chains: tuple[ChainPlan, ...] = setting((), "Chains of the take and the model chains that they drive.")
+    chains: tuple[ChainPlan, ...] = data_field((), "Chains of the take and the model chains that they drive.")

@@ -10,7 +10,7 @@ from enliven.deformation.constraints.observed import ObservedSettings
 from enliven.deformation.constraints.self_contact import SelfContactSettings
 from enliven.deformation.embedded.solver import EmbeddedSettings
 from enliven.possession.attachment import AttachmentSettings
-from enliven.settings import parameter, setting
+from enliven.settings import group, parameter, setting
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class ActorSettings:
     farthest_reach: float = parameter(
         0.45, "Longest reach of a bone that is tried.", unit="m", low=0.0, high=5.0
     )
-    attachment: AttachmentSettings = setting(AttachmentSettings, "Attachment of bones to the mesh.")
+    attachment: AttachmentSettings = group(AttachmentSettings, "Attachment of bones to the mesh.")
     stiffness: tuple[tuple[float, float, float, float, float], ...] = setting(
         (),
         "Spheres [x, y, z, radius, factor], in metres of the loaded mesh. Factors above 1 make the "
@@ -113,9 +113,9 @@ class ActorSettings:
         "The 20 joints of a scanned person in their fixed order: [x, y, z] each, in metres of the "
         "loaded mesh. Empty: found from `ends`.",
     )
-    embedded: EmbeddedSettings = setting(EmbeddedSettings, "Weights and limits of the deformation solver.")
-    observed: ObservedSettings = setting(ObservedSettings, "How the mesh follows the observed surface.")
-    limbs: SelfContactSettings = setting(
+    embedded: EmbeddedSettings = group(EmbeddedSettings, "Weights and limits of the deformation solver.")
+    observed: ObservedSettings = group(ObservedSettings, "How the mesh follows the observed surface.")
+    limbs: SelfContactSettings = group(
         SelfContactSettings, "Self-contact: keeps the limbs of the mesh apart."
     )
-    floor: FloorSettings = setting(FloorSettings, "Floor contact and foot lock of the mesh.")
+    floor: FloorSettings = group(FloorSettings, "Floor contact and foot lock of the mesh.")

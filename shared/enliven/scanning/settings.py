@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from enliven.settings import setting
+from enliven.settings import group, setting
 
 MIN_OVERLAP_FRACTION = 0.25
 """Minimum fraction of points that lie in known space."""
@@ -71,7 +71,7 @@ class VolumeSettings:
         high=100_000,
     )
     colour: bool = setting(True, "Stores colours too, if the camera has them.")
-    noise: DepthNoiseModel = setting(DepthNoiseModel, "Noise model of the camera's depth.")
+    noise: DepthNoiseModel = group(DepthNoiseModel, "Noise model of the camera's depth.")
 
 
 @dataclass(frozen=True)
@@ -160,11 +160,11 @@ class ObjectSettings:
 class ScanSettings:
     """A scan."""
 
-    volume: VolumeSettings = setting(VolumeSettings, "Fusion of images into a surface.")
-    tracking: TrackingSettings = setting(TrackingSettings, "Tracking of the camera.")
-    loops: LoopSettings = setting(LoopSettings, "Loop closure.")
-    cut_out: CutOutSettings = setting(CutOutSettings, "Cutting the object out of the scan.")
-    moved: ObjectSettings = setting(ObjectSettings, "An object that is moved during the scan.")
+    volume: VolumeSettings = group(VolumeSettings, "Fusion of images into a surface.")
+    tracking: TrackingSettings = group(TrackingSettings, "Tracking of the camera.")
+    loops: LoopSettings = group(LoopSettings, "Loop closure.")
+    cut_out: CutOutSettings = group(CutOutSettings, "Cutting the object out of the scan.")
+    moved: ObjectSettings = group(ObjectSettings, "An object that is moved during the scan.")
     least_depth: float = setting(0.05, "Minimum fraction of an image that shows a surface.", low=0, high=1)
 
 

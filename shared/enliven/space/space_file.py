@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import read_file, write_file
-from enliven.settings import load_settings, read_toml, refuse_later_toml, setting
+from enliven.settings import data_field, load_settings, read_toml, refuse_later_toml
 
 _Row = tuple[float, float, float, float]
 _Rows = tuple[_Row, _Row, _Row, _Row]
@@ -24,13 +24,13 @@ _UNIT = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0,
 class Place:
     """The pose of one sensor, and the offset of its clock."""
 
-    world_from_sensor: _Rows = setting(
+    world_from_sensor: _Rows = data_field(
         _UNIT, "(4, 4) world pose of the level frame in which the sensor reports bodies."
     )
-    world_from_camera: _Rows | None = setting(
+    world_from_camera: _Rows | None = data_field(
         None, "(4, 4) world pose of the depth camera. Omit it for a sensor without one."
     )
-    clock_offset_ns: int = setting(
+    clock_offset_ns: int = data_field(
         0, "Nanoseconds to add to the sensor's clock to match the first sensor's clock."
     )
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
-from enliven.settings import load_settings, setting
+from enliven.settings import data_field, group, load_settings
 from enliven_edge.sensors import profile_names, profiles_folder
 
 
@@ -17,33 +17,33 @@ from enliven_edge.sensors import profile_names, profiles_folder
 class CameraProfile:
     """The lens and the image."""
 
-    width: int = setting(doc="Width of the depth image.", unit="px", low=16, high=4096)
-    height: int = setting(doc="Height of the depth image.", unit="px", low=16, high=4096)
-    fx: float = setting(doc="Horizontal focal length.", unit="px", low=10, high=10000)
-    fy: float = setting(doc="Vertical focal length.", unit="px", low=10, high=10000)
-    cx: float = setting(
+    width: int = data_field(doc="Width of the depth image.", unit="px", low=16, high=4096)
+    height: int = data_field(doc="Height of the depth image.", unit="px", low=16, high=4096)
+    fx: float = data_field(doc="Horizontal focal length.", unit="px", low=10, high=10000)
+    fy: float = data_field(doc="Vertical focal length.", unit="px", low=10, high=10000)
+    cx: float = data_field(
         doc="Horizontal principal point, measured from the centre of the left column.",
         unit="px",
         low=0,
         high=4096,
     )
-    cy: float = setting(
+    cy: float = data_field(
         doc="Vertical principal point, measured from the centre of the top row.", unit="px", low=0, high=4096
     )
-    distortion: tuple[float, float, float, float, float] = setting(
+    distortion: tuple[float, float, float, float, float] = data_field(
         (0.0, 0.0, 0.0, 0.0, 0.0),
         "Brown-Conrady distortion coefficients k1, k2, p1, p2, k3. Zero: the image is already rectified.",
     )
-    fps: float = setting(30.0, "Frame rate of the depth images.", unit="Hz", low=1, high=240)
+    fps: float = data_field(30.0, "Frame rate of the depth images.", unit="Hz", low=1, high=240)
 
 
 @dataclass(frozen=True)
 class RangeProfile:
     """The sensor's measuring range and depth resolution."""
 
-    near: float = setting(doc="Minimum distance that the sensor reports.", unit="m", low=0.01, high=10)
-    far: float = setting(doc="Maximum distance that the sensor reports.", unit="m", low=0.1, high=65)
-    baseline: float = setting(
+    near: float = data_field(doc="Minimum distance that the sensor reports.", unit="m", low=0.01, high=10)
+    far: float = data_field(doc="Maximum distance that the sensor reports.", unit="m", low=0.1, high=65)
+    baseline: float = data_field(
         0.0,
         "Distance from the imager to the projector or second imager, positive to the image's right. 0 "
         "for a time-of-flight camera, which has no depth shadow.",
@@ -51,66 +51,66 @@ class RangeProfile:
         low=-1,
         high=1,
     )
-    disparity_step: float = setting(
+    disparity_step: float = data_field(
         0.0,
         "Disparity resolution at full image size. 0 for a time-of-flight camera.",
         unit="px",
         low=0,
         high=1,
     )
-    depth_step: float = setting(0.001, "Resolution of the reported depth.", unit="m", low=0.0001, high=0.1)
+    depth_step: float = data_field(0.001, "Resolution of the reported depth.", unit="m", low=0.0001, high=0.1)
 
 
 @dataclass(frozen=True)
 class NoiseProfile:
     """Depth noise: sigma(z) = constant + linear (z - from) + quadratic (z - from)^2."""
 
-    constant: float = setting(
+    constant: float = data_field(
         doc="Axial standard deviation at the reference distance.", unit="m", low=0, high=0.2
     )
-    linear: float = setting(
+    linear: float = data_field(
         0.0, "Linear increase of the standard deviation with distance.", unit="m/m", low=0, high=0.1
     )
-    quadratic: float = setting(
+    quadratic: float = data_field(
         0.0, "Quadratic increase of the standard deviation with distance.", unit="m/m^2", low=0, high=0.1
     )
-    start: float = setting(0.0, "Reference distance.", unit="m", low=0, high=5)
-    slant: float = setting(
+    start: float = data_field(0.0, "Reference distance.", unit="m", low=0, high=5)
+    slant: float = data_field(
         0.0,
         "Additional standard deviation at 45 degrees of slant and 1 m, scaled by tan^2 / sqrt(z).",
         unit="m",
         low=0,
         high=0.05,
     )
-    lateral: float = setting(0.8, "Standard deviation of the position of an edge.", unit="px", low=0, high=5)
-    correlation: float = setting(
+    lateral: float = data_field(0.8, "Standard deviation of the position of an edge.", unit="px", low=0, high=5)
+    correlation: float = data_field(
         1.0, "Width of the window within which neighbouring pixels share noise.", unit="px", low=1, high=25
     )
-    frozen: float = setting(0.0, "Fraction of the variance that is constant over time.", low=0, high=0.99)
+    frozen: float = data_field(0.0, "Fraction of the variance that is constant over time.", low=0, high=0.99)
 
 
 @dataclass(frozen=True)
 class FaultProfile:
     """Missing and wrong depth."""
 
-    edge: float = setting(2.0, "Distance from an edge within which faults occur.", unit="px", low=0, high=12)
-    edge_holes: float = setting(0.3, "Fraction of the pixels behind an edge without depth.", low=0, high=1)
-    flying: float = setting(
+    edge: float = data_field(2.0, "Distance from an edge within which faults occur.", unit="px", low=0, high=12)
+    edge_holes: float = data_field(0.3, "Fraction of the pixels behind an edge without depth.", low=0, high=1)
+    flying: float = data_field(
         0.0,
         "Fraction of the pixels at an edge with a depth between both sides (flying pixels).",
         low=0,
         high=1,
     )
-    grazing: float = setting(
+    grazing: float = data_field(
         80.0, "Maximum slant at which a surface is measured.", unit="deg", low=30, high=90
     )
-    dark: float = setting(
+    dark: float = data_field(
         0.2,
         "Fraction of pixels lost on surfaces that absorb the light, such as hair or black shoes.",
         low=0,
         high=1,
     )
-    mirror: float = setting(
+    mirror: float = data_field(
         0.8,
         "Fraction of pixels lost on surfaces that reflect the light away, such as screens.",
         low=0,
@@ -122,15 +122,15 @@ class FaultProfile:
 class SensorProfile:
     """A depth camera as described by its data sheet and published measurements."""
 
-    name: str = setting(doc="Common name of the sensor.")
-    kind: Literal["structured light", "stereo", "time of flight"] = setting(
+    name: str = data_field(doc="Common name of the sensor.")
+    kind: Literal["structured light", "stereo", "time of flight"] = data_field(
         doc="Measuring principle of the sensor."
     )
-    source: str = setting(doc="Source of these figures.")
-    camera: CameraProfile = setting(doc="Intrinsics and image size.")
-    range: RangeProfile = setting(doc="Measuring range and resolution.")
-    noise: NoiseProfile = setting(doc="Noise of the depth.")
-    faults: FaultProfile = setting(FaultProfile, "Missing and wrong depth.")
+    source: str = data_field(doc="Source of these figures.")
+    camera: CameraProfile = data_field(doc="Intrinsics and image size.")
+    range: RangeProfile = data_field(doc="Measuring range and resolution.")
+    noise: NoiseProfile = data_field(doc="Noise of the depth.")
+    faults: FaultProfile = group(FaultProfile, "Missing and wrong depth.")
 
     def intrinsics(self, width: int | None = None) -> Intrinsics:
         """Returns the camera intrinsics, scaled to ``width`` pixels if it is given."""

@@ -12,7 +12,7 @@ from enliven.camera import world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body
-from enliven.settings import setting
+from enliven.settings import group, setting
 from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
 from enliven_synthesis.body.rotations import rotation_about_y, round_to_grid
@@ -28,7 +28,7 @@ class SyntheticSettings:
     """The choreography, the performer and the sensor."""
 
     choreography: str = setting("chair", "Name of the performer's motion.")
-    performer: Proportions = setting(Proportions, "Body proportions of the performer.")
+    performer: Proportions = group(Proportions, "Body proportions of the performer.")
     camera_height: float = setting(1.15, "Height of the sensor above the floor.", unit="m", low=0.1, high=3.0)
     camera_tilt: float = setting(5.0, "Downward tilt of the sensor.", unit="deg", low=-45, high=60)
     camera_x: float = setting(0.0, "Sensor position along the world's x axis.", unit="m", low=-20, high=20)

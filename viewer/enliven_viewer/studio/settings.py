@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from enliven.outputs.settings import LiveOutputSettings
-from enliven.settings import setting
+from enliven.settings import group, setting
 from enliven_viewer.settings import RenderSettings
 
 
@@ -13,7 +13,7 @@ from enliven_viewer.settings import RenderSettings
 class StudioSettings:
     """The settings of the studio's window."""
 
-    render: RenderSettings = setting(RenderSettings, "Settings of the rendered image.")
+    render: RenderSettings = group(RenderSettings, "Settings of the rendered image.")
     width: int = setting(1360, "Width of the window.", unit="pixels", low=640, high=16384)
     height: int = setting(820, "Height of the window.", unit="pixels", low=480, high=16384)
     reach: float = setting(

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import write_file
-from enliven.settings import TOML_VERSION, load_settings, refuse_later_toml, setting
+from enliven.settings import TOML_VERSION, data_field, load_settings, refuse_later_toml
 
 _BASELINE_TOLERANCE_M = 1e-3
 """Tolerated difference between the baseline and the length of the translation, in metres. A mistake in an
@@ -25,18 +25,18 @@ _Row = tuple[float, float, float]
 class StereoLens:
     """One camera of the pair."""
 
-    fx: float = setting(doc="Horizontal focal length.", unit="px", low=10, high=20000)
-    fy: float = setting(doc="Vertical focal length.", unit="px", low=10, high=20000)
-    cx: float = setting(
+    fx: float = data_field(doc="Horizontal focal length.", unit="px", low=10, high=20000)
+    fy: float = data_field(doc="Vertical focal length.", unit="px", low=10, high=20000)
+    cx: float = data_field(
         doc="Horizontal principal point, measured from the centre of the left column.",
         unit="px",
         low=0,
         high=16384,
     )
-    cy: float = setting(
+    cy: float = data_field(
         doc="Vertical principal point, measured from the centre of the top row.", unit="px", low=0, high=16384
     )
-    distortion: tuple[float, float, float, float, float] = setting(
+    distortion: tuple[float, float, float, float, float] = data_field(
         doc="Brown-Conrady distortion coefficients k1, k2, p1, p2, k3."
     )
 
@@ -49,21 +49,21 @@ class StereoLens:
 class StereoCalibration:
     """Two sets of intrinsics, and the pose of the right camera relative to the left one."""
 
-    width: int = setting(doc="Width of both images.", unit="px", low=32, high=16384)
-    height: int = setting(doc="Height of both images.", unit="px", low=32, high=16384)
-    left: StereoLens = setting(doc="Intrinsics of the left camera, seen from behind the cameras.")
-    right: StereoLens = setting(doc="Intrinsics of the right camera.")
-    right_from_left: tuple[_Row, _Row, _Row] = setting(
+    width: int = data_field(doc="Width of both images.", unit="px", low=32, high=16384)
+    height: int = data_field(doc="Height of both images.", unit="px", low=32, high=16384)
+    left: StereoLens = data_field(doc="Intrinsics of the left camera, seen from behind the cameras.")
+    right: StereoLens = data_field(doc="Intrinsics of the right camera.")
+    right_from_left: tuple[_Row, _Row, _Row] = data_field(
         doc="(3, 3) rotation from the left to the right camera frame."
     )
-    translation: _Row = setting(
+    translation: _Row = data_field(
         doc="Position of the left camera in the right camera's frame; x is minus the baseline.", unit="m"
     )
-    baseline: float = setting(doc="Distance between the two cameras.", unit="m", low=0.005, high=5.0)
-    reprojection: float = setting(
+    baseline: float = data_field(doc="Distance between the two cameras.", unit="m", low=0.005, high=5.0)
+    reprojection: float = data_field(
         doc="Root mean square reprojection error of the board's corners.", unit="px", low=0, high=100
     )
-    epipolar: float = setting(
+    epipolar: float = data_field(
         doc="Root mean square epipolar error: difference in rows after rectification.",
         unit="px",
         low=0,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from enliven.matching.picking import PickingSettings
 from enliven.matching.ranking import RankingSettings
-from enliven.settings import setting
+from enliven.settings import group, setting
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class MatchingSettings:
         high=3600.0,
     )
     listed: int = setting(6, "Number of matches that are sent to viewers.", unit="matches", low=1, high=15)
-    ranking: RankingSettings = setting(RankingSettings, "Scoring of matches.")
-    picking: PickingSettings = setting(
+    ranking: RankingSettings = group(RankingSettings, "Scoring of matches.")
+    picking: PickingSettings = group(
         PickingSettings, "When the shown match changes, and when it is accepted."
     )
