@@ -6,13 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from enliven.errors import InputError
 from enliven.keys.roles import Role
 from enliven.outputs.settings import LiveOutputSettings
 from enliven.possession import ActorSettings
-from enliven.settings import group, load_settings, setting
+from enliven.settings import group, load_settings, parameter, setting
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.fusion.settings import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks.colour_pose import ColourSettings
@@ -29,6 +29,8 @@ from enliven_edge.tracking.settings import TrackerSettings
 @dataclass(frozen=True)
 class WireSettings:
     """Name, addresses and ports of the edge."""
+
+    REMOVED_SETTINGS: ClassVar = ("budget",)
 
     name: str = setting("edge", "Name of the edge on the network, unique on this computer.")
     host: str = setting("127.0.0.1", "Network address to listen on. 0.0.0.0 listens on every interface.")
@@ -48,7 +50,7 @@ class WireSettings:
     pairing_role: Role = setting("operate", "Highest role that pairing with a code grants.")
     port: int = setting(5580, "Network port of the pose stream. 0 picks a free port.", low=0, high=65535)
     control_port: int = setting(5581, "Network port of the commands. 0 picks a free port.", low=0, high=65535)
-    rate: float = setting(
+    rate: float = parameter(
         100.0,
         "Maximum number of requests per second from one viewer. More are refused.",
         unit="1/s",
@@ -62,14 +64,6 @@ class WireSettings:
         True,
         "Announces the edge on the local network, so that viewers find it. Needs the extra 'discovery', and "
         "an address that other computers reach.",
-    )
-    budget: float = setting(
-        2.0,
-        "Time per frame for viewers' requests, half for reading and half for executing them. The rest "
-        "waits for the next frame.",
-        unit="ms",
-        low=0.5,
-        high=100.0,
     )
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 from enliven.errors import InputError
 from enliven.outputs.settings import LiveOutputSettings
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
@@ -21,6 +21,8 @@ LookName = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 @dataclass(frozen=True)
 class RenderSettings:
     """Settings of the rendered image."""
+
+    REMOVED_SETTINGS: ClassVar = ("crease_angle", "reveal_distance", "anisotropy")
 
     samples: int = setting(
         4,
@@ -35,25 +37,15 @@ class RenderSettings:
         low=64,
         high=4096,
     )
-    contact_size: int = setting(
+    contact_size: int = parameter(
         160,
         "Side length of the contact shadow map, which darkens the floor near objects.",
         unit="pixels",
         low=32,
         high=1024,
     )
-    crease_angle: float = setting(
-        45.0, "Edges with a larger angle are shaded sharp, others smooth.", unit="degrees", low=0, high=180
-    )
     field_of_view: float = setting(
         34.0, "Vertical field of view of the camera.", unit="degrees", low=5, high=120
-    )
-    reveal_distance: float = setting(
-        0.10,
-        "Distance from the performer's body within which the mesh is transparent.",
-        unit="metres",
-        low=0,
-        high=2,
     )
     reveal_opacity: float = setting(0.16, "Opacity of the mesh around the performer's body.", low=0, high=1)
     look: LookName = setting("studio", "Preset of light, backdrop and floor.")
@@ -82,9 +74,6 @@ class RenderSettings:
         low=16,
         high=16384,
     )
-    anisotropy: int = setting(
-        4, "Anisotropic filtering: sharpness of textures at a slant. 1 is off.", low=1, high=16
-    )
 
     def __post_init__(self) -> None:
         if self.backdrop and not re.fullmatch(r"#[0-9a-fA-F]{6}", self.backdrop):
@@ -101,24 +90,20 @@ class RenderSettings:
 class PlaybackSettings:
     """Settings of the viewer's memory of received data."""
 
+    REMOVED_SETTINGS: ClassVar = ("restart",)
+
     minutes: float = setting(
         10.0, "Length of the live timeline. Older poses are deleted.", unit="minutes", low=0.1, high=240
     )
-    rate: float = setting(
+    rate: float = parameter(
         30.0,
         "Expected number of poses per second. It bounds the memory of the live timeline.",
         unit="Hz",
         low=1,
         high=1000,
     )
-    gap: float = setting(
+    gap: float = parameter(
         0.2, "Maximum gap between two poses that are interpolated.", unit="seconds", low=0, high=60
-    )
-    restart: float = setting(
-        1.0,
-        "A new timeline starts if the sensor's clock jumps back by more than this.",
-        unit="seconds",
-        low=0,
     )
 
 
@@ -146,10 +131,10 @@ class FilmSettings:
     )
     columns: int = setting(4, "Number of images per row of the contact sheet.", low=1, high=20)
     rows: int = setting(3, "Number of rows of the contact sheet.", low=1, high=20)
-    tile_width: int = setting(
+    tile_width: int = parameter(
         480, "Width of one image of the contact sheet.", unit="pixels", low=32, high=4096
     )
-    patience: float = setting(
+    patience: float = parameter(
         20.0, "Maximum time to wait for an edge on the network.", unit="seconds", low=0, high=3600
     )
 

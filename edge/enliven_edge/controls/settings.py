@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from enliven.errors import InputError
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class ControlSettings:
         low=0.0,
         high=5.0,
     )
-    retry: float = setting(
+    retry: float = parameter(
         0.5, "Time between attempts to find an unplugged device.", unit="s", low=0.01, high=60.0
     )
     port: str = setting("", "serial: device path of the port, such as /dev/serial/by-id/NAME.")
@@ -77,6 +77,6 @@ def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
         for item in fields(settings):
             is_set = item.name in keys and getattr(settings, item.name) != item.default
             if is_set and kind != settings.kind:
-                valid_keys = ", ".join(("map", "debounce", "retry", *_KINDS[settings.kind]))
+                valid_keys = ", ".join(("map", "debounce", *_KINDS[settings.kind]))
                 problem = f"{item.name} is of kind {kind!r}, and this is {settings.kind!r}"
                 raise InputError(problem, where=where, remedy=f"It takes: {valid_keys}.")

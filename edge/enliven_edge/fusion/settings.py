@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 MAX_TRACK_GAP_S = 0.12
 """Longest gap in a track that is interpolated."""
@@ -25,18 +25,12 @@ class CalibrationSettings:
         "worst_residual",
         "doubt_cm",
         "doubt_deg",
+        "clock_range",
     )
     floor_known: bool = setting(
         True, "Uses the floor that each sensor has found: the y axis points up and the floor is at y = 0."
     )
-    clock_range: float = setting(
-        0.0,
-        "Maximum deviation of the sensors' clock offset from the expected one. 0 tries every overlap.",
-        unit="s",
-        low=0.0,
-        high=1e6,
-    )
-    overlap: float = setting(
+    overlap: float = parameter(
         4.0, "Minimum time for which two sensors must see the same person.", unit="s", low=0.5
     )
     narrowest: float = setting(
@@ -60,6 +54,8 @@ class FusionSettings:
         "turn_over",
         "near_noise",
         "far_noise",
+        "hand_over",
+        "silence",
     )
     loyalty: float = setting(
         0.15,
@@ -68,16 +64,6 @@ class FusionSettings:
         low=0.0,
         high=2.0,
     )
-    hand_over: float = setting(
-        0.25,
-        "Time constant for blending from one sensor to another when visibility changes.",
-        unit="s",
-        low=0.0,
-        high=5.0,
-    )
-    silence: float = setting(
-        1.0, "A sensor that sends nothing for this long counts as silent.", unit="s", low=0.1, high=60.0
-    )
     remember: float = setting(
         3.0,
         "Time for which the identity of an unseen person is kept at the last position.",
@@ -85,7 +71,7 @@ class FusionSettings:
         low=0.0,
         high=600.0,
     )
-    sure_after: int = setting(
+    sure_after: int = parameter(
         5,
         "Number of observations, summed over all sensors, before a new person is reported.",
         low=1,

@@ -14,6 +14,12 @@ from enliven_edge.physics.ground import FIXED, WorldGround
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
+_BALL_MASS_KG = 0.25
+"""Mass of a ball: a soft ball for children."""
+_BALL_RESTITUTION = 0.7
+"""Speed after a bounce divided by the speed before: a rubber ball."""
+_RELEASE_HEIGHT_M = 1.3
+"""Height at which balls are thrown: the shoulder of an adult."""
 _BOX_GAP_M = 0.003
 """Gap in metres between neighbouring boxes. Without it they would rub against each other."""
 _STILL_SPEED = 0.05
@@ -184,9 +190,9 @@ class Dodgeball:
         self.props = PropSpecs(
             np.full(count, BALL, np.uint8),
             np.full((count, 3), settings.radius),
-            np.full(count, settings.mass),
+            np.full(count, _BALL_MASS_KG),
             _COLOURS[np.arange(count) % len(_COLOURS)].astype(np.uint8),
-            np.full(count, settings.bounce),
+            np.full(count, _BALL_RESTITUTION),
         )
         self.hits: Counter[str] = Counter()
         self._ground: WorldGround = FIXED
@@ -251,7 +257,7 @@ class Dodgeball:
             if throw_distance > _MIN_THROW_DISTANCE_M:
                 direction, distance = sideways / np.linalg.norm(sideways), min(distance, throw_distance)
         start = aim + distance * direction
-        start[1] = self.settings.hand
+        start[1] = _RELEASE_HEIGHT_M
         flight = self.settings.flight
         speed = (aim - start) / flight - 0.5 * self._gravity * flight
         world.put(slice(self._next, self._next + 1), start[None], None, speed[None])

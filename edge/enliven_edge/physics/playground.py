@@ -20,6 +20,8 @@ from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.world import World
 from enliven_edge.stage.tick import Tick
 
+_MIN_STILL_S = 0.3
+"""Time for which a performer must stand still to set the position of the objects: shorter than a step."""
 _NEIGHBOURS = 4
 """Maximum number of control points that move a vertex: the limit of skin weights."""
 _WEIGHT_EXPONENT = 3.0
@@ -135,7 +137,7 @@ class Playground:
         return self._props(time_ns)
 
     def _create_detector(self) -> StandingDetector:
-        return StandingDetector(self.settings.stand, self.settings.patience)
+        return StandingDetector(_MIN_STILL_S, self.settings.patience)
 
     def _find_place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """Returns the place of the world, or None until it is known."""

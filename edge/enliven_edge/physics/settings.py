@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from enliven.deformation.spheres import SphereSettings
-from enliven.settings import group, setting
+from enliven.settings import group, parameter, setting
 
 WorldName = Literal["none", "boxes", "dodgeball"]
 
@@ -60,26 +60,22 @@ class BoxesSettings:
 class DodgeballSettings:
     """Settings of balls that are thrown at every target in turn."""
 
+    REMOVED_SETTINGS: ClassVar = ("mass", "bounce", "hand")
+
     balls: int = setting(4, "Number of balls.", low=1, high=64)
     radius: float = setting(0.11, "Radius of a ball.", unit="m", low=0.02, high=1.0)
-    mass: float = setting(0.25, "Mass of a ball.", unit="kg", low=0.001, high=100.0)
-    bounce: float = setting(
-        0.7,
-        "Coefficient of restitution: speed after a bounce divided by the speed before.",
-        low=0.0,
-        high=0.95,
-    )
     every: float = setting(1.2, "Time between two throws.", unit="s", low=0.05, high=600.0)
     distance: float = setting(
         2.6, "Distance from the throwing position to the target.", unit="m", low=0.5, high=20.0
     )
-    hand: float = setting(1.3, "Release height of the thrown balls.", unit="m", low=0.0, high=10.0)
     flight: float = setting(0.7, "Flight time of a ball to its target.", unit="s", low=0.1, high=5.0)
 
 
 @dataclass(frozen=True)
 class PhysicsSettings:
     """Settings of the physics world."""
+
+    REMOVED_SETTINGS: ClassVar = ("stand",)
 
     world: WorldName = setting(
         "none",
@@ -91,14 +87,7 @@ class PhysicsSettings:
         "Where objects are placed: 'performer': around the first performer that stands still; 'fixed': "
         "at world coordinates.",
     )
-    stand: float = setting(
-        0.3,
-        "Time for which a performer must stand still to set the position of the objects.",
-        unit="s",
-        low=0.0,
-        high=60.0,
-    )
-    patience: float = setting(
+    patience: float = parameter(
         5.0,
         "Time after which the mean position of a moving performer is used instead. 0 turns this off.",
         unit="s",

@@ -62,7 +62,7 @@ class BackgroundSettings:
         low=0.5,
         high=600.0,
     )
-    clear_after: float = setting(
+    clear_after: float = parameter(
         0.6,
         "Time after which a removed object is deleted from the background model.",
         unit="s",
@@ -75,6 +75,8 @@ class BackgroundSettings:
 class PeopleSettings:
     """How many people are tracked, and how they are re-identified."""
 
+    REMOVED_SETTINGS: ClassVar = ("hidden",)
+
     most: int = setting(8, "Maximum number of people that are tracked.", low=1, high=32)
     full_rate: int = setting(
         4,
@@ -85,9 +87,6 @@ class PeopleSettings:
     )
     threads: int = setting(
         2, "Number of people that are fitted in parallel, each on its own processor core.", low=1, high=32
-    )
-    hidden: float = setting(
-        4.0, "Time that an occluded person is kept before their track ends.", unit="s", low=0.0, high=60.0
     )
     remember: float = setting(
         60.0,
@@ -109,7 +108,7 @@ class SearchSettings:
         low=0,
         high=10_000,
     )
-    first_fits: int = setting(
+    first_fits: int = parameter(
         40,
         "Maximum work of the first search in a scene, in coarse fits, so that people present at the "
         "start appear at once. 0 removes the limit.",
@@ -125,7 +124,7 @@ class FitSettings:
     points: int = setting(
         500, "Maximum number of depth points that are fitted per person and frame.", low=100, high=20000
     )
-    iterations: int = setting(6, "Maximum number of Gauss-Newton iterations per fit.", low=1, high=100)
+    iterations: int = parameter(6, "Maximum number of Gauss-Newton iterations per fit.", low=1, high=100)
     width: float = parameter(
         0.07,
         "Robust width: points farther than this from the model have little influence.",

@@ -19,7 +19,7 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import corner_sums, edge_lengths, face_vectors
 from enliven.rotation import unit
-from enliven.settings import parameter, setting
+from enliven.settings import parameter
 
 _RADIUS_GROWTH_FACTOR = 1.12
 """Factor that enlarges the radius in each round while there are too many spheres."""
@@ -44,7 +44,7 @@ class SphereSettings:
         unit="m",
         low=1e-4,
     )
-    most: int = setting(
+    most: int = parameter(
         400,
         "Maximum number of spheres per character. If more are needed, the radius grows.",
         low=1,

@@ -13,14 +13,14 @@ from enliven.arrays import AnyArray
 from enliven.document.project import Project, same
 from enliven.document.rig import RigBase
 from enliven.errors import InputError
-from enliven.settings import setting
+from enliven.settings import parameter
 
 
 @dataclass(frozen=True)
 class HistorySettings:
     """Settings for the memory of the undo history."""
 
-    megabytes: float = setting(
+    megabytes: float = parameter(
         1024.0,
         "Maximum memory for all undo steps. Beyond it, the oldest steps are deleted.",
         unit="MB",

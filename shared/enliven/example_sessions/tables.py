@@ -73,7 +73,9 @@ class PointTable:
     )
     joint: str = data_field("", "Joint of the performer that the control point follows.")
     foot: bool = data_field(False, "The puppet can stand on this control point.")
-    weight: float | None = data_field(None, "Weight of the control point. None: it is held exactly.", low=1e-9)
+    weight: float | None = data_field(
+        None, "Weight of the control point. None: it is held exactly.", low=1e-9
+    )
 
 
 @dataclass(frozen=True)

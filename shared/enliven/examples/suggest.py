@@ -12,27 +12,24 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
-from enliven.settings import setting
+from enliven.settings import parameter
+
+_OUTLIER_DISTANCES = 0.5
+"""A single frame that is farther from its neighbours than this fraction of the median distance is ignored as
+a tracking outlier."""
 
 
 @dataclass(frozen=True)
 class SuggestSettings:
     """Settings for when the examples are enough."""
 
-    most: int = setting(12, "Maximum number of suggested key poses.", low=2, high=1000)
-    enough: float = setting(
+    most: int = parameter(12, "Maximum number of suggested key poses.", low=2, high=1000)
+    enough: float = parameter(
         0.7,
         "Examples suffice if every pose is nearer to one of them than this fraction of the first gap. "
         "Lower it for more suggestions.",
         low=0.0,
         high=1.0,
-    )
-    slip: float = setting(
-        0.5,
-        "A single frame that is farther from its neighbours than this fraction of the median distance "
-        "is ignored as a tracking outlier.",
-        low=0.0,
-        high=1e6,
     )
 
 
@@ -67,7 +64,7 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
         )
     frames = [int(_pose_distance(poses, np.median(poses, axis=0)).argmin())]
     distances, gaps = _pose_distance(poses, poses[frames[0]]), list[float]()
-    distances[_is_outlier(poses, settings.slip * float(np.median(distances)))] = 0.0
+    distances[_is_outlier(poses, _OUTLIER_DISTANCES * float(np.median(distances)))] = 0.0
     while True:
         farthest = int(distances.argmax())
         gaps.append(float(distances[farthest]))
@@ -98,7 +95,7 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
     distances = distance_to(poses, known)
     distances[
         _is_outlier(
-            poses, settings.slip * float(np.median(_pose_distance(poses, poses[is_outlier.frames[0]])))
+            poses, _OUTLIER_DISTANCES * float(np.median(_pose_distance(poses, poses[is_outlier.frames[0]])))
         )
     ] = 0.0
     frames, gaps = list[int](), [float(distances.max())]

@@ -28,7 +28,7 @@ from enliven.examples.baking.bake import bake_surface
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.examples.baking.maps import stretch_axes
 from enliven.examples.baking.morphs import bake_morphs
-from enliven.examples.baking.settings import BakeSettings
+from enliven.examples.baking.settings import MAX_CACHED_FRAMES_MB, BakeSettings
 from enliven.exporters.file_keys import find_file_keys
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
@@ -186,7 +186,7 @@ def _performance_of_puppet(
     if puppet.root_layers:
         root_motion = root_motions(project, puppet, times)
         rotations, places = multiply(root_motion.turn, rotations), root_motion(places[:, None])[:, 0]
-    frames, mesh = SurfaceFrames(puppet, states, settings.kept), puppet.mesh
+    frames, mesh = SurfaceFrames(puppet, states, MAX_CACHED_FRAMES_MB), puppet.mesh
     if how == "skin":
         handles = [point.vertex for point in puppet.points]
         baked = bake_surface(mesh, frames, states, handles, settings)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from enliven.errors import InputError
-from enliven.settings import group, load_settings, setting
+from enliven.settings import group, load_settings, parameter, setting
 
 MAX_SOUVENIR_AGE_S = 86_400.0
 """Longest time for which a souvenir can be kept, in seconds: a day."""
@@ -122,7 +122,7 @@ class SouvenirSettings:
         200.0, "Largest size of all souvenirs. The oldest are deleted.", unit="MB", low=50.0, high=10000.0
     )
     length: float = setting(6.0, "Longest duration of a film.", unit="s", low=2.0, high=30.0)
-    code: float = setting(20.0, "Time for which the QR code is shown.", unit="s", low=5.0, high=120.0)
+    code: float = parameter(20.0, "Time for which the QR code is shown.", unit="s", low=5.0, high=120.0)
     host: str = setting(
         "127.0.0.1",
         "Network address to listen on, such as 0.0.0.0. Phones cannot reach 127.0.0.1.",

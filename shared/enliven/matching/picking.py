@@ -8,17 +8,23 @@ margin for some time. The performer can also browse the ranking with a key. A ma
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.matching.matches import Match, Ranking
-from enliven.settings import setting
+from enliven.settings import parameter, setting
+
+_MAX_STILL_FRACTION = 0.12
+"""Maximum movement that counts as holding a pose, as a fraction of the longest branch: arms sway."""
 
 
 @dataclass(frozen=True)
 class PickingSettings:
     """Settings for replacing the shown match, and for accepting it."""
+
+    REMOVED_SETTINGS: ClassVar = ("still_share",)
 
     margin: float = setting(
         0.03,
@@ -27,10 +33,10 @@ class PickingSettings:
         low=0.0,
         high=2.0,
     )
-    patience: float = setting(
+    patience: float = parameter(
         0.3, "Time for which another match must be better before it is shown.", unit="s", low=0.0, high=10.0
     )
-    browsing: float = setting(
+    browsing: float = parameter(
         5.0,
         "Time after browsing by hand before the shown match follows the pose again.",
         unit="s",
@@ -38,12 +44,6 @@ class PickingSettings:
     )
     by_holding: bool = setting(False, "Accepts the shown match when the performer holds the pose.")
     still_seconds: float = setting(1.5, "Time for which the pose must be held.", unit="s", low=0.1, high=60.0)
-    still_share: float = setting(
-        0.12,
-        "Maximum movement that counts as holding, as a fraction of the longest branch.",
-        low=0.001,
-        high=1.0,
-    )
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class Picker:
         size = float(np.linalg.norm(pose, axis=1).max())
         if self._anchor is None or len(self._anchor) != len(pose):
             self._anchor, self._still_since = pose, seconds
-        elif np.linalg.norm(pose - self._anchor, axis=1).max() > self.settings.still_share * size:
+        elif np.linalg.norm(pose - self._anchor, axis=1).max() > _MAX_STILL_FRACTION * size:
             self._anchor, self._still_since, self._moved = pose, seconds, True
         elif not is_same_match or self._still_since is None:
             self._still_since = seconds

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -17,14 +17,18 @@ from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Ranking
 from enliven.matching.subtrees import Abstraction, SubTree
 from enliven.matching.views import ScreenView
-from enliven.settings import parameter, setting
+from enliven.settings import parameter
 
+_MISSING_BRANCH_SCORE = -1.0
+"""Score of a source branch without a partner in the sub-tree: like an opposite direction."""
 _ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True)
 class RankingSettings:
     """Settings for scoring matches."""
+
+    REMOVED_SETTINGS: ClassVar = ("missing",)
 
     most: int = parameter(
         256,
@@ -33,7 +37,7 @@ class RankingSettings:
         low=1,
         high=100_000,
     )
-    measure: Literal["cosine", "dot"] = setting(
+    measure: Literal["cosine", "dot"] = parameter(
         "cosine",
         "Similarity of two branches: the cosine, or the dot product of branches scaled by the longest "
         'one. With "dot", short branches count little.',
@@ -44,13 +48,6 @@ class RankingSettings:
         'Applies to "cosine" only.',
         low=1e-6,
         high=1.0,
-    )
-    missing: float = setting(
-        -1.0,
-        "Score of a source branch without a partner in the sub-tree: -1 like an opposite direction, 0 "
-        "like a perpendicular one.",
-        low=-1.0,
-        high=0.0,
     )
     tie: float = parameter(1e-9, "Scores that differ by less than this are equal.", low=0.0, high=0.1)
     exhaustive: int = parameter(
@@ -118,7 +115,7 @@ class Matcher:
             self._seen_branches(source_points, source_first, source_view or view),
             plan.first,
             plan.whole,
-            settings.missing,
+            _MISSING_BRANCH_SCORE,
         )
         order = _best_indices(scores, settings.most, settings.tie)
         trees = self.abstraction.candidates

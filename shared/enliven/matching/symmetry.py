@@ -22,8 +22,10 @@ from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.matching.limb_shapes import LimbShapes
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.settings import setting
+from enliven.settings import parameter
 
+_MIN_LIMB_FRACTION = 0.02
+"""Limbs shorter than this fraction of the longest limb are ignored: they are ends of bones."""
 _MIN_MAPPED_FRACTION = 0.75
 """Minimum fraction of similar limbs that a rotation must map to one another. Smaller groups are ignored as
 coincidences: of a spider's eight legs, about three are always rotated copies of one another."""
@@ -33,15 +35,12 @@ coincidences: of a spider's eight legs, about three are always rotated copies of
 class SymmetrySettings:
     """Settings for the comparison of limbs."""
 
-    tolerance: float = setting(
+    tolerance: float = parameter(
         0.08,
         "Maximum root mean square distance between joints of equal limbs, as a fraction of the limb's "
         "reach. No joint may exceed twice this.",
         low=0.0,
         high=0.5,
-    )
-    shortest: float = setting(
-        0.02, "Limbs shorter than this fraction of the longest limb are ignored.", low=0.0, high=1.0
     )
 
 
@@ -100,7 +99,7 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     """
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
-    similar = list(body.similar_limbs(settings.tolerance, settings.shortest))
+    similar = list(body.similar_limbs(settings.tolerance, _MIN_LIMB_FRACTION))
     rotated = [
         group
         for joint, similar_children in similar

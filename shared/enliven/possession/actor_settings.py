@@ -68,10 +68,10 @@ class ActorSettings:
         low=0.0,
         high=10.0,
     )
-    fade_pace: float = setting(
+    fade_pace: float = parameter(
         2.5, "Maximum speed of this blend: large changes take longer.", unit="m/s", low=0.01
     )
-    patience: float = setting(
+    patience: float = parameter(
         0.2,
         "A performer out of sight for longer than this releases the mesh until they return.",
         unit="s",

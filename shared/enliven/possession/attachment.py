@@ -35,7 +35,7 @@ _PELVIS_CHILDREN = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
 class AttachmentSettings:
     """How a body attaches to a mesh."""
 
-    radius: float = setting(
+    radius: float = parameter(
         0.04, "Radius of the cylinder of sample points around each bone.", unit="m", low=0.0, high=0.5
     )
     along: int = parameter(4, "Number of samples along each bone.", low=1, high=64)

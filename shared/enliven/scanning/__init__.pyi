@@ -32,7 +32,6 @@ from .scanner import (
 )
 from .settings import (
     CutOutSettings as CutOutSettings,
-    LoopSettings as LoopSettings,
     DepthNoiseModel as DepthNoiseModel,
     ScanSettings as ScanSettings,
     VolumeSettings as VolumeSettings,

@@ -20,7 +20,7 @@ from enliven.scanning.depth_view import DepthPreparation, DepthView, restrict_vi
 from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
 from enliven.scanning.ground_plane import cut_out, find_focus, find_ground
 from enliven.scanning.keyframes import Keyframes
-from enliven.scanning.loop_closure.history import FrameHistory
+from enliven.scanning.loop_closure.history import MAX_HISTORY_MB, FrameHistory
 from enliven.scanning.loop_closure.loop_detection import LoopClosure, correct_trajectory
 from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.settings import (
@@ -141,7 +141,7 @@ class Scanner:
         self.tracker = CameraTracker(self.volumes, self.settings.tracking)
         self.keyframes = Keyframes()
         self.poses: list[tuple[int, Float]] = []
-        self.history = FrameHistory(self.settings.loops.history)
+        self.history = FrameHistory(MAX_HISTORY_MB)
         self._ups: list[Float | None] = []
         self._camera: tuple[Intrinsics, DepthPreparation] | None = None
         self.view: DepthView | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from enliven.settings import group, setting
+from enliven.settings import group, parameter, setting
 
 MIN_OVERLAP_FRACTION = 0.25
 """Minimum fraction of points that lie in known space."""
@@ -26,17 +26,17 @@ class DepthNoiseModel:
     Khoshelham and Elberink, Sensors 12 (2012); Nguyen, Izadi, Lovell, 3DIMPVT 2012, eq. 2.
     """
 
-    constant: float = setting(
+    constant: float = parameter(
         0.0012, "Standard deviation of the depth at the distance `start`.", unit="m", low=1e-5, high=0.1
     )
-    quadratic: float = setting(
+    quadratic: float = parameter(
         0.0019,
         "Increase of the standard deviation with the squared distance from `start`.",
         unit="1/m",
         low=0,
         high=0.1,
     )
-    start: float = setting(0.4, "Distance with the least noise.", unit="m", low=0, high=5)
+    start: float = parameter(0.4, "Distance with the least noise.", unit="m", low=0, high=5)
 
     def sigma(self, z: float) -> float:
         """Returns the standard deviation (m) of a depth of ``z`` metres."""
@@ -55,7 +55,7 @@ class VolumeSettings:
         low=0.001,
         high=0.1,
     )
-    near: float = setting(0.3, "Depth nearer than this is ignored.", unit="m", low=0, high=5)
+    near: float = parameter(0.3, "Depth nearer than this is ignored.", unit="m", low=0, high=5)
     far: float = setting(5.0, "Depth farther than this is ignored.", unit="m", low=0.2, high=20)
     reach: float = setting(
         2.2,
@@ -70,7 +70,7 @@ class VolumeSettings:
         low=16,
         high=100_000,
     )
-    colour: bool = setting(True, "Stores colours too, if the camera has them.")
+    colour: bool = parameter(True, "Stores colours too, if the camera has them.")
     noise: DepthNoiseModel = group(DepthNoiseModel, "Noise model of the camera's depth.")
 
 
@@ -78,19 +78,19 @@ class VolumeSettings:
 class TrackingSettings:
     """Settings of the alignment of a depth image with the surface."""
 
-    fine_stride: int = setting(
+    fine_stride: int = parameter(
         2,
         "Step between sample points in the finest volume, in pixels of the half-size image.",
         low=1,
         high=32,
     )
-    independent: float = setting(
+    independent: float = parameter(
         0.02,
         "Fraction of the points that count as having independent noise. Neighbouring pixels share theirs.",
         low=1e-4,
         high=1,
     )
-    unsure: float = setting(
+    unsure: float = parameter(
         0.05,
         "Maximum standard deviation of the camera position. Above it, the position counts as unknown.",
         unit="m",
@@ -100,44 +100,32 @@ class TrackingSettings:
 
 
 @dataclass(frozen=True)
-class LoopSettings:
-    """Settings of loop closure: how a trajectory that returns to an earlier place is corrected."""
-
-    history: int = setting(
-        400,
-        "Memory in megabytes for compressed images, which are fused again after a loop closure.",
-        low=1,
-        high=100_000,
-    )
-
-
-@dataclass(frozen=True)
 class CutOutSettings:
     """Settings for cutting an object that stands on the floor out of a scan."""
 
-    clearance: float = setting(
+    clearance: float = parameter(
         0.012,
         "Surfaces below this height above the floor are removed as noise.",
         unit="m",
         low=1e-3,
         high=0.2,
     )
-    about: float = setting(
+    about: float = parameter(
         0.7,
         "Radius around the point that the camera looked at, within which objects are preferred.",
         unit="m",
         low=0.05,
         high=5,
     )
-    least_area: float = setting(0.02, "Minimum surface area of an object.", unit="m^2", low=1e-4, high=1)
+    least_area: float = parameter(0.02, "Minimum surface area of an object.", unit="m^2", low=1e-4, high=1)
     number: int = setting(
         1,
         "Number of the object on the floor to cut out. 1 is the one that the camera looked at most.",
         low=1,
         high=100,
     )
-    hole: float = setting(0.15, "Maximum rim length of holes that are closed.", unit="m", low=0, high=10)
-    drawn: float = setting(
+    hole: float = parameter(0.15, "Maximum rim length of holes that are closed.", unit="m", low=0, high=10)
+    drawn: float = parameter(
         0.0, "Open rims below this height are extended down to the floor.", unit="m", low=0, high=1
     )
 
@@ -146,14 +134,14 @@ class CutOutSettings:
 class ObjectSettings:
     """Settings for separating an object that is moved during the scan from the room, and finding it again."""
 
-    known_after: int = setting(
+    known_after: int = parameter(
         30,
         "Number of images after which the resting object is first segmented. This is repeated each "
         "time the number doubles.",
         low=5,
         high=1000,
     )
-    followed: bool = setting(False, "Tracks the object while it turns, for example on a turntable.")
+    followed: bool = parameter(False, "Tracks the object while it turns, for example on a turntable.")
 
 
 @dataclass(frozen=True)
@@ -162,10 +150,9 @@ class ScanSettings:
 
     volume: VolumeSettings = group(VolumeSettings, "Fusion of images into a surface.")
     tracking: TrackingSettings = group(TrackingSettings, "Tracking of the camera.")
-    loops: LoopSettings = group(LoopSettings, "Loop closure.")
     cut_out: CutOutSettings = group(CutOutSettings, "Cutting the object out of the scan.")
     moved: ObjectSettings = group(ObjectSettings, "An object that is moved during the scan.")
-    least_depth: float = setting(0.05, "Minimum fraction of an image that shows a surface.", low=0, high=1)
+    least_depth: float = parameter(0.05, "Minimum fraction of an image that shows a surface.", low=0, high=1)
 
 
 def settings_within(volume: VolumeSettings, within: float) -> ScanSettings:

@@ -34,7 +34,7 @@ from enliven.document import (
 from enliven.errors import EnlivenError, InputError
 from enliven.examples.baking.bake import bake_surface
 from enliven.examples.baking.frames import SurfaceFrames
-from enliven.examples.baking.settings import BakeSettings
+from enliven.examples.baking.settings import MAX_CACHED_FRAMES_MB, BakeSettings
 from enliven.files import DAMAGE
 from enliven.meshes import Mesh
 from enliven.modeling.possessed.even_steps import between, even_times, stream_of
@@ -199,7 +199,7 @@ def _bake_puppet(
     settings, places = BakeSettings(), between(local, seconds, grid)
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(
-        puppet.mesh, SurfaceFrames(puppet, places, settings.kept), places, point_vertices, settings
+        puppet.mesh, SurfaceFrames(puppet, places, MAX_CACHED_FRAMES_MB), places, point_vertices, settings
     )
     notes.append(f"The surface of {character.id!r} was baked, {surface.error}.")
     roots, step = between(world[:, 0], seconds, grid), float(grid[1] - grid[0])

@@ -23,27 +23,29 @@ from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.person import Body
 from enliven.recording import DEPTH_TOPIC, Recording
-from enliven.settings import setting
+from enliven.settings import parameter
 from enliven.takes.capture_clip import clip_of_bodies
 from enliven.takes.performers import merge_performers
 from enliven.wire import BODIES, BodiesMessage, message_to_bodies
+
+_STEP_S = 1.0 / 30.0
+"""Time between two frames of a take, in seconds: the rate of depth cameras."""
 
 
 @dataclass(frozen=True)
 class TakeSettings:
     """Settings that turn a recording into takes."""
 
-    gap: float = setting(
+    gap: float = parameter(
         0.5,
         "A person that is away for longer than this starts a new take.",
         unit="s",
         low=0.0,
         high=60.0,
     )
-    shortest: float = setting(
+    shortest: float = parameter(
         0.5, "Minimum length of a take. Shorter ones are discarded.", unit="s", low=0.0, high=600.0
     )
-    step: float = setting(1.0 / 30.0, "Time between two frames of a take.", unit="s", low=1e-3, high=1.0)
 
 
 def clips_of_recording(
@@ -102,11 +104,11 @@ def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) 
     """
     visits = _find_visits(frames, settings.gap)
     if len({ns for visit in visits for ns, _ in visit}) == 1:
-        parts = [[(ns, body), (ns + round(settings.step * 1e9), body)] for ((ns, body),) in visits]
+        parts = [[(ns, body), (ns + round(_STEP_S * 1e9), body)] for ((ns, body),) in visits]
     else:
         parts = [visit for visit in visits if (visit[-1][0] - visit[0][0]) * 1e-9 >= settings.shortest]
     ids = [name] if len(parts) == 1 else [f"{name} {number}" for number in range(1, len(parts) + 1)]
-    return [_visit_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
+    return [_visit_clip(id, part, _STEP_S) for id, part in zip(ids, parts, strict=True)]
 
 
 _Visit = list[tuple[int, Body]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import tempfile
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
@@ -76,6 +77,7 @@ def train_estimator(
     from enliven_synthesis.training.pose_network.quantisation import quantise
     from enliven_synthesis.training.pose_network.training import (
         FINE_TUNING_RATE,
+        FRONTAL_FRACTION,
         VALIDATION_SAMPLES,
         TrainingSettings,
         export,
@@ -85,16 +87,16 @@ def train_estimator(
     from enliven_synthesis.training.pose_network.weight_import import interpolate_networks, restore_network
 
     values: dict[str, object] = {"pictures": pictures, "steps": steps, "batch": batch, "seed": seed}
-    if start is not None:
-        values["rate"] = FINE_TUNING_RATE
     settings = load_settings(TrainingSettings, values, where="train-estimator")
+    if start is not None:
+        settings = replace(settings, rate=FINE_TUNING_RATE)
     with tempfile.TemporaryDirectory() as spare, Progress(transient=True) as progress:
         if album is not None and album.exists() and any(album.iterdir()):
             dataset = Dataset(album)
         else:
             rendering = progress.add_task("Rendering", total=settings.pictures)
             dataset = render_dataset(
-                album or Path(spare) / "album", settings.pictures, settings.frontal, settings.seed,
+                album or Path(spare) / "album", settings.pictures, FRONTAL_FRACTION, settings.seed,
                 lambda more: progress.advance(rendering, more),
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)

@@ -82,7 +82,9 @@ class NoiseProfile:
         low=0,
         high=0.05,
     )
-    lateral: float = data_field(0.8, "Standard deviation of the position of an edge.", unit="px", low=0, high=5)
+    lateral: float = data_field(
+        0.8, "Standard deviation of the position of an edge.", unit="px", low=0, high=5
+    )
     correlation: float = data_field(
         1.0, "Width of the window within which neighbouring pixels share noise.", unit="px", low=1, high=25
     )
@@ -93,7 +95,9 @@ class NoiseProfile:
 class FaultProfile:
     """Missing and wrong depth."""
 
-    edge: float = data_field(2.0, "Distance from an edge within which faults occur.", unit="px", low=0, high=12)
+    edge: float = data_field(
+        2.0, "Distance from an edge within which faults occur.", unit="px", low=0, high=12
+    )
     edge_holes: float = data_field(0.3, "Fraction of the pixels behind an edge without depth.", low=0, high=1)
     flying: float = data_field(
         0.0,

@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.modeling.mesh.cut_loops import winding_number
 from enliven.modeling.sketching.axis_bones import simplify_chain
 from enliven.modeling.sketching.outline import _crossing_segments, outline_of
-from enliven.modeling.sketching.sketch import SketchPlane, SketchSettings, shape_from_stroke
+from enliven.modeling.sketching.sketch import SketchPlane, shape_from_stroke
 
 ALL = {
     "tentacle": strokes.tentacle(),
@@ -107,11 +107,11 @@ def test_a_disc_becomes_a_ball_and_a_strip_a_round_rod():
     middle = np.abs(rod.mesh.vertices[:, 0] - 2) < 1
     away = np.linalg.norm(rod.mesh.vertices[middle, 1:], axis=1)
     np.testing.assert_allclose(away, 0.2, rtol=0.06)
-    flat = shape_from_stroke(np.stack([np.cos(turn), np.sin(turn)], 1), settings=SketchSettings(depth=0.5))
+    flat = shape_from_stroke(np.stack([np.cos(turn), np.sin(turn)], 1), depth=0.5)
     assert volume(flat.mesh) == pytest.approx(volume(disc.mesh) / 2, rel=0.02)
     # Also where a limb is so thin that no point lies inside of it.
     thin = strokes.limb(np.array([[0.0, 0], [4.0, 0]]), np.array([0.02, 0.02]))
-    low, high = shape_from_stroke(thin, settings=SketchSettings(depth=0.5)).mesh.bounds
+    low, high = shape_from_stroke(thin, depth=0.5).mesh.bounds
     assert high[2] - low[2] == pytest.approx(0.02, rel=0.2)
 
 

@@ -93,7 +93,7 @@ def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, besid
     goes_on, colour, out = threading.Event(), (200, 30, 60), io.BytesIO()
     Image.new("RGB", (8, 8), colour).save(out, "PNG")
     source = Texture(np.frombuffer(out.getvalue(), np.uint8), json.dumps({"magFilter": 9728}))
-    textures = Textures(gl, 64, 1)
+    textures = Textures(gl, 64)
     textures.decodes_in_background = beside
     if beside:
         from enliven_viewer.render.materials import textures as decoding

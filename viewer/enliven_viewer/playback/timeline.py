@@ -16,6 +16,8 @@ from enliven.person import Body
 from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
 
+_MAX_CLOCK_STEP_BACK_S = 1.0
+"""A new timeline starts if the sensor's clock jumps back by more seconds. Late poses are younger."""
 NS_PER_S = 1_000_000_000
 """Nanoseconds per second: the sensor's clock counts nanoseconds."""
 
@@ -265,7 +267,7 @@ class Timeline:
         """
         if (
             self._times
-            and moment.time_ns < self._times[-1] - self.settings.restart * NS_PER_S
+            and moment.time_ns < self._times[-1] - _MAX_CLOCK_STEP_BACK_S * NS_PER_S
             and self._bounded
         ):
             self.clear()

@@ -16,6 +16,8 @@ from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned_mesh import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
+_REVEAL_DISTANCE_M = 0.10
+"""Distance from the performer's body within which the mesh is transparent, so that the body is visible."""
 ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which moderngl does not name."""
 
@@ -145,7 +147,7 @@ class MeshPass:
         """Returns the program of two shaders with these defines. Each program is compiled once."""
         if (name, defines) not in self._programs:
             program = load_program(self.ctx, f"{name}.vert", f"{name}.frag", defines=defines)
-            set_uniform(program, "reveal_distance", max(self.settings.reveal_distance, 1e-4))
+            set_uniform(program, "reveal_distance", _REVEAL_DISTANCE_M)
             set_uniform(program, "reveal_opacity", self.settings.reveal_opacity)
             self._programs[name, defines] = program
         return self._programs[name, defines]

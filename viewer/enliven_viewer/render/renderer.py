@@ -32,6 +32,8 @@ from enliven_viewer.render.skinned_mesh import SkinnedMesh
 from enliven_viewer.render.stage_look import LOOKS, find_key_direction, make_look_rows
 from enliven_viewer.settings import RenderSettings
 
+_CREASE_ANGLE_RAD = math.radians(45.0)
+"""Edges with a larger angle are shaded sharp, others smooth: boxes stay sharp, and round parts smooth."""
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
 """The box that camera and light are aimed at while the scene is empty."""
 _SHADOW_BLUR = (2.0,)
@@ -60,7 +62,7 @@ class Renderer:
         self._frame = ctx.buffer(reserve=_FRAME_BYTES, dynamic=True)
         self._skin = load_program(ctx, "skin.vert", varyings=("out_position", "out_normal"))
         self._mesh_pass = MeshPass(ctx, self.settings)
-        self.textures = Textures(ctx, self.settings.texture_size, self.settings.anisotropy)
+        self.textures = Textures(ctx, self.settings.texture_size)
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
         self._to_key = find_key_direction(self.settings)
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
@@ -155,7 +157,7 @@ class Renderer:
         for actor in scene.actors:
             mesh = self._meshes.get(actor.character.id)
             if mesh is None or mesh.character is not actor.character:
-                crease = math.radians(self.settings.crease_angle)
+                crease = _CREASE_ANGLE_RAD
                 new_mesh = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
                 if mesh is not None:
                     # Release the old mesh only after the new one has taken the textures that both share.

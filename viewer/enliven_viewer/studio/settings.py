@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from enliven.outputs.settings import LiveOutputSettings
-from enliven.settings import group, setting
+from enliven.settings import group, parameter, setting
 from enliven_viewer.settings import RenderSettings
 
 
@@ -13,21 +14,16 @@ from enliven_viewer.settings import RenderSettings
 class StudioSettings:
     """The settings of the studio's window."""
 
+    REMOVED_SETTINGS: ClassVar = ("snap", "matches")
+
     render: RenderSettings = group(RenderSettings, "Settings of the rendered image.")
     width: int = setting(1360, "Width of the window.", unit="pixels", low=640, high=16384)
     height: int = setting(820, "Height of the window.", unit="pixels", low=480, high=16384)
     reach: float = setting(
         11.0, "Maximum distance of a click from a joint or bone to select it.", unit="pixels", low=1, high=80
     )
-    snap: float = setting(
-        26.0,
-        "Maximum distance at which a dragged root snaps to a node and is merged with it.",
-        unit="pixels",
-        low=1,
-        high=200,
-    )
     frame_step: float = setting(1 / 30, "Time step of the arrow keys.", unit="seconds", low=0.001, high=1)
-    shortest: float = setting(
+    shortest: float = parameter(
         2.0,
         "Minimum length of the timeline, for a project without motion.",
         unit="seconds",
@@ -54,4 +50,3 @@ class StudioSettings:
     outputs: dict[str, LiveOutputSettings] = field(
         default_factory=dict, metadata={"doc": "Other programs that receive the shown motion live, by name."}
     )
-    matches: int = setting(6, "Maximum number of thumbnails of matches.", low=1, high=24)

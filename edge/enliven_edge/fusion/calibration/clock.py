@@ -41,8 +41,6 @@ def find_likely_lags(
     score, common_samples = _correlate(signal_a, seen_a, signal_b, seen_b)
     lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _SAMPLE_RATE_HZ + a.times[0] - b.times[0]
     score = np.where(common_samples >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
-    if settings.clock_range and known is not None:
-        score = np.where(np.abs(lags - known) <= settings.clock_range, score, -np.inf)
     candidates = [] if known is None or not _overlap(a, b, known, settings) else [known]
     while len(candidates) < _MAX_CANDIDATES and np.isfinite(score).any():
         best = int(np.argmax(score))

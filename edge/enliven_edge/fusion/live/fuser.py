@@ -18,6 +18,8 @@ from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 
+_SILENCE_S = 1.0
+"""A sensor that sends nothing for this many seconds counts as silent: 15 to 30 missing frames."""
 _MAX_SAME_PERSON_DISTANCE_M = 0.45
 """Bodies farther apart than this are different people."""
 
@@ -59,7 +61,7 @@ class Fuser:
         late."""
         view = self.views[self._numbers[sensor]]
         old_state = view.state
-        is_new = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
+        is_new = view.update(bodies, time_ns, _SILENCE_S, frozen=frozen)
         self._add_warning(view, old_state, time_ns)
         return is_new
 
@@ -159,7 +161,7 @@ class Fuser:
         for view in self.views:
             if view.last_ns is None or view.state in (SensorState.ENDED, SensorState.LOST):
                 continue
-            if time_ns - view.last_ns > self.settings.silence * 1e9:
+            if time_ns - view.last_ns > _SILENCE_S * 1e9:
                 old_state, view.state, view.sightings = view.state, SensorState.SILENT, {}
                 self._add_warning(view, old_state, time_ns)
 

@@ -13,6 +13,8 @@ from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
 from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment, walks_backward
 from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
 
+_BLEND_TIME_CONSTANT_S = 0.25
+"""Seconds, the time constant for blending from one sensor to another: no visible jump, little lag."""
 _SIDE_SWAP_S = 1.0
 """Time for which a majority must disagree before left and right are exchanged."""
 _NUMBER_TRUST_S = 30.0
@@ -77,7 +79,7 @@ class FusedPerson:
         if has_prediction:
             doubt_outliers(x, w, expected)
             self._down_weight_unsteady(x, w, expected, seconds)
-        step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
+        step = 1.0 - np.exp(-max(seconds, 0.0) / _BLEND_TIME_CONSTANT_S)
         gain = float(step) if has_prediction else 1.0
         joints = np.empty((20, 3))
         blend(x, w, expected, has_prediction, self._had_value, self._offsets, gain, joints)

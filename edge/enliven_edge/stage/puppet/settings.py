@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class PuppetSettings:
         low=0,
         high=30,
     )
-    rate: float = setting(
+    rate: float = parameter(
         60.0,
         "Samples per second of the puppet's motion, independent of the sensor's frame rate.",
         unit="1/s",
@@ -52,7 +52,7 @@ class PuppetSettings:
         low=0.0,
         high=10.0,
     )
-    fade_pace: float = setting(
+    fade_pace: float = parameter(
         2.5,
         "Maximum speed of this blend: large changes take longer.",
         unit="m/s",

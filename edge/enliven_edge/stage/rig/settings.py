@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from enliven.matching.picking import PickingSettings
 from enliven.matching.ranking import RankingSettings
-from enliven.settings import group, setting
+from enliven.settings import group, parameter, setting
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class MatchingSettings:
         low=0.0,
         high=3600.0,
     )
-    listed: int = setting(6, "Number of matches that are sent to viewers.", unit="matches", low=1, high=15)
+    listed: int = parameter(6, "Number of matches that are sent to viewers.", unit="matches", low=1, high=15)
     ranking: RankingSettings = group(RankingSettings, "Scoring of matches.")
     picking: PickingSettings = group(
         PickingSettings, "When the shown match changes, and when it is accepted."

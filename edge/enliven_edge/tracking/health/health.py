@@ -11,7 +11,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.frames import DepthFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.person import Body
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 from enliven_edge.sensors import CHECK_IT, Condition
 from enliven_edge.tracking.frame.frame_check import FrameCheck, FrameTiming
 from enliven_edge.tracking.frame.reduction import DepthSurvey, survey
@@ -19,6 +19,8 @@ from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
 from enliven_edge.tracking.health.framing import WATCHED, find_cut_off, find_touching
 
+_FROZEN_NS = 700_000_000
+"""Nanoseconds with an unchanged image after which a frozen sensor is reported. Noise changes every image."""
 _MAX_MISSING_FRACTION = 0.28
 """Fraction of the usual depth pixels that may be missing before it is reported."""
 _LEARNING_S = 2.0
@@ -72,23 +74,15 @@ _PLACE_MARGIN = 0.1
 class HealthSettings:
     """The limits beyond which a problem is reported."""
 
-    REMOVED_SETTINGS: ClassVar = (
-        "missing",
-        "far_margin",
-        "unclear",
-        "learning",
-    )
+    REMOVED_SETTINGS: ClassVar = ("missing", "far_margin", "unclear", "learning", "frozen")
     frame_rate: float = setting(
         30.0,
         "Expected frame rate, used if the sensor does not state one. Slower sensors are reported.",
         unit="Hz",
         low=0.1,
     )
-    silent: float = setting(
+    silent: float = parameter(
         1.0, "Time without a frame after which a silent sensor is reported.", unit="s", low=0.05
-    )
-    frozen: float = setting(
-        0.7, "Time with an unchanged image after which a frozen sensor is reported.", unit="s", low=0.1
     )
     near: float = setting(0.9, "A performer nearer than this is reported as too near.", unit="m", low=0.0)
 
@@ -277,7 +271,7 @@ class HealthMonitor:
             is_same = depth_survey.image_hash == self._mark and depth_survey.usable_fraction > 0
             self._same, self._same_ns = (self._same + 1, self._same_ns) if is_same else (1, now)
             self._mark = depth_survey.image_hash
-        is_still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
+        is_still = self._same > _FROZEN_FRAMES and now - self._same_ns >= _FROZEN_NS
         self._alarms.update(HealthKind.FROZEN, is_still or self._timing.repeated >= _REPEATED_FRAMES, now)
 
     def _judge_image(self, depth_survey: DepthSurvey, now: int) -> None:

@@ -22,6 +22,8 @@ from enliven_edge.tracking.segment.segmentation import Segments, segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
+_MAX_HIDDEN_S = 4.0
+"""Seconds for which an occluded person is kept before the track ends. Then the person is searched again."""
 _HIDDEN_OCCLUSION = 0.55
 """Maximum occluded fraction of a visible person. Above it the person counts as hidden, because few visible
 pixels seldom give a good fit."""
@@ -175,7 +177,7 @@ class MultiPersonTracker:
         """Handles a frame of a covered lens: treats all people as hidden."""
         for person in list(self.people):
             person.hide(view.time_ns)
-            if person.hidden_for(view.time_ns) > self.settings.people.hidden:
+            if person.hidden_for(view.time_ns) > _MAX_HIDDEN_S:
                 self.track_manager.leave(person, view.time_ns)
         self.track_manager.segmented = list(self.people)
         return segment_people(view, kind, [])
@@ -278,7 +280,7 @@ class MultiPersonTracker:
                 self._reject(person, view.time_ns)
         else:
             person.move_with_pixels(view, visibility.pixels)
-        if person.hidden_for(view.time_ns) > self.settings.people.hidden and person in self.people:
+        if person.hidden_for(view.time_ns) > _MAX_HIDDEN_S and person in self.people:
             self.track_manager.leave(person, view.time_ns)
 
     def _reject(self, person: Person, time_ns: int) -> None:

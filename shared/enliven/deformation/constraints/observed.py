@@ -26,7 +26,7 @@ from enliven.settings import parameter, setting
 class ObservedSettings:
     """Settings for following the observed surface of the performer."""
 
-    farthest: float = setting(
+    farthest: float = parameter(
         0.25,
         "Maximum distance of an observed point from the mesh for it to attract the mesh.",
         unit="m",

@@ -78,7 +78,7 @@ class EmbeddedSettings:
     planes: float = parameter(
         10.0, "Weight of soft plane constraints: floor, self-contact and observed depth.", low=0.0
     )
-    iterations: int = setting(60, "Maximum number of iterations per frame.", low=1, high=3000)
+    iterations: int = parameter(60, "Maximum number of iterations per frame.", low=1, high=3000)
     budget_ms: float = setting(
         0.0,
         "Approximate time limit per frame; later frames continue from an unfinished result. 0 removes "

@@ -25,6 +25,10 @@ from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
 
+_CANDIDATE_TRANSFORMS = 8
+"""Number of nearby transforms that a vertex may follow. It finally follows at most four of them."""
+
+
 Frames = Callable[[], Iterable[Float]]
 """A function that returns a new iterator over all frames (V, 3) metres at each call."""
 _CHUNK_FRAMES = 16
@@ -215,7 +219,7 @@ class _Fit:
     def _assign_seeds(self) -> None:
         """Assigns each vertex to the nearest seed along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
-        self._candidates = self.seeds.nearest(self._settings.candidates)
+        self._candidates = self.seeds.nearest(_CANDIDATE_TRANSFORMS)
         self.indices = np.zeros((len(self._rest), 4), np.int32)
         self.indices[:, 0] = self._candidates[:, 0]
         self.weights = np.zeros((len(self._rest), 4))

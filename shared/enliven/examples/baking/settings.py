@@ -4,50 +4,51 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from enliven.settings import setting
+from enliven.settings import parameter
+
+MAX_CACHED_FRAMES_MB = 256.0
+"""Maximum memory for solved frames, in megabytes. Longer motions are solved again when they are needed."""
 
 
 @dataclass(frozen=True)
 class BakeSettings:
     """Settings for the accuracy and the cost of a bake."""
 
-    rms: float = setting(
+    rms: float = parameter(
         0.001, "Maximum accepted root mean square error.", unit="share of the mesh's size", low=0.0
     )
-    worst: float = setting(
+    worst: float = parameter(
         0.01,
         "Maximum accepted error of any vertex in any frame.",
         unit="share of the mesh's size",
         low=0.0,
     )
-    nodes: int = setting(96, "Maximum number of transforms, including control points.", low=1, high=1024)
-    first: int = setting(32, "Initial number of transforms.", low=1, high=1024)
-    targets: int = setting(64, "Maximum number of morph targets (blend shapes).", low=1, high=512)
-    rounds: int = setting(
+    nodes: int = parameter(96, "Maximum number of transforms, including control points.", low=1, high=1024)
+    first: int = parameter(32, "Initial number of transforms.", low=1, high=1024)
+    targets: int = parameter(64, "Maximum number of morph targets (blend shapes).", low=1, high=512)
+    rounds: int = parameter(
         4, "Number of alternating fits of weights and transforms after each addition.", low=1, high=100
     )
-    candidates: int = setting(8, "Number of nearby transforms that a vertex may follow.", low=4, high=16)
-    smooth: float = setting(
+    smooth: float = parameter(
         0.006,
         "Error accepted for weights that are similar to those of neighbouring vertices.",
         unit="share of the mesh's size",
         low=0.0,
         high=1.0,
     )
-    rigid: float = setting(
+    rigid: float = parameter(
         0.005,
         "Strength with which transforms stay rotations if the surface does not determine them.",
         low=1e-9,
         high=10.0,
     )
-    frames: int = setting(
+    frames: int = parameter(
         120,
         "Number of most different frames used for the fit. The error is measured in all frames.",
         low=2,
         high=5000,
     )
-    kept: float = setting(256.0, "Maximum memory for cached solved frames.", unit="MB", low=0.0)
-    keys: float = setting(
+    keys: float = parameter(
         0.0005,
         "Additional error allowed for removing animation keys.",
         unit="share of the mesh's size",

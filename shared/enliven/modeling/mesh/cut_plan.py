@@ -23,8 +23,12 @@ from enliven.modeling.mesh.cut_loops import (
     winding_number,
 )
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
-from enliven.settings import setting
+from enliven.settings import parameter
 
+_MAX_SLIDE_EDGES = 0.15
+"""Maximum shift of the cut to keep it away from vertices, as a fraction of an edge length: not visible."""
+_MAX_GAP_FRACTION = 0.3
+"""Maximum missing fraction of a loop that is still closed. Scans have holes."""
 _SIDES = ((0, 1), (1, 2), (2, 0))
 """The numbers of the two corners of each of a triangle's three sides."""
 _MIN_ISLAND_FRACTION = 0.05
@@ -36,27 +40,8 @@ skin weights can create small islands."""
 class CutSettings:
     """Settings for cutting meshes."""
 
-    slide: float = setting(
-        0.15,
-        "Maximum shift of the cut to keep it away from vertices, as a fraction of an edge's length.",
-        low=0.0,
-        high=0.5,
-    )
-    gap: float = setting(
-        0.3,
-        "Maximum missing fraction of a loop that is still closed. Raise it for scans with holes.",
-        low=0.0,
-        high=1.0,
-    )
-    belongs: float = setting(
-        0.75,
-        "Minimum fraction of each side that follows its own bones. Below it, the skin weights decide "
-        "where to cut.",
-        low=0.0,
-        high=1.0,
-    )
-    rounding: float = setting(0.0, "Roundness of the caps: 0 is flat, 1 a hemisphere.", low=0.0, high=1.0)
-    fine: bool = setting(True, "Adds vertices inside the caps, so that they can bend and be rounded.")
+    rounding: float = parameter(0.0, "Roundness of the caps: 0 is flat, 1 a hemisphere.", low=0.0, high=1.0)
+    fine: bool = parameter(True, "Adds vertices inside the caps, so that they can bend and be rounded.")
 
 
 @dataclass
@@ -106,7 +91,7 @@ class CutPlan:
         met = (low <= 0) & (high >= 0)
         if not met.any():
             return 0.0
-        window = self.settings.slide * float(np.median((high - low)[met]))
+        window = _MAX_SLIDE_EDGES * float(np.median((high - low)[met]))
         near = self.field[np.abs(self.field) < window]
         stops = np.concatenate([[-window], np.sort(near), [window]])
         wide = np.diff(stops)
@@ -291,7 +276,7 @@ class CutPlan:
             chains = order_chains(self.found.pairs[cut & (shell == shell_number)])
             loops = [
                 order
-                for order, shut in joined(chains, self.places, self.settings.gap)
+                for order, shut in joined(chains, self.places, _MAX_GAP_FRACTION)
                 if shut and len(order) > 2
             ]
             note = "a part of the mesh was open at the cut, and was left open"

@@ -27,6 +27,9 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
 
+_MIN_OWN_FRACTION = 0.75
+"""Minimum fraction of each side that follows its own bones. Below it, the skin weights decide where to
+cut."""
 _LARGER_SIDE_RATIO = 1.01
 """The far side counts as larger if its area exceeds the other area by this factor, to allow for rounding."""
 
@@ -88,7 +91,7 @@ def cut_across_bone(
     beyond[bone] = 0.0
     ahead = (beyond[skin.indices] * skin.weights).sum(1)
     behind = 1.0 - ahead - bone_weight
-    if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > settings.belongs:
+    if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > _MIN_OWN_FRACTION:
         return cut
     # This cut does not separate the skin of the bones well. For example, a plane through the middle of the
     # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.

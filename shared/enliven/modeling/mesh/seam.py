@@ -24,10 +24,20 @@ from enliven.arrays import Bool, Float
 from enliven.document import Skeleton, SkinWeights
 from enliven.meshes import Mesh, weld
 from enliven.meshes.flips import across_edges
-from enliven.modeling.skinning.heat_diffusion import HeatSettings, heat_weights, segments_of
+from enliven.modeling.skinning.heat_diffusion import heat_weights, segments_of
 from enliven.modeling.skinning.skin_values import bone_count, dense, sparse
-from enliven.settings import setting
+from enliven.settings import parameter
 
+_SMOOTH_RINGS = 3
+"""Number of vertex rings around a seam that are smoothed: the width of a visible step."""
+_MIN_SMOOTH_RADII = 0.15
+"""Minimum distance from the seam that is smoothed, in radii of the seam, for meshes with narrow rings."""
+_MAX_SMOOTH_RADII = 0.9
+"""Maximum distance from the seam that is smoothed, in radii of the seam, for meshes with wide rings."""
+_MAX_DISPLACEMENT_RADII = 0.3
+"""Maximum displacement of a vertex, in radii of the seam, so that a limb keeps its thickness."""
+_MIN_SMOOTHED_BEND_DEG = 15.0
+"""Minimum bend of a smoothed seam edge, in degrees. Flatter edges are invisible."""
 _HOLD_WEIGHT = 1e-6
 """Weight that pulls vertices towards their old positions, relative to the smoothness term."""
 _MAX_DISPLACEMENT_EDGES = 1.5
@@ -38,34 +48,13 @@ _MAX_DISPLACEMENT_EDGES = 1.5
 class SeamSettings:
     """Settings for smoothing a seam and its weights."""
 
-    smooth_rings: int = setting(3, "Number of vertex rings around a seam that are smoothed.", low=0, high=20)
-    smooth_reach: float = setting(
-        0.15, "Minimum distance from the seam that is smoothed.", unit="radii of the seam", low=0.0, high=5.0
-    )
-    smooth_most: float = setting(
-        0.9,
-        "Maximum distance from the seam that is smoothed, if rings are wide.",
-        unit="radii of the seam",
-        low=0.0,
-        high=10.0,
-    )
-    farthest: float = setting(
-        0.3, "Maximum displacement of a vertex.", unit="radii of the seam", low=0.0, high=10.0
-    )
-    strength: float = setting(
+    strength: float = parameter(
         1.0, "Strength of the smoothing: 0 is off, 1 is the smoothest shape.", unit="share", low=0.0, high=1.0
     )
-    crease: float = setting(
-        15.0,
-        "Seam edges that bend by less than this angle are not smoothed.",
-        unit="degrees",
-        low=0.0,
-        high=180.0,
-    )
-    weight_rings: int = setting(
+    weight_rings: int = parameter(
         3, "Minimum number of vertex rings around a seam that get new skin weights.", low=0, high=40
     )
-    weight_reach: float = setting(
+    weight_reach: float = parameter(
         0.7,
         "Minimum distance from the seam within which skin weights are new.",
         unit="radii of the seam",
@@ -92,15 +81,13 @@ def smooth_seam(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) ->
     settings = settings or SeamSettings()
     if settings.strength == 0.0 or not seam.any():
         return mesh
-    sharp = find_creases(mesh, seam, settings.crease)
-    free = _is_near_seam(
-        mesh, seam, sharp, settings.smooth_rings, settings.smooth_reach, settings.smooth_most
-    )
+    sharp = find_creases(mesh, seam, _MIN_SMOOTHED_BEND_DEG)
+    free = _is_near_seam(mesh, seam, sharp, _SMOOTH_RINGS, _MIN_SMOOTH_RADII, _MAX_SMOOTH_RADII)
     if not free.any() or free.all():
         return mesh
     move = settings.strength * (fair(mesh, free) - mesh.vertices)
     length = np.linalg.norm(move, axis=1, keepdims=True)
-    most = settings.farthest * _loop_radius(mesh.vertices[seam])
+    most = _MAX_DISPLACEMENT_RADII * _loop_radius(mesh.vertices[seam])
     moved = mesh.vertices + move * np.minimum(1.0, most / np.maximum(length, 1e-300))
     return replace(mesh, vertices=np.where(free[:, None], moved, mesh.vertices))
 
@@ -115,7 +102,7 @@ def reweight_seam(
     if not free.any():
         return skin
     bones = max(len(skeleton), bone_count(skin))
-    weights = heat_weights(mesh, *segments_of(skeleton), bones, HeatSettings(), dense(skin, bones), free)
+    weights = heat_weights(mesh, *segments_of(skeleton), bones, dense(skin, bones), free)
     new = sparse(weights[free], smooth=True)
     indices, new_weights = skin.indices.copy(), skin.weights.copy()
     indices[free], new_weights[free] = new.indices, new.weights

@@ -14,7 +14,7 @@ from enliven.document import GraphPart, GraphShape, PoseStream, Project, Puppet,
 from enliven.errors import InputError
 from enliven.examples.baking.bake import BakedSurface, bake_surface
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
-from enliven.examples.baking.settings import BakeError, BakeSettings
+from enliven.examples.baking.settings import MAX_CACHED_FRAMES_MB, BakeError, BakeSettings
 from enliven.meshes import Mesh
 from enliven.rotation import rotate, to_matrix
 
@@ -68,7 +68,7 @@ def bake_motion(
     stop = project.end_of(puppet) if end is None else end
     times = frame_times(start, stop, rate, puppet.id)
     places, turns, roots = evaluate_states(project, puppet, times)
-    frames = SurfaceFrames(puppet, places, settings.kept)
+    frames = SurfaceFrames(puppet, places, MAX_CACHED_FRAMES_MB)
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(puppet.mesh, frames, places, point_vertices, settings)
     ids = (puppet.id, puppet.id) if ids is None else ids

@@ -7,7 +7,7 @@ its key poses, a half has the same shape as before the cut.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,22 +31,14 @@ from enliven.modeling.puppet.parts import (
     without_ambiguous_poses,
     without_points,
 )
-from enliven.settings import setting
 
-
-@dataclass(frozen=True)
-class PuppetCutSettings:
-    """Settings for how closely the halves of a puppet keep the shape and motion of the whole."""
-
-    tolerance: float = setting(
-        0.02,
-        "Maximum deviation of a half from its shape in the whole puppet, in a key pose.",
-        unit="share of the mesh's size",
-        low=0.0,
-        high=1.0,
-    )
-    along: int = setting(4, "Initial number of new control points along the cut.", low=3, high=100)
-    most: int = setting(12, "Maximum number of new control points per half.", low=3, high=500)
+MAX_HALF_DEVIATION = 0.02
+"""Maximum deviation of a half from its shape in the whole puppet, in a key pose, as a fraction of the mesh's
+size. Smaller ones are not visible."""
+_FIRST_CUT_POINTS = 4
+"""Initial number of new control points along the cut: they hold the border of a round limb."""
+_MAX_CUT_POINTS = 12
+"""Maximum number of new control points per half: more slow the puppet down."""
 
 
 def cut_puppet(
@@ -55,7 +47,6 @@ def cut_puppet(
     stroke: CutSurface,
     time: float,
     *,
-    settings: PuppetCutSettings | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, str]]:
     """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
@@ -67,7 +58,6 @@ def cut_puppet(
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
         time: time of the project in seconds.
-        settings: accuracy of the halves.
         notes: a list that receives sentences about the closing of the mesh and about the errors of the
             halves.
 
@@ -93,9 +83,7 @@ def cut_puppet(
         messages.append("The halves have no plane of symmetry; mirrored key poses were added as key poses.")
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
-        half = _Half(project, unfolded_puppet, old_places, piece, settings or PuppetCutSettings()).made(
-            name, messages
-        )
+        half = _Half(project, unfolded_puppet, old_places, piece).made(name, messages)
         state = state_at(project.with_characters(half), half, time)
         halves.append(align_puppet(half, state, puppet, before))
     return project.with_characters(*halves), (puppet_id, off_id)
@@ -118,14 +106,9 @@ class _Half:
         whole: Puppet,
         was: Float,
         piece: Piece,
-        settings: PuppetCutSettings,
     ) -> None:
         self._whole, self._piece = whole, piece
-        self._project, self._settings, self._telling = (
-            project,
-            settings,
-            distinguishing_points(project, self._whole),
-        )
+        self._project, self._telling = project, distinguishing_points(project, self._whole)
         self._old = piece.kept >= 0
         self._number = np.full(len(whole.mesh.vertices), -1)
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
@@ -144,10 +127,11 @@ class _Half:
             half.mesh.vertices,
             self._border_vertices(),
             [point.vertex for point in own_layers],
-            self._settings.along,
+            _FIRST_CUT_POINTS,
         )
-        most, tolerance = self._settings.most, self._settings.tolerance * size
-        added, worst = points_needed(half, self._was, self._old, np.array(begin, np.int64), most, tolerance)
+        tolerance = MAX_HALF_DEVIATION * size
+        first = np.array(begin, np.int64)
+        added, worst = points_needed(half, self._was, self._old, first, _MAX_CUT_POINTS, tolerance)
         leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
         points, follow = list(own_layers), dict[str, str]()
         names = {point.name: point for point in puppet.points}

@@ -12,10 +12,12 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, numbers_of, rebuilt
 from enliven.modeling.rigged.posed import with_travel_kept
 from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, rigid_continuation, split_spans
-from enliven.modeling.skinning.skins import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
+from enliven.modeling.skinning.skins import nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
-_DEFAULT_INSERT = InsertSettings()
+_BLEND_FRACTION = 0.5
+"""Distance from a new node over which the two bones blend, as a fraction of the shorter bone: both keep a
+rigid half."""
 
 
 def insert_node(
@@ -26,7 +28,6 @@ def insert_node(
     *,
     name: str | None = None,
     rigid: bool = False,
-    settings: InsertSettings = _DEFAULT_INSERT,
 ) -> tuple[Project, str]:
     """Splits a bone in two. Each half rotates by its part of the motion.
 
@@ -58,7 +59,7 @@ def insert_node(
     skin = shape.skin
     if shape.mesh is not None and skin is not None:
         begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
-        part = upper_part(shape.mesh.vertices, begin, end, at, settings.blend)
+        part = upper_part(shape.mesh.vertices, begin, end, at, _BLEND_FRACTION)
         skin = shared_skin(renumbered(skin, numbers_of(shape, bones)), j, j + 1, part)
     return project.with_characters(rebuilt(shape, bones, skin=skin)), name
 

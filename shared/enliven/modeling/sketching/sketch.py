@@ -1,6 +1,6 @@
 """RigMesh sketching: a closed stroke becomes a rigged part with skin weights in one step.
 
-    shape_from_stroke(stroke, origin, right, up, settings, id) -> Shape
+    shape_from_stroke(stroke, plane, depth, id) -> Shape
 
 P. Borosan et al., "RigMesh: automatic rigging for part-based shape modeling and deformation", 2012. The
 outline is triangulated, the chordal axis of the triangles becomes bones, the outline is inflated around it,
@@ -25,26 +25,17 @@ from enliven.modeling.sketching.chordal import axis_of
 from enliven.modeling.sketching.inflate import inflate_outline
 from enliven.modeling.sketching.outline import outline_of
 from enliven.modeling.skinning.heat_diffusion import bone_heat
-from enliven.settings import setting
 
-
-@dataclass(frozen=True)
-class SketchSettings:
-    """Settings for converting strokes to parts."""
-
-    points: int = setting(200, "Maximum number of points along the outline.", low=24, high=2000)
-    vertices: int = setting(
-        4000, "Approximate maximum number of vertices of the mesh.", low=100, high=100_000
-    )
-    tolerance: float = setting(
-        0.45,
-        "Maximum distance of the axis from its bone, relative to the radius. Lower it for more bones.",
-        low=0.02,
-        high=10.0,
-    )
-    longest: float = setting(8.0, "Maximum length of a bone.", unit="diameters", low=0.5, high=1e6)
-    depth: float = setting(1.0, "Thickness of parts. 1 is round.", unit="diameters", low=0.05, high=4.0)
-    smooth: int = setting(6, "Number of smoothing passes over the surface.", low=0, high=100)
+_MAX_OUTLINE_POINTS = 200
+"""Maximum number of points along the outline: enough for fingers of a drawn hand."""
+_MAX_VERTICES = 4000
+"""Approximate maximum number of vertices of the mesh, so that drawing feels immediate."""
+_MAX_AXIS_DEVIATION_RADII = 0.45
+"""Maximum distance of the axis from its bone, relative to the radius. Less gives more bones."""
+_MAX_BONE_DIAMETERS = 8.0
+"""Maximum length of a bone in diameters, so that long straight parts can bend."""
+_SMOOTHING_PASSES = 6
+"""Number of smoothing passes over the surface: they remove the ridge along the outline."""
 
 
 @dataclass(frozen=True)
@@ -74,26 +65,26 @@ FRONT = SketchPlane(np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 
 
 
 def shape_from_stroke(
-    stroke: Float, plane: SketchPlane = FRONT, settings: SketchSettings | None = None, id: str = "part"
+    stroke: Float, plane: SketchPlane = FRONT, depth: float = 1.0, id: str = "part"
 ) -> Shape:
     """Builds a shape at rest from a closed stroke.
 
     Args:
         stroke: (N, 2) metres in the plane.
+        depth: thickness of the part in diameters. 1 is round.
 
     Raises:
         InputError: if the stroke crosses itself or encloses no area.
     """
-    settings = settings or SketchSettings()
     axes = plane.axes()
-    outline = outline_of(stroke, settings.points)
-    fewer = _outline_point_count(outline, settings.vertices)
-    if fewer < settings.points:
+    outline = outline_of(stroke, _MAX_OUTLINE_POINTS)
+    fewer = _outline_point_count(outline, _MAX_VERTICES)
+    if fewer < _MAX_OUTLINE_POINTS:
         outline = outline_of(stroke, fewer)
     triangles, axis = flat_axis(outline)
-    places, radii, links = bones_of_axis(axis, settings.tolerance, settings.longest)
+    places, radii, links = bones_of_axis(axis, _MAX_AXIS_DEVIATION_RADII, _MAX_BONE_DIAMETERS)
     middles, widths = _inner_circles(axis)
-    vertices, faces = inflate_outline(outline, triangles, middles, widths, settings.depth, settings.smooth)
+    vertices, faces = inflate_outline(outline, triangles, middles, widths, depth, _SMOOTHING_PASSES)
     mesh = Mesh(np.asarray(plane.origin) + vertices @ axes, faces, id)
     skeleton = _build_skeleton(places, radii, links, plane, axes)
     return still_shape(id, skeleton, mesh, bone_heat(mesh, skeleton))

@@ -14,8 +14,6 @@ bone follows the nearest bone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.csgraph import connected_components
@@ -27,25 +25,14 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh, face_areas, weld
 from enliven.modeling.skinning.skin_values import sparse
 from enliven.modeling.skinning.visibility import nearest_seen
-from enliven.settings import setting
+
+_HEAT = 2.0
+"""Factor c of the heat H. Lower values give softer transitions around joints."""
+_TIE_FRACTION = 1e-3
+"""Bones within this relative distance of the nearest one also give heat, so that equal bones share."""
 
 
-@dataclass(frozen=True)
-class HeatSettings:
-    """Settings for computing skin weights."""
-
-    heat: float = setting(
-        2.0,
-        "Sharpness of the skin weights. Lower it for softer transitions around joints.",
-        low=1e-3,
-        high=1e3,
-    )
-    tie: float = setting(
-        1e-3, "Bones within this relative distance of the nearest one also give heat.", low=0.0, high=1.0
-    )
-
-
-def bone_heat(mesh: Mesh, skeleton: Skeleton, settings: HeatSettings | None = None) -> SkinWeights:
+def bone_heat(mesh: Mesh, skeleton: Skeleton) -> SkinWeights:
     """Computes the four bones that each vertex follows, and their weights.
 
     Args:
@@ -55,7 +42,7 @@ def bone_heat(mesh: Mesh, skeleton: Skeleton, settings: HeatSettings | None = No
         InputError: if the mesh has no faces.
     """
     segments, owners = segments_of(skeleton)
-    return sparse(heat_weights(mesh, segments, owners, len(skeleton), settings), smooth=True)
+    return sparse(heat_weights(mesh, segments, owners, len(skeleton)), smooth=True)
 
 
 def segments_of(skeleton: Skeleton) -> tuple[Float, Int]:
@@ -71,7 +58,6 @@ def heat_weights(
     segments: Float,
     owners: Int,
     bones: int,
-    settings: HeatSettings | None = None,
     known: Float | None = None,
     free: Bool | None = None,
 ) -> Float:
@@ -84,17 +70,16 @@ def heat_weights(
         weights
             continue them smoothly.
     """
-    settings = settings or HeatSettings()
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
     welded, of = weld(mesh)
-    chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, settings.tie)
+    chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, _TIE_FRACTION)
     laplacian, mass = cotangents(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
     # Use a minimum distance, because a vertex on a bone would get infinite heat.
     near = np.maximum(distance, 1e-4 * extent)
-    heat = np.where(np.isfinite(near), settings.heat / near**2, 0.0) * mass
+    heat = np.where(np.isfinite(near), _HEAT / near**2, 0.0) * mass
     source = np.zeros((len(welded.vertices), bones))
     shares = (chosen >= 0) / np.maximum((chosen >= 0).sum(1), 1)[:, None]
     rows = np.repeat(np.arange(len(source)), chosen.shape[1])

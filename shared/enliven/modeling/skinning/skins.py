@@ -2,25 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int
 from enliven.document import SkinWeights
-from enliven.settings import setting
-
-
-@dataclass(frozen=True)
-class InsertSettings:
-    """Settings for sharing the skin of a bone with a new node."""
-
-    blend: float = setting(
-        0.5,
-        "Distance from the new node over which the two bones blend, as a fraction of the shorter bone.",
-        low=0.0,
-        high=1.0,
-    )
 
 
 def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:

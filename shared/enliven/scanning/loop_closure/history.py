@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from enliven.frames import DepthFrame
 from enliven.recording import pack_depth, unpack_depth
 
+MAX_HISTORY_MB = 400
+"""Maximum memory in megabytes for compressed images, which are fused again after a loop closure."""
 _COLOUR_INTERVAL = 4
 """Colours are stored for every fourth image only. They change slowly, and take ten times as much memory as
 the depth."""

@@ -14,7 +14,7 @@ from enliven.arrays import Bool, Float
 from enliven.frames import DepthFrame
 from enliven.scanning.depth_view import DepthView, restrict_view
 from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
-from enliven.scanning.loop_closure.history import FrameHistory
+from enliven.scanning.loop_closure.history import MAX_HISTORY_MB, FrameHistory
 from enliven.scanning.objects.nearness import surface_distances
 from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.rest import ObjectRest
@@ -103,7 +103,7 @@ class ObjectFollower:
         self._pose = self._likely = object_from_camera
         self._going = np.eye(4)
         self._most = _MAX_EXTENT_GROWTH * model.size
-        self.history = FrameHistory(settings.loops.history)
+        self.history = FrameHistory(MAX_HISTORY_MB)
         self.poses: list[Float] = []
         self.missed = 0
         self._fresh = 0 if rest.numbers else _MIN_MODEL_IMAGES

@@ -19,7 +19,7 @@ from torch.nn.functional import cross_entropy
 
 from enliven.arrays import AnyArray
 from enliven.errors import InputError
-from enliven.settings import setting
+from enliven.settings import parameter, setting
 from enliven_edge.onnx_runtime import load_onnxruntime
 from enliven_edge.tracking.estimator.crop import CHANNELS, COLUMNS, ROWS
 from enliven_edge.tracking.estimator.labels import FACINGS, NOBODY
@@ -27,6 +27,8 @@ from enliven_synthesis.training.dataset import Batch, Dataset
 from enliven_synthesis.training.pose_network.batches import TensorBatch, TensorDataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
+FRONTAL_FRACTION = 0.5
+"""Fraction of people that face the sensor. The others face any direction. Most performers face the screen."""
 VALIDATION_SAMPLES = 3000
 """Number of samples, from the start of a data set, that are held out for validation."""
 _CONDITIONED_FRACTION = 0.6
@@ -73,10 +75,7 @@ class TrainingSettings:
     )
     steps: int = setting(12_000, "Number of training steps.", low=1)
     batch: int = setting(128, "Number of images per training step.", low=1)
-    rate: float = setting(4e-3, "Maximum learning rate.", low=1e-6, high=1.0)
-    frontal: float = setting(
-        0.5, "Fraction of people that face the sensor. The others face any direction.", low=0.0, high=1.0
-    )
+    rate: float = parameter(4e-3, "Maximum learning rate.", low=1e-6, high=1.0)
     seed: int = setting(0, "Random seed of the training.", low=0, high=2**31)
 
 

@@ -16,11 +16,11 @@ from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import copy_character, merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.puppet.parts import solve_surfaces, surface_of_puppet
-from enliven.modeling.puppet.surgery import PuppetCutSettings, cut_puppet
+from enliven.modeling.puppet.surgery import MAX_HALF_DEVIATION, cut_puppet
 from enliven.rotation import from_rotation_vector
 
 laws = settings(deadline=None, max_examples=6)
-TOLERANCE = PuppetCutSettings().tolerance
+TOLERANCE = MAX_HALF_DEVIATION
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,10 @@ from enliven.arrays import UInt8
 from enliven.errors import InputError, plain_reason
 from enliven.meshes import Texture, open_picture
 
+_ANISOTROPY = 4.0
+"""Number of samples of anisotropic filtering: more is not visible on characters."""
+
+
 log = logging.getLogger(__name__)
 _MAX_IMAGE_PIXELS = 1 << 26
 """Maximum number of pixels of one image, 8192 x 8192. A file of a few kilobytes can declare more than fits
@@ -59,18 +63,17 @@ class Textures:
 
     Args:
         max_side: maximum side in pixels; larger images are scaled down.
-        anisotropy: samples of anisotropic filtering; 1 for none.
 
     Attributes:
         decodes_in_background: whether images are decoded in threads while white is drawn; a window sets it.
     """
 
-    def __init__(self, ctx: moderngl.Context, max_side: int, anisotropy: int) -> None:
+    def __init__(self, ctx: moderngl.Context, max_side: int) -> None:
         self.ctx = ctx
         limit = int(ctx.info.get("GL_MAX_TEXTURE_SIZE", max_side) or max_side)
         self._most = min(max_side, limit)
         by_hand = any(name in ctx.info.get("GL_RENDERER", "").lower() for name in _SOFTWARE_RENDERERS)
-        self._anisotropy = 1.0 if by_hand else min(float(anisotropy), ctx.max_anisotropy or 1.0)
+        self._anisotropy = 1.0 if by_hand else min(_ANISOTROPY, ctx.max_anisotropy or 1.0)
         self._held: dict[_Key, SharedTexture] = {}
         self.decodes_in_background = False
         self._pool: ThreadPoolExecutor | None = None

@@ -20,6 +20,9 @@ from enliven_viewer.studio.sources.source_view import SourceView
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Overlay
 
+_MAX_MATCHES = 6
+"""Maximum number of thumbnails of matches: a row of the panel."""
+
 
 @dataclass(frozen=True)
 class MappedChain:
@@ -134,9 +137,8 @@ class MapTool(Tool):
         try:
             time = editor.time % max(clip.duration, clip.step)
             posed = editor.stage_character(shape.id)
-            max_matches = editor.settings.matches
             self.offered = rank_matches(
-                clip, time, shape, posed.handles, editor.lens, self.source.lens, max_matches
+                clip, time, shape, posed.handles, editor.lens, self.source.lens, _MAX_MATCHES
             )
         except EnlivenError as error:
             editor.toasts.complain(error)

@@ -18,6 +18,8 @@ from enliven_viewer.studio.viewport.overlay import Disc, Label, Line, Overlay
 from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
 from enliven_viewer.theme import GOOD, INK, STROKE
 
+_SNAP_PX = 26.0
+"""Maximum distance in pixels at which a dragged root snaps to a node and is merged. Bones need half of it."""
 _MERGE_DISTANCE = 0.05
 """Maximum distance to another character, as a fraction of the dragged one's size, for a merge with Shift."""
 _MAX_COMPARED_VERTICES = 4000
@@ -77,9 +79,9 @@ class MoveTool(Tool):
         )
         if pixels and not held.several:
             others = [character for character in editor.editable_characters if character.id != held.character]
-            lens, root_pixel, snap = editor.lens, pixels[0], editor.settings.snap
-            self._host = joint_at(others, lens, root_pixel, snap) or bone_at(
-                others, lens, root_pixel, snap / 2
+            lens, root_pixel = editor.lens, pixels[0]
+            self._host = joint_at(others, lens, root_pixel, _SNAP_PX) or bone_at(
+                others, lens, root_pixel, _SNAP_PX / 2
             )
         elif not held.several:
             self._host = self._merge_target(pointer) if pointer.shift else None
