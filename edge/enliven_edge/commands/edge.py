@@ -374,7 +374,9 @@ def _load_edge_settings(path: Path | None, **overrides: str | int | bool | None)
     port = wire_values.get("port")
     if isinstance(port, int) and "control_port" not in wire_values:
         wire_values["control_port"] = port + 1 if port else 0
-    wire = load_settings(WireSettings, {**vars(loaded.wire), **wire_values}, where="command line")
+    wire = load_settings(
+        WireSettings, {**vars(loaded.wire), **wire_values}, where="command line", own_file=True
+    )
     return dataclasses.replace(loaded, wire=wire)
 
 

@@ -26,7 +26,7 @@ from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
 
 _CANDIDATE_TRANSFORMS = 8
-"""Number of nearby transforms that a vertex may follow. It finally follows at most four of them."""
+"""Number of nearby transforms that a vertex may follow. At most four of them remain."""
 
 
 Frames = Callable[[], Iterable[Float]]
