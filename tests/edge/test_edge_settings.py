@@ -11,9 +11,9 @@ import typer
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space
-from enliven_edge.commands.edge import edge
+from enliven_edge.commands.edge import _load_edge_settings, edge
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
-from enliven_edge.settings import EdgeSettings
+from enliven_edge.settings import EdgeSettings, WireSettings
 from enliven_edge.sources import Source, SourceSettings, open_sources, parse_source, sources_from_settings
 from enliven_edge.tracking.settings import SceneSettings
 from enliven_edge.tracking.tracker import Tracker
@@ -113,3 +113,9 @@ def test_the_earlier_option_and_key_open_still_mean_insecure() -> None:
     for words in (["--open"], ["--insecure"]):
         assert command.make_context("edge", words).params["insecure"]
     assert load_settings(EdgeSettings, {"wire": {"open": True}}).wire.insecure
+
+
+def test_an_option_of_the_network_keeps_the_other_values_and_warns_of_nothing(caplog) -> None:
+    wire = _load_edge_settings(None, port=6000, host="0.0.0.0").wire
+    assert wire == WireSettings(port=6000, control_port=6001, host="0.0.0.0")
+    assert not caplog.messages

@@ -1,12 +1,13 @@
 """Settings: defaults, overrides, and messages that name the nearest known key."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import pytest
 
 from enliven.errors import InputError
+from enliven.example_sessions.tables import SettingsTable
 from enliven.settings import group, load_settings, parameter, setting
 from enliven_edge.settings import EdgeSettings
 
@@ -80,11 +81,19 @@ def test_every_setting_of_the_edge_is_explained():
     walk(EdgeSettings)
 
 
-def test_every_shipped_file_of_the_edge_loads():
+def test_every_shipped_file_of_the_edge_loads(caplog):
     files = sorted((Path(__file__).parents[2] / "firmware_configs" / "edges").glob("*.toml"))
     assert {path.stem for path in files} >= {"laptop", "ceiling"}
     names = [load_settings(EdgeSettings, path).wire.name for path in files]
     assert names == [path.stem for path in files]
+    assert not caplog.messages, "a shipped file contains a setting that no longer exists"
+
+
+def test_a_session_keeps_every_value_that_decides_how_its_puppet_moves(caplog):
+    kept = asdict(SettingsTable())
+    kept["surface"]["follow"], kept["locomotion"]["contact"]["rise"] = 0.125, 0.25
+    loaded = load_settings(SettingsTable, kept)
+    assert asdict(loaded) == kept and not caplog.messages
 
 
 def test_an_earlier_name_of_a_key_is_still_read() -> None:
