@@ -2,9 +2,9 @@
 
 Usage: run_tests.py [pytest arguments ...]
 
-Many tests drive real programs, sockets and windows, and wait for them with deadlines. On a machine that is busy with
-other things, such a deadline can pass although nothing is wrong. A fault fails alone as well. A test that passes
-only alone is listed as unsteady: this is a fault of the test, which should be fixed.
+Many tests drive real programs, sockets and windows, and wait for them with deadlines. On a busy machine,
+such a deadline can pass although nothing is wrong. A fault fails alone as well. A test that passes only alone
+is listed as unsteady: this is a fault of the test, which should be fixed.
 """
 
 import json
@@ -16,9 +16,14 @@ from pathlib import Path
 PARALLEL = ("-n", "3", "--dist", "loadfile", "--no-loadscope-reorder", "--durations=50")
 """Three processes for two cores, since tests of cameras and of processes wait much of their time."""
 HANG_S = 720
-"""Seconds after which a test counts as endless. The stacks of all threads are printed and it fails, even if a library
-blocks the interpreter. Otherwise it would occupy CI until its time limit, and nobody would learn its name."""
-STOP_HANGS = (f"-ofaulthandler_timeout={HANG_S}", "-ofaulthandler_exit_on_timeout=true", "--max-worker-restart=1")
+"""Seconds after which a test counts as endless. The stacks of all threads are printed and it fails, even if a
+library blocks the interpreter. Otherwise it would occupy CI until its time limit, and nobody would learn its
+name."""
+STOP_HANGS = (
+    f"-ofaulthandler_timeout={HANG_S}",
+    "-ofaulthandler_exit_on_timeout=true",
+    "--max-worker-restart=1",
+)
 MAX_REPEATED = 5
 """Failed tests that are run again. If more fail, the reason is not a busy machine."""
 
@@ -50,8 +55,8 @@ def main(arguments: list[str]) -> int:
         arguments: pytest arguments.
 
     Returns:
-        pytest's exit status: 0 if each test passed in the whole run or alone. A run that pytest did not finish is
-        never repeated.
+        pytest's exit status: 0 if each test passed in the whole run or alone. A run that pytest did not
+        finish is never repeated.
     """
     with tempfile.TemporaryDirectory() as folder:
         status = run_pytest(Path(folder), *PARALLEL, *arguments)

@@ -1,4 +1,4 @@
-"""How `make test` treats failures: a test that fails once is run again alone, and one that fails twice fails."""
+"""How `make test` treats failures: a failed test runs again, alone, and one that fails twice fails the run."""
 
 import subprocess
 import sys

@@ -205,7 +205,7 @@ def test_worlds_of_the_edges_are_moved_into_that_of_the_first(enter, edges):
     places = room.places()
     numbers = {split_performer_id(body)[0]: place for body, place in places.items()}
     for k, points in enumerate(recorded):
-        # The show is behind by the frames that are still on their way, and on a busy machine these are several:
-        # any place of the last second is right.
+        # The show is behind by the frames that are still on their way, several ones on a busy machine, so any
+        # place of the last second is right.
         errors = numbers[k] - np.array(points[-round(RATE_HZ) :]) - [APART_M * k, 0.0]
         assert np.abs(errors).max(1).min() < 0.1
