@@ -47,7 +47,7 @@ def sent(tmp_path):
         settings = LiveOutputSettings(f"{scheme}:127.0.0.1:{receiver.port}{source}", **keys)
         with open_outputs({"test": settings}, tmp_path) as outputs:
             for number, frame in enumerate(frames):
-                outputs.senders[0].put(frame)
+                outputs.put(frame)
                 until(lambda n=number: len(receiver.history[last]) > n, f"frame {number}")
         return receiver
 
@@ -202,7 +202,7 @@ def test_rokoko_moves_an_actor_as_the_performer_moves(compress):
     with JsonReceiver() as receiver:
         settings = LiveOutputSettings(f"rokoko:127.0.0.1:{receiver.port}", compress=compress)
         with open_outputs({"r": settings}) as outputs:
-            outputs.senders[0].put(LiveFrame(0, {1: body}))
+            outputs.put(LiveFrame(0, {1: body}))
             packet = receiver.read()
     (actor,) = packet["scene"]["actors"]
     assert packet["version"] == "3,0" and actor["name"] == "performer-1" and len(actor["body"]) == 23
@@ -223,9 +223,9 @@ def test_rokoko_sends_people_rigs_and_objects():
         JsonReceiver() as receiver,
         open_outputs({"r": LiveOutputSettings(f"rokoko:127.0.0.1:{receiver.port}")}) as outputs,
     ):
-        outputs.senders[0].put(frame)
+        outputs.put(frame)
         scene = receiver.read()["scene"]
-        outputs.senders[0].put(four_characters(frame.time_ns + 20_000_000))
+        outputs.put(four_characters(frame.time_ns + 20_000_000))
         second = receiver.read()
     assert [actor["name"] for actor in scene["actors"]] == ["performer-1", "performer-2", "anna", "ben"]
     assert [each["name"] for each in scene["characters"]] == ["horse"]
