@@ -285,12 +285,22 @@ def test_an_osc_mapping_file_renames_and_drops_addresses(sent, tmp_path):
     assert np.allclose(receiver.values["/light/spot"], body.joints[Joint.HAND_LEFT], atol=1e-5)
 
 
-def test_osc_addresses_contain_no_reserved_characters(sent):
+def test_osc_addresses_contain_encoded_names(sent):
     mesh, pose = chair()
-    mesh, pose = replace(mesh, id="my chair #2/left"), replace(pose, character="my chair #2/left")
+    mesh, pose = replace(mesh, id="Jürgen #2/left"), replace(pose, character="Jürgen #2/left")
     frame = LiveFrame(0, {}, [pose], {mesh.id: CharacterInfo(mesh)})
-    receiver = sent("osc", frame, last="/enliven/character/my_chair_2_left/held")
-    assert receiver.values["/enliven/character/my_chair_2_left/held"] == (0,)
+    receiver = sent("osc", frame, last="/enliven/character/J%C3%BCrgen%20%232%2Fleft/held")
+    assert receiver.values["/enliven/character/J%C3%BCrgen%20%232%2Fleft/held"] == (0,)
+
+
+@pytest.mark.parametrize("written", ["Jürgen B.", "J%C3%BCrgen%20B."])
+def test_an_osc_mapping_file_contains_names_plain_or_encoded(written, sent, tmp_path):
+    text = f'others = false\n[addresses]\n"/enliven/character/{written}/position" = "/spot"\n'
+    (tmp_path / "names.toml").write_text(text, encoding="utf-8")
+    mesh, pose = chair()
+    mesh, pose = replace(mesh, id="Jürgen B."), replace(pose, character="Jürgen B.")
+    frame = LiveFrame(0, {}, [pose], {mesh.id: CharacterInfo(mesh)})
+    assert set(sent("osc", frame, last="/spot", map="names.toml").values) == {"/spot"}
 
 
 def test_values_that_are_not_finite_are_sent_as_zero(sent):
