@@ -14,7 +14,7 @@ from enliven.outputs.settings import outputs_of
 from enliven.outputs.udp_sender import UdpSender
 
 
-class Made:
+class Collector:
     """An output that keeps its frames and its thread, and makes one packet of each frame."""
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class Made:
         return [frame.time_ns for frame in self.frames]
 
 
-class Slow(Made):
+class Slow(Collector):
     """An output that converts a frame only when the test lets it."""
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class Slow(Made):
         return super().packets(frame)
 
 
-class Faulty(Made):
+class Faulty(Collector):
     """An output that cannot convert the frame with the time 0."""
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
@@ -58,7 +58,7 @@ def outputs_with(*outputs, port: int = 9) -> OutputSet:
 
 
 def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
-    slow, other = Slow(), Made()
+    slow, other = Slow(), Collector()
     with outputs_with(slow, other) as outputs:
         outputs.put(LiveFrame(-1, {}))
         until(lambda: slow.begun, "the first frame")
@@ -73,23 +73,23 @@ def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
 
 
 def test_all_outputs_are_served_by_one_thread_that_ends_with_them():
-    made = [Made() for _ in range(5)]
-    with outputs_with(*made) as outputs:
+    collectors = [Collector() for _ in range(5)]
+    with outputs_with(*collectors) as outputs:
         for k in range(20):
             outputs.put(LiveFrame(k, {}))
-            until(lambda k=k: all(output.times[-1:] == [k] for output in made), f"frame {k}")
-    assert all(output.times == list(range(20)) for output in made), "each frame once"
-    (thread,) = set.union(*(output.threads for output in made))
+            until(lambda k=k: all(output.times[-1:] == [k] for output in collectors), f"frame {k}")
+    assert all(output.times == list(range(20)) for output in collectors), "each frame once"
+    (thread,) = set.union(*(output.threads for output in collectors))
     assert thread != threading.get_ident()
     until(lambda: thread not in {running.ident for running in threading.enumerate()}, "its end")
 
 
 def test_the_last_frame_is_sent_before_the_end():
-    made = Made()
-    with outputs_with(made) as outputs:
+    collector = Collector()
+    with outputs_with(collector) as outputs:
         for k in range(100):
             outputs.put(LiveFrame(k, {}))
-    until(lambda: made.times[-1:] == [99], "the last frame")
+    until(lambda: collector.times[-1:] == [99], "the last frame")
     outputs.close()  # A second call does nothing.
 
 
@@ -119,7 +119,7 @@ def test_a_receiver_may_start_late_and_restart():
 
 
 def test_a_fault_of_an_output_is_counted_and_stops_neither_its_next_frame_nor_others():
-    faulty, after = Faulty(), Made()
+    faulty, after = Faulty(), Collector()
     with outputs_with(faulty, after) as outputs:
         outputs.put(LiveFrame(0, {}))
         until(lambda: after.times == [0], "the frame of the other output")
@@ -147,7 +147,7 @@ def test_an_absent_receiver_costs_the_others_nothing():
 
 
 def test_a_packet_that_is_too_long_is_counted():
-    class Long(Made):
+    class Long(Collector):
         def packets(self, frame):
             return [bytes(70_000)]
 
