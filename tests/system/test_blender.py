@@ -170,7 +170,7 @@ def test_a_rig_follows_a_performer_live(exported, tmp_path):
             number = 0
             while not stop.wait(0.02):
                 number += 1
-                outputs.senders[0].put(LiveFrame(number * 20_000_000, {1: body}))
+                outputs.put(LiveFrame(number * 20_000_000, {1: body}))
 
     thread = threading.Thread(target=keep_sending)
     thread.start()

@@ -6,9 +6,11 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from live_receivers import OscReceiver
 from patience import until
 
 import enliven_edge.assets
@@ -31,21 +33,32 @@ def child(parent: int, command: str) -> int | None:
     return None
 
 
+@pytest.fixture
+def receiver() -> Iterator[OscReceiver]:
+    with OscReceiver() as server:
+        yield server
+
+
 @pytest.mark.slow
-def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
+def test_the_window_outlives_a_killed_edge_whose_successor_sends_to_the_same_output(
+    tmp_path: Path, screen: str, receiver: OscReceiver
+) -> None:
     log = (tmp_path / "log").open("w")
     words = ["run", "--window", "--size", "160x120", "--recording", str(CHAIR), "--possess-at", "0.2"]
-    words += ["--record", str(tmp_path / "take.mcap")]
+    words += ["--record", str(tmp_path / "take.mcap"), "--out", f"osc:127.0.0.1:{receiver.port}"]
     own = {**os.environ, "DISPLAY": screen, "LIBGL_ALWAYS_SOFTWARE": "1"}
     run = subprocess.Popen([sys.executable, "-m", "enliven", *words], env=own, stderr=log)
     try:
         view = until(lambda: child(run.pid, "view"), "the window", 300.0)
         edge = child(run.pid, "edge")
         assert edge is not None
+        until(lambda: "/enliven/performer/1/height" in receiver.values, "the output of the edge", 120.0)
         os.kill(edge, signal.SIGKILL)
         until(lambda: child(run.pid, "edge") not in (None, edge), "a new edge")
         next_take = tmp_path / "take-restart001.mcap"
         until(lambda: next_take.exists() and next_take.stat().st_size > 1000, "its take", 120.0)
+        receiver.values.clear()  # The packets of the first edge have been read long ago.
+        until(lambda: "/enliven/performer/1/height" in receiver.values, "the output of the new edge", 120.0)
         assert child(run.pid, "view") == view and run.poll() is None
         log_text = (tmp_path / "log").read_text()
         assert "the edge has ended: signal SIGKILL. It starts again at once." in log_text

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -104,7 +102,7 @@ class LiveEvent:
 
 @dataclass(frozen=True, eq=False)
 class LiveFrame:
-    """Everything that outputs may send of one frame. It is shared by their threads and never changes.
+    """Everything that outputs may send of one frame. It never changes. All outputs use it from one thread.
 
     Attributes:
         time_ns: the sensor's clock.
@@ -130,23 +128,24 @@ class LiveFrame:
     world_from_camera: Float | None = None
     mirrored: bool = False
 
-    _shared: _SharedValues = field(init=False, default_factory=lambda: _SharedValues(), repr=False)
-    """Values that several outputs need. They are computed once for each frame."""
+    _humans: dict[str, HumanPose] = field(init=False, default_factory=dict, repr=False)
+    """Human poses that an output has asked for, by name. Each is computed once for all outputs."""
 
     def human_performer(self, number: int) -> HumanPose | None:
         """Returns the human pose of a performer, or None if there is none with this number."""
-        body = self.performers.get(number)
-        if body is None:
-            return None
-        name = f"{PERFORMER}{number}"
-        return self._shared.human(name, functools.partial(human_of_body, body, name))
+        body, name = self.performers.get(number), f"{PERFORMER}{number}"
+        if body is not None and name not in self._humans:
+            self._humans[name] = human_of_body(body, name)
+        return self._humans.get(name)
 
     def human_character(self, name: str) -> HumanPose | None:
         """Returns the human pose of a character, or None if it is not a rigged human on the stage."""
-        for info, pose in self.posed:
-            if pose.character == name and info.humanoid is not None:
-                return self._shared.human(name, functools.partial(info.humanoid.pose, pose))
-        return None
+        if name not in self._humans:
+            for info, pose in self.posed:
+                if pose.character == name and info.humanoid is not None:
+                    self._humans[name] = info.humanoid.pose(pose)
+                    break
+        return self._humans.get(name)
 
     @cached_property
     def posed(self) -> list[tuple[CharacterInfo, Pose]]:
@@ -181,33 +180,10 @@ class LiveFrame:
                 return human
         return self.human_performer(min(self.performers)) if self.performers else None
 
-    @property
+    @cached_property
     def rows(self) -> StageRows:
         """The position and rotation of everything on the stage."""
-        return self._shared.rows(lambda: rows_of(self))
-
-
-class _SharedValues:
-    """Values of one frame that the threads of several outputs need. The first that asks computes them."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._humans: dict[str, HumanPose] = {}
-        self._rows: StageRows | None = None
-
-    def human(self, name: str, compute: Callable[[], HumanPose]) -> HumanPose:
-        """Returns the human pose with a name."""
-        with self._lock:
-            if name not in self._humans:
-                self._humans[name] = compute()
-            return self._humans[name]
-
-    def rows(self, compute: Callable[[], StageRows]) -> StageRows:
-        """Returns the rows of the stage."""
-        with self._lock:
-            if self._rows is None:
-                self._rows = compute()
-            return self._rows
+        return rows_of(self)
 
 
 @dataclass(frozen=True, eq=False)

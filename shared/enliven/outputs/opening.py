@@ -1,4 +1,4 @@
-"""Opens live outputs from their settings, and hands frames to the thread of each."""
+"""Opens live outputs from their settings, and hands frames to their thread."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from enliven.outputs.live_frame import PERFORMER, CharacterInfo, LiveFrame
 from enliven.outputs.registry import OUTPUTS, Protocol
 from enliven.outputs.sender import Sender
 from enliven.outputs.settings import LiveOutputSettings
+from enliven.outputs.udp_sender import UdpSender
 from enliven.outputs.warmup import sample_frame
 from enliven.supervision.closeable import Closeable
 
@@ -32,11 +33,12 @@ class OutputSet(Closeable):
     """The open outputs of a program. Its methods never wait for a receiver.
 
     Args:
-        senders: the thread of each output.
+        senders: the outputs. It closes them.
     """
 
-    def __init__(self, senders: Sequence[FrameThread] = ()) -> None:
+    def __init__(self, senders: Sequence[Sender] = ()) -> None:
         self.senders = list(senders)
+        self._thread = FrameThread(self.senders) if senders else None
 
     def check(self, characters: Mapping[str, CharacterInfo]) -> None:
         """Checks that the outputs can send the characters that their addresses name.
@@ -49,8 +51,8 @@ class OutputSet(Closeable):
 
     def put(self, frame: LiveFrame) -> None:
         """Hands a frame to every output. It returns at once."""
-        for sender in self.senders:
-            sender.put(frame)
+        if self._thread is not None:
+            self._thread.put(frame)
 
     def put_health(self, states: Sequence[HealthState]) -> None:
         """Hands health states to every output. It returns at once."""
@@ -63,19 +65,19 @@ class OutputSet(Closeable):
         return {sender.name: sender.trouble for sender in self.senders if sender.trouble}
 
     def close(self) -> None:
-        """Ends all threads and closes the sockets."""
+        """Sends the frame that waits, ends the thread and closes the outputs."""
+        if self._thread is not None:
+            self._thread.close()
+            log.debug("outputs: %d frames skipped", self._thread.skipped)
         for sender in self.senders:
             sender.close()
-            log.debug(
-                "output %s: %d packets sent, %d lost, %d frames skipped",
-                *(sender.name, sender.sent, sender.errors, sender.skipped),
-            )
+            log.debug("output %s: %d packets sent, %d lost", sender.name, sender.sent, sender.errors)
 
 
 def open_outputs(
     settings: Mapping[str, LiveOutputSettings], folder: Path | None = None, *, insecure: bool = False
 ) -> OutputSet:
-    """Opens the outputs of the settings and the command line, and starts their threads.
+    """Opens the outputs of the settings and the command line, and starts their thread.
 
     Args:
         settings: by name.
@@ -87,7 +89,7 @@ def open_outputs(
             another protocol, or an output that other computers can read without ``insecure``.
         ResourceError: if a library is not installed, or a port is in use.
     """
-    openers, taken = list[Callable[[], FrameThread]](), dict[tuple[object, ...], str]()
+    openers, taken = list[Callable[[], Sender]](), dict[tuple[object, ...], str]()
     for name, wanted in settings.items():
         where = name if name.startswith("--out") else f"outputs.{name}"
         address = parse_address(wanted.to, {scheme: row.port for scheme, row in OUTPUTS.items()}, where)
@@ -109,7 +111,7 @@ def open_outputs(
             output = protocol.open(address, wanted, folder or Path())
             # Another output of the same kind, because one that has sent a frame counts its time from there.
             protocol.open(address, wanted, folder or Path()).packets(sample_frame())
-            openers.append(functools.partial(Sender, str(address), output, family, place))
+            openers.append(functools.partial(UdpSender, str(address), output, family, place))
     with contextlib.ExitStack() as stack:
         senders = [stack.enter_context(opener()) for opener in openers]
         stack.pop_all()

@@ -10,6 +10,7 @@ import re
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -25,8 +26,9 @@ PORT = 10000
 """Default port: that of an OSC In operator of TouchDesigner."""
 ROOT = "/enliven"
 """Beginning of every address."""
-_RESERVED = re.compile(r"[\s#*,/?\[\]{}]+")
-"""Characters that have a meaning in OSC's address patterns."""
+_PLAIN = "".join(sorted(set(map(chr, range(0x21, 0x7F))) - set("#*,/?[]{}%")))
+"""The characters of names that addresses contain unchanged. OSC 1.0 allows printable ASCII without the space
+and without those that have a meaning in address patterns. The percent sign begins an encoded character."""
 _MAX_TREES = 64
 """Maximum number of kept lists of messages. The sets of performers and characters on a stage are few."""
 _XYZW = [4, 5, 6, 3]
@@ -96,17 +98,16 @@ def read_address_map(path: Path) -> OscAddressMap:
 
 
 def _pattern(old: str, new: str, where: str) -> tuple[re.Pattern[str], str]:
-    if (
-        not old.startswith(f"{ROOT}/")
-        or (new and not new.startswith("/"))
-        or _RESERVED.search(new.replace("/", "").replace("*", ""))
-    ):
-        remedy = f'Write "{ROOT}/..." = "/...", or = "" to drop the address.'
+    if not old.startswith(f"{ROOT}/") or (new and not new.startswith("/")) or _encode_names(new) != new:
+        remedy = (
+            f'Write "{ROOT}/..." = "/...", or = "" to drop the address. The new address has only printable '
+            "ASCII characters, without spaces and # , ? [ ] { }."
+        )
         raise InputError(f"{old!r} = {new!r} does not rename an address", where=where, remedy=remedy)
     if new.count("*") > old.count("*"):
         remedy = "Every * of the new address needs one in the old address."
         raise InputError(f"{new!r} has more * than {old!r}", where=where, remedy=remedy)
-    return re.compile("([^/]+)".join(map(re.escape, old.split("*")))), new
+    return re.compile("([^/]+)".join(map(re.escape, _encode_names(old).split("*")))), new
 
 
 class OscOutput(LiveOutput):
@@ -149,7 +150,7 @@ class OscOutput(LiveOutput):
         """Returns the messages of a stage, and which of its numbers they contain."""
         _, performers, props = rows.key
         blocks = [("", _GLOBAL), *((f"performer/{number}", _PERFORMER) for number in performers)]
-        blocks += [(f"character/{_word(name)}", _CHARACTER) for name in rows.names]
+        blocks += [(f"character/{_encode_name(name)}", _CHARACTER) for name in rows.names]
         blocks += [(f"prop/{number}", _PROP) for number in props]
         messages, kept, first = [], list[int](), 0
         for path, leaves in blocks:
@@ -180,6 +181,11 @@ def _performer_values(body: Body) -> list[AnyArray]:
     return [body.joints.ravel(), body.confidence, contacts, np.array([body.height])]
 
 
-def _word(name: str) -> str:
-    """Returns a name as one part of an address."""
-    return _RESERVED.sub("_", name) or "_"
+def _encode_name(name: str) -> str:
+    """Returns a name as one part of an address, percent-encoded. Different names stay different."""
+    return quote(name, safe=_PLAIN, errors="surrogatepass") or "%"
+
+
+def _encode_names(address: str) -> str:
+    """Returns an address of a mapping file with its names encoded. Encoded names stay unchanged."""
+    return quote(address, safe=f"{_PLAIN}/*%", errors="surrogatepass")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from enliven.outputs.address import OutputAddress
-from enliven.outputs.frame_thread import FrameThread
 from enliven.outputs.output import LiveOutput
+from enliven.outputs.sender import Sender
 from enliven.outputs.settings import LiveOutputSettings
 from enliven.person import ROKOKO_PORT
 
@@ -33,7 +33,7 @@ class Protocol:
     port: int
     library: str
     open: Callable[[OutputAddress, LiveOutputSettings, Path], LiveOutput] | None = None
-    listen: Callable[[str, str, int], FrameThread] | None = None
+    listen: Callable[[str, str, int], Sender] | None = None
     extra: str = "outputs"
     sources: str = "none"
     keys: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ def _osc(address: OutputAddress, settings: LiveOutputSettings, folder: Path) -> 
     return OscOutput(read_address_map(folder / settings.map) if settings.map else None)
 
 
-def _foxglove(name: str, host: str, port: int) -> FrameThread:
+def _foxglove(name: str, host: str, port: int) -> Sender:
     from enliven.outputs.foxglove.server import FoxgloveServer
 
     return FoxgloveServer(name, host, port)

@@ -1,68 +1,80 @@
-"""Sends the packets of one output by UDP."""
+"""The base class of open outputs. It counts what an output sends and loses."""
 
 from __future__ import annotations
 
-import socket
-from collections.abc import Mapping
+import logging
+import time
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 
-from enliven.outputs.address import Place
-from enliven.outputs.frame_thread import FrameThread
+from enliven.health import HealthState
 from enliven.outputs.live_frame import CharacterInfo, LiveFrame
-from enliven.outputs.output import LiveOutput
+from enliven.supervision.closeable import Closeable
 
-_BUFFER_BYTES = 1 << 18
-"""Size of the system's send buffer: some frames of the largest output."""
+log = logging.getLogger(__name__)
+
+_MAX_LOG_INTERVAL_S = 60.0
+"""Seconds between two log messages about the same failing output."""
+_CLEAR_AFTER_S = 3.0
+"""Seconds without an error after which an output counts as working again."""
 
 
-class Sender(FrameThread):
-    """One output with its UDP socket and its thread.
+class Sender(Closeable):
+    """One open output with its connection.
 
     Args:
         name: of the output, for messages.
-        output: turns frames into packets.
-        family, place: of the receiver, see :func:`enliven.outputs.address.resolve`.
+
+    Attributes:
+        sent: number of packets or messages that were sent.
+        errors: number of packets or frames that were not sent.
     """
 
-    def __init__(self, name: str, output: LiveOutput, family: socket.AddressFamily, place: Place) -> None:
-        super().__init__(name)
-        self._output = output
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        self._place = place
-        self._is_connected = False
-        self._start()
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.sent = self.errors = 0
+        self._reason, self._failed_at, self._logged_at = "", -_CLEAR_AFTER_S, -_MAX_LOG_INTERVAL_S
+
+    @property
+    def trouble(self) -> str:
+        """Why frames are lost now. Empty if the output works."""
+        return self._reason if time.monotonic() - self._failed_at < _CLEAR_AFTER_S else ""
 
     def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        self._output.check(characters)
+        """Checks the characters that are on the stage at the start. Most outputs send any character.
 
-    def _send(self, frame: LiveFrame) -> None:
-        for packet in self._output.packets(frame):
-            self._send_packet(packet)
+        Raises:
+            InputError: if the output cannot send the character that its address names.
+        """
 
-    def _disconnect(self) -> None:
-        self._socket.close()
+    def send(self, frame: LiveFrame) -> None:
+        """Sends one frame. It never blocks, and counts a failure instead of raising it.
 
-    def _send_packet(self, packet: bytes) -> None:
-        """Sends one packet, or counts it as lost. It never blocks."""
+        Call it from one thread only.
+        """
         try:
-            if not self._is_connected:
-                # A connected socket reports when nothing listens at the receiver's port.
-                self._socket.connect(self._place)
-                self._is_connected = True
-            try:
-                self._socket.send(packet)
-            except ConnectionRefusedError:
-                # This is the answer to an earlier packet. The receiver may have started since.
-                self._fail("no program listens there")
-                self._socket.send(packet)
-        except ConnectionRefusedError:
-            pass
-        except BlockingIOError:
-            self._fail("the network takes fewer packets than are sent")
-        except OSError as error:
-            self._is_connected = False
-            self._fail(error.strerror or str(error))
-        else:
-            self.sent += 1
+            self._send(frame)
+        except Exception as error:
+            # A fault of one output must end neither the other outputs nor the edge.
+            log.debug("output %s", self.name, exc_info=True)
+            self._fail(f"the frame could not be converted ({error})")
+
+    def put_health(self, states: Sequence[HealthState]) -> None:
+        """Hands over the edge's health states, even without frames. Most outputs ignore them."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Frees the connection. A second call does nothing."""
+
+    @abstractmethod
+    def _send(self, frame: LiveFrame) -> None:
+        """Sends one frame without blocking."""
+
+    def _fail(self, reason: str) -> None:
+        """Counts a loss, and logs the reason with a rate limit."""
+        self.errors += 1
+        now = time.monotonic()
+        self._reason, self._failed_at = reason, now
+        if now - self._logged_at >= _MAX_LOG_INTERVAL_S:
+            self._logged_at = now
+            log.warning("output %s: %s. Lost packets: %d.", self.name, reason, self.errors)

@@ -12,7 +12,7 @@ from posed_people import performer
 
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
-from enliven.outputs import frame_thread
+from enliven.outputs import sender
 from enliven.outputs.opening import open_outputs
 from enliven.outputs.settings import outputs_of
 from enliven.wire import HoldMessage
@@ -37,7 +37,7 @@ def test_lost_packets_are_a_health_state_and_are_logged_once(monkeypatch, caplog
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    monkeypatch.setattr(frame_thread, "_CLEAR_AFTER_S", 0.3)
+    monkeypatch.setattr(sender, "_CLEAR_AFTER_S", 0.3)
     stage = Stage()
     with (
         caplog.at_level(logging.WARNING),

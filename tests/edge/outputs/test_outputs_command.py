@@ -1,6 +1,7 @@
 """Tests of live outputs in the programs: the edge, a replay and a run, from the options to the receivers."""
 
 import socket
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -107,6 +108,11 @@ def test_lost_packets_are_reported_in_the_heartbeat():
     assert f"vmc:127.0.0.1:{port}" in state.what and "Start the receiving program" in state.remedy
 
 
+def outputs_in(arguments) -> list[str]:
+    """Returns the values of ``--out`` in a command line."""
+    return [value for word, value in pairwise(arguments) if word == "--out"]
+
+
 def test_a_run_separates_the_folder_of_the_film_from_outputs(tmp_path, monkeypatch):
     started = []
     monkeypatch.setattr(run_command, "run_together", lambda processes: started.extend(processes) or 0)
@@ -122,11 +128,13 @@ def test_a_run_separates_the_folder_of_the_film_from_outputs(tmp_path, monkeypat
     ]
     assert cli.run(words) == 0
     edge, viewer = (list(process.arguments) for process in started)
-    assert [edge[k + 1] for k, word in enumerate(edge) if word == "--out"] == [
-        "vmc:127.0.0.1",
-        "osc:10.0.0.5:7000",
-    ]
+    assert outputs_in(edge) == ["vmc:127.0.0.1", "osc:10.0.0.5:7000"]
     assert str(tmp_path / "film" / "enliven.mp4") in viewer and "--out" not in viewer
+    started.clear()
+    assert cli.run(["run", "--window", "--out", "vmc:127.0.0.1"]) == 0
+    edge, viewer = started
+    assert outputs_in(edge.arguments) == outputs_in(edge.again) == ["vmc:127.0.0.1"]
+    assert "--out" not in viewer.arguments
     started.clear()
     monkeypatch.chdir(tmp_path)
     assert cli.run(["run", "--film", "--out", "C:film"]) == 0

@@ -129,7 +129,7 @@ def test_a_performer_returns_through_rokoko():
         for compress in (True, False):
             settings = LiveOutputSettings(f"rokoko:127.0.0.1:{sensor.port}", compress=compress)
             with open_outputs({"r": settings}) as outputs:
-                outputs.senders[0].put(LiveFrame(0, {1: body}))
+                outputs.put(LiveFrame(0, {1: body}))
                 (read,) = sensor.read(WAIT).bodies
     exact = [joint for joint in Joint if joint not in (Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT)]
     assert np.allclose(read.joints[exact], body.joints[exact], atol=2e-4)
@@ -146,7 +146,7 @@ def test_several_actors_keep_their_ids():
         open_sensor("rokoko", port=0) as sensor,
         open_outputs({"r": LiveOutputSettings(f"rokoko:127.0.0.1:{sensor.port}")}) as outputs,
     ):
-        outputs.senders[0].put(frame)
+        outputs.put(frame)
         bodies = sensor.read(WAIT).bodies
         assert [body.id for body in bodies] == [1, 2, 3, 4], "two performers and two human characters"
         send(sensor, packet(("ben", T_POSE), ("new", T_POSE), ("new", T_POSE)))

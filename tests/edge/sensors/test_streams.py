@@ -39,7 +39,7 @@ def received(sensor, scheme: str, frame: LiveFrame, frames: int = 1):
     """Sends frames by an output of enliven, and returns the bodies of the last one."""
     with open_outputs(outputs_of([f"{scheme}:127.0.0.1:{sensor.port}"], {})) as outputs:
         for _ in range(frames):
-            outputs.senders[0].put(frame)
+            outputs.put(frame)
             bodies = sensor.read(WAIT).bodies
         return bodies
 
@@ -140,7 +140,7 @@ def test_a_suit_of_another_program_moves_a_mesh():
         edge, places = Edge(sensor, Tracker(), Stage([actor]), outlet), []
         for k in range(20):
             body = performer(place=(0.4 + 0.03 * max(k - 5, 0), 0.94, -2.0))
-            outputs.senders[0].put(LiveFrame(k, {1: body}))
+            outputs.put(LiveFrame(k, {1: body}))
             edge.step(sensor.read(WAIT))
             if k == 3:
                 edge.stage.possess("chair")

@@ -3,17 +3,19 @@
 import json
 import re
 from dataclasses import replace
+from urllib.parse import unquote
 
 import lz4.frame
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from live_scenes import four_characters, random_body, random_frame
+from live_scenes import chair, four_characters, random_body, random_frame
 from plain_outputs import plain_human, plain_rokoko, plain_rows, plain_vmc, unity_numbers
 from pythonosc.osc_packet import OscPacket
 
 from enliven.outputs.json_template import MARK, MAX_NUMBER, JsonTemplate
+from enliven.outputs.live_frame import CharacterInfo, LiveFrame
 from enliven.outputs.osc_tree import OscOutput
 from enliven.outputs.rokoko import RokokoOutput
 from enliven.outputs.row_kernels import write_bone_rows
@@ -152,6 +154,21 @@ def test_osc_sends_the_numbers_of_its_twin(seed):
         if address.endswith("/rotation"):
             sent *= np.sign(sent @ numbers)
         assert np.allclose(sent, numbers, atol=1e-4), address
+
+
+@given(st.lists(st.text(st.characters(exclude_categories=())), min_size=1, max_size=5, unique=True))
+def test_osc_addresses_follow_the_specification_and_name_one_character_each(names):
+    mesh, pose = chair()
+    characters = {name: CharacterInfo(replace(mesh, id=name)) for name in names}
+    frame = LiveFrame(0, {}, [replace(pose, character=name) for name in names], characters)
+    sent = [timed.message.address for p in OscOutput().packets(frame) for timed in OscPacket(p).messages]
+    middles = [address.removesuffix("/held") for address in sent if address.endswith("/held")]
+    assert len(set(middles)) == len(names)
+    assert len(set(sent)) == len(sent) == 2 + 3 * len(names)
+    for address in sent:
+        assert re.fullmatch(r"(/[^\s#*,/?\[\]{}]+)+", address) and address.isascii() and address.isprintable()
+    decoded = [unquote(address.split("/")[3], errors="surrogatepass") for address in middles]
+    assert decoded == ["%" if name == "" else name for name in names]
 
 
 def parts(value, path=""):

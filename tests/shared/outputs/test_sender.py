@@ -1,53 +1,96 @@
-"""Tests that an output never delays the edge, and outlives its receiver."""
+"""Tests that outputs never delay the edge or each other, and outlive their receivers."""
 
 import socket
 import threading
-import time
 
 from live_receivers import OscReceiver
 from live_scenes import four_characters
 from patience import until
 from posed_people import performer
 
-from enliven.outputs.live_frame import LiveFrame, PerformerSlots
-from enliven.outputs.opening import open_outputs
-from enliven.outputs.sender import Sender
+from enliven.outputs.live_frame import LiveEvent, LiveFrame, PerformerSlots
+from enliven.outputs.opening import OutputSet, open_outputs
 from enliven.outputs.settings import outputs_of
+from enliven.outputs.udp_sender import UdpSender
 
 
-class Slow:
+class Collector:
+    """An output that keeps its frames and its thread, and makes one packet of each frame."""
+
+    def __init__(self) -> None:
+        self.frames, self.threads = [], set()
+
+    def packets(self, frame: LiveFrame) -> list[bytes]:
+        self.frames.append(frame)
+        self.threads.add(threading.get_ident())
+        return [b"packet"]
+
+    @property
+    def times(self) -> list[int]:
+        return [frame.time_ns for frame in self.frames]
+
+
+class Slow(Collector):
     """An output that converts a frame only when the test lets it."""
 
     def __init__(self) -> None:
-        self.go, self.frames, self.begun = threading.Semaphore(0), [], 0
-
-    def check(self, characters) -> None:
-        pass
+        super().__init__()
+        self.go, self.begun = threading.Semaphore(0), 0
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
         self.begun += 1
         self.go.acquire()
-        self.frames.append(frame.time_ns)
-        return [b"packet"]
+        return super().packets(frame)
 
 
-def sender_of(output, port: int = 9) -> Sender:
-    return Sender("test", output, socket.AF_INET, ("127.0.0.1", port))
+class Faulty(Collector):
+    """An output that cannot convert the frame with the time 0."""
+
+    def packets(self, frame: LiveFrame) -> list[bytes]:
+        if frame.time_ns == 0:
+            raise ValueError("broken")
+        return super().packets(frame)
 
 
-def test_a_slow_output_gets_the_newest_frame_and_never_blocks():
-    output = Slow()
-    with sender_of(output) as sender:
-        sender.put(LiveFrame(-1, {}))
-        until(lambda: output.begun, "the first frame")
-        begin = time.monotonic()
-        for k in range(500):
-            sender.put(LiveFrame(k, {}))
-        assert time.monotonic() - begin < 5.0, "500 frames were handed over although none was sent"
-        output.go.release(2)
-        until(lambda: len(output.frames) == 2)
-        assert output.frames == [-1, 499], "the frame after a slow one is the newest"
-        assert sender.skipped == 499
+def outputs_with(*outputs, port: int = 9) -> OutputSet:
+    place = ("127.0.0.1", port)
+    return OutputSet([UdpSender(type(output).__name__, output, socket.AF_INET, place) for output in outputs])
+
+
+def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
+    slow, other = Slow(), Collector()
+    with outputs_with(slow, other) as outputs:
+        outputs.put(LiveFrame(-1, {}))
+        until(lambda: slow.begun, "the first frame")
+        for k in range(500):  # They are handed over although none can be sent.
+            events = [LiveEvent("enter", k)] if k % 100 == 0 else []
+            outputs.put(LiveFrame(k, {}, events=events))
+        slow.go.release(2)
+        until(lambda: len(other.frames) == 2)
+        assert slow.times == other.times == [-1, 499], "the frame after a slow one is the newest"
+        for output in (slow, other):
+            assert [event.performer for event in output.frames[1].events] == [0, 100, 200, 300, 400]
+
+
+def test_all_outputs_are_served_by_one_thread_that_ends_with_them():
+    collectors = [Collector() for _ in range(5)]
+    with outputs_with(*collectors) as outputs:
+        for k in range(20):
+            outputs.put(LiveFrame(k, {}))
+            until(lambda k=k: all(output.times[-1:] == [k] for output in collectors), f"frame {k}")
+    assert all(output.times == list(range(20)) for output in collectors), "each frame once"
+    (thread,) = set.union(*(output.threads for output in collectors))
+    assert thread != threading.get_ident()
+    until(lambda: thread not in {running.ident for running in threading.enumerate()}, "its end")
+
+
+def test_the_last_frame_is_sent_before_the_end():
+    collector = Collector()
+    with outputs_with(collector) as outputs:
+        for k in range(100):
+            outputs.put(LiveFrame(k, {}))
+    until(lambda: collector.times[-1:] == [99], "the last frame")
+    outputs.close()  # A second call does nothing.
 
 
 def test_a_receiver_may_start_late_and_restart():
@@ -59,7 +102,7 @@ def test_a_receiver_may_start_late_and_restart():
         frame = four_characters()
 
         def lost():
-            sender.put(frame)
+            outputs.put(frame)
             return sender.errors
 
         until(lost, "a lost packet")
@@ -67,7 +110,7 @@ def test_a_receiver_may_start_late_and_restart():
             with OscReceiver(port) as receiver:
 
                 def arrived(receiver=receiver):
-                    sender.put(frame)
+                    outputs.put(frame)
                     return "/VMC/Ext/OK" in receiver.values and len(receiver.values) > 60
 
                 until(arrived, "a whole frame")
@@ -75,32 +118,43 @@ def test_a_receiver_may_start_late_and_restart():
             until(lambda before=before: lost() > before, "the end of the receiver is noticed")
 
 
-def test_a_fault_of_an_output_is_counted_and_the_next_frame_is_sent():
-    class Faulty(Slow):
-        def packets(self, frame):
-            if frame.time_ns == 0:
-                raise ValueError("broken")
-            return super().packets(frame)
+def test_a_fault_of_an_output_is_counted_and_stops_neither_its_next_frame_nor_others():
+    faulty, after = Faulty(), Collector()
+    with outputs_with(faulty, after) as outputs:
+        outputs.put(LiveFrame(0, {}))
+        until(lambda: after.times == [0], "the frame of the other output")
+        assert outputs.senders[0].errors == 1
+        assert "could not be converted (broken)" in outputs.troubles["Faulty"]
+        outputs.put(LiveFrame(1, {}))
+        until(lambda: faulty.times == [1] and after.times == [0, 1], "the next frame")
 
-    output = Faulty()
-    with sender_of(output) as sender:
-        sender.put(LiveFrame(0, {}))
-        until(lambda: sender.errors)
-        assert "could not be converted (broken)" in sender.trouble
-        output.go.release()
-        sender.put(LiveFrame(1, {}))
-        until(lambda: output.frames == [1])
+
+def test_an_absent_receiver_costs_the_others_nothing():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        absent = free.getsockname()[1]
+    with OscReceiver() as receiver:
+        words = [f"osc:127.0.0.1:{absent}", f"vmc:127.0.0.1:{receiver.port}"]
+        with open_outputs(outputs_of(words, {})) as outputs:
+            missing, present = outputs.senders
+
+            def both():
+                outputs.put(four_characters())
+                return missing.errors and "/VMC/Ext/OK" in receiver.values
+
+            until(both, "a lost packet, and a packet that arrives")
+            assert present.errors == 0
 
 
 def test_a_packet_that_is_too_long_is_counted():
-    class Long(Slow):
+    class Long(Collector):
         def packets(self, frame):
             return [bytes(70_000)]
 
-    with sender_of(Long()) as sender:
-        sender.put(LiveFrame(0, {}))
-        until(lambda: sender.errors)
-        assert sender.trouble
+    with outputs_with(Long()) as outputs:
+        outputs.put(LiveFrame(0, {}))
+        until(lambda: outputs.senders[0].errors)
+        assert outputs.troubles["Long"]
 
 
 def test_performers_keep_their_numbers_and_free_ones_are_used_again():

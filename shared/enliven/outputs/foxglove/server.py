@@ -32,8 +32,8 @@ from enliven.outputs.foxglove.stage_encoders import (
     StageEncoder,
     TransformsEncoder,
 )
-from enliven.outputs.frame_thread import FrameThread
 from enliven.outputs.live_frame import LiveFrame
+from enliven.outputs.sender import Sender
 from enliven.outputs.warmup import sample_frame
 
 _BACKLOG = 32
@@ -48,7 +48,7 @@ _ERROR = re.compile(r"(?:FoxgloveError: )?(?:Failed to bind port: )?(.*?)(?: \(o
 """The text of a failure of the library, without what the message of enliven says already."""
 
 
-class FoxgloveServer(FrameThread):
+class FoxgloveServer(Sender):
     """Serves everything on the stage to any number of Foxglove clients.
 
     Messages are only made for topics that a client has subscribed to. The library sends them from threads of
@@ -110,7 +110,6 @@ class FoxgloveServer(FrameThread):
             problem = f"port {port} of {host} cannot be opened ({reason})"
             raise ResourceError(problem, where=name, remedy=remedy) from None
         self._host, self.port = host, self._server.port
-        self._start()
 
     def put_health(self, states: Sequence[HealthState]) -> None:
         now = messages.timestamp(time.time_ns())
@@ -172,7 +171,7 @@ class FoxgloveServer(FrameThread):
         self._last_ns = time_ns
         return time_ns + self._offset_ns
 
-    def _disconnect(self) -> None:
+    def close(self) -> None:
         self._server.stop()
         # The library closes its port in the background. A restart of the edge needs it at once.
         deadline = time.monotonic() + _MAX_STOP_S
