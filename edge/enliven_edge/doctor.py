@@ -11,8 +11,8 @@ from enliven_edge.sensors import crash_reports, list_attached, profile_names, se
 
 
 def checks() -> list[Check]:
-    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB, and a note
-        on privacy."""
+    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB, and
+    a note on privacy."""
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(

@@ -135,7 +135,11 @@ def test_requests_of_other_pages_are_recognised(origin, site, same):
 def test_a_valid_certificate_is_loaded(certificates):
     path, key = certificates.make("server", NOW, days=30)
     loaded = load_certificate(path, key, NOW.timestamp())
-    assert loaded.end_s == read_end(path) == pytest.approx((NOW + datetime.timedelta(days=30)).timestamp(), abs=1.0)
+    assert (
+        loaded.end_s
+        == read_end(path)
+        == pytest.approx((NOW + datetime.timedelta(days=30)).timestamp(), abs=1.0)
+    )
 
 
 @pytest.mark.parametrize(
