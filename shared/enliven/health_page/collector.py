@@ -170,7 +170,7 @@ class HealthCollector:
     def _read_certificates(self) -> Iterator[CertificateState]:
         """Yields the TLS certificates of the health page and of the souvenirs, if they have one.
 
-        The page's own certificate is the one that it has loaded. The souvenirs' one is read from its file.
+        The page loads its certificate at its start. The certificate of the souvenirs is read from its file.
         """
         if self._certificate is not None:
             yield CertificateState("health", str(self._certificate.path), self._certificate.end_s)
