@@ -33,8 +33,8 @@ make progress, and the supervisor needs time to restart them."""
 HOT_C = 85.0
 """Temperature of the computer, in degrees Celsius, above which processors reduce their speed."""
 CERTIFICATE_WARNING_DAYS = 14.0
-"""Days before the end of a TLS certificate at which the warnings start. Somebody can renew it in this time,
-even during a holiday of one week."""
+"""Days before the end of a TLS certificate at which the warnings start. An operator can renew it after a week
+of holidays."""
 _CERTIFICATE_PROGRAMS = {"health": "the health page", "souvenirs": "enliven-souvenirs"}
 """The program to restart after a certificate is renewed, by the certificate's use."""
 _DAY_S = 86_400.0
