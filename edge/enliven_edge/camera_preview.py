@@ -12,6 +12,11 @@ _INTERVAL_NS = 200_000_000
 """Nanoseconds of the sensor's clock between two previews: fast enough to show movement, at 30 kB/s."""
 _MAX_HEIGHT_PX = 72
 """Maximum height of the preview in pixels. A person is recognisable at this size."""
+PRIVACY_NOTE = (
+    "viewers get a small depth image five times a second, in which a person can be recognised; "
+    "picture = false under [wire] in the settings turns it off"
+)
+"""The information for operators about the preview, if it is on."""
 _NEAR_MM = 400.0
 """Depth that is drawn brightest, in millimetres. Depth cameras do not measure nearer surfaces."""
 _FAR_MM = 6000.0

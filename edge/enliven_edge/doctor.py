@@ -6,11 +6,13 @@ from importlib import resources
 from pathlib import Path
 
 from enliven.doctor import Check
+from enliven_edge.camera_preview import PRIVACY_NOTE
 from enliven_edge.sensors import crash_reports, list_attached, profile_names, sensor_names
 
 
 def checks() -> list[Check]:
-    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB."""
+    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB, and
+    a note on privacy."""
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(
@@ -22,6 +24,7 @@ def checks() -> list[Check]:
         _check_recording(),
         *_check_cameras(),
         _list_crash_reports(),
+        Check("camera preview", True, f"by default, {PRIVACY_NOTE}"),
     ]
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,9 +37,13 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
     return (lambda kernel: keep(compiled(kernel))) if cache else compiled
 
 
-def run_in_pieces(
-    kernel: Callable[..., Any], count: int, length: int, other: ThreadPoolExecutor, *arguments: Any
-) -> None:
+@cache
+def second_thread() -> ThreadPoolExecutor:
+    """Returns the thread that shares the work of its callers."""
+    return ThreadPoolExecutor(1, "enliven-second")
+
+
+def run_in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: Any) -> None:
     """Calls ``kernel(*arguments, first, last)`` for pieces that cover 0 to ``count``, in two threads.
 
     The kernels release the global interpreter lock (GIL) and are serial themselves, because parallel kernels
@@ -47,7 +52,7 @@ def run_in_pieces(
 
     Args:
         length: the length of a piece. A single piece is computed in the calling thread.
-        other: the other thread. If it is busy, the calling thread computes all pieces.
+    If :func:`second_thread` is busy, the calling thread computes all pieces.
     """
     pieces = deque(range(0, count, length))
 
@@ -62,7 +67,7 @@ def run_in_pieces(
     if len(pieces) < 2:
         work(pieces.popleft)
         return
-    rest = other.submit(work, pieces.pop)
+    rest = second_thread().submit(work, pieces.pop)
     work(pieces.popleft)
     if not rest.cancel():
         rest.result()

@@ -3,6 +3,11 @@
 import subprocess
 import sys
 
+import pytest
+
+from enliven_edge.camera_preview import PRIVACY_NOTE
+from enliven_edge.doctor import checks
+
 START = """
 import sys
 from enliven.cli import run
@@ -29,3 +34,19 @@ def test_an_edge_loads_only_what_its_character_needs():
     assert code == "0", shown.stderr
     assert "enliven_edge.tracking.tracker" in loaded, "it did start"
     assert sorted(UNASKED.keys() & set(loaded)) == []
+
+
+@pytest.mark.parametrize("sends_picture", [True, False])
+def test_first_log_lines_say_what_viewers_can_see(tmp_path, sends_picture):
+    settings = tmp_path / "edge.toml"
+    settings.write_text("" if sends_picture else "[wire]\npicture = false\n")
+    options = ["--seconds", "0.1", "--port", "0", "--name", "start", "--settings", str(settings)]
+    command = [sys.executable, "-m", "enliven", "edge", *options, "--log-json"]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=600)
+    assert shown.returncode == 0 and "listens on" in shown.stderr, shown.stderr
+    assert (PRIVACY_NOTE in shown.stderr) is sends_picture
+
+
+def test_the_doctor_says_what_viewers_can_see_and_how_to_turn_it_off():
+    (check,) = [check for check in checks() if check.name == "camera preview"]
+    assert check.ok and "person can be recognised" in check.detail and "picture = false" in check.detail

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
-from fuzz_law import PATIENCE, Broken, Target, TooSlow, check_bytes, keep_broken, peak_mb
+from fuzz_law import PATIENCE, Broken, Target, TooSlow, check_bytes, keep_broken, peak_mb, timers
 from fuzz_mutations import MOST_BYTES
 
 STRUCTURED_SHARE = 0.6
@@ -190,7 +190,8 @@ def _fuzz(
     }
     arguments = [target.slug, *map(str, folders), *(f"-{name}={value}" for name, value in options.items())]
     atheris.Setup(arguments, test, custom_mutator=mutate)
-    atheris.Fuzz()
+    with timers():
+        atheris.Fuzz()
 
 
 def _address_space() -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import resource
 import signal
+import time
 import traceback
 import warnings
 import zlib
@@ -30,6 +31,12 @@ WAITING_FACTOR = 10
 """Maximum time for one file, as a multiple of the processor time: a reader may also wait for something."""
 MAX_GROWTH_MB = 512
 """Maximum growth of the process while it reads one file, MB. The first file also loads kernels."""
+MIN_GROWTH_S = 0.005
+"""Minimum time in which a process can grow by :data:`MAX_GROWTH_MB`, seconds: that would be 100 GB/s."""
+PEAK_INTERVAL = 64
+"""Number of files after which the peak of memory is measured again. It takes up to a millisecond."""
+TICK_S = 0.5
+"""Interval of the timers that find slow readers, seconds."""
 
 Mutator = Callable[[bytes, bytes, Random], bytes]
 """A function that returns a mutation of its first argument. Pieces of the second one are spliced into it."""
@@ -96,12 +103,15 @@ def check_bytes(target: Target, data: bytes, folder: Path, keep: Path, origin: s
     Raises:
         Broken: if the outcome is not allowed; contains the path of the file.
     """
-    before = peak_mb()
+    _peak.renew_sometimes()
+    began = time.perf_counter()
     try:
-        with _bounded():
-            target.read(data, folder)
-        if (grown := peak_mb() - before) > MAX_GROWTH_MB:
-            raise TooLarge(f"took {grown:.0f} MB")
+        try:
+            with _bounded():
+                target.read(data, folder)
+        finally:
+            if time.perf_counter() - began > MIN_GROWTH_S:
+                _peak.check()
     except target.allowed:
         return
     except BaseException as error:
@@ -124,6 +134,25 @@ def keep_broken(target: Target, data: bytes, keep: Path, error: BaseException, o
     return Broken(f"{about}: {reason}; the file is {kept}", kept, is_new)
 
 
+class _PeakMemory:
+    """The largest resident memory of this process, measured only as often as necessary."""
+
+    def __init__(self) -> None:
+        self._mb, self._files = peak_mb(), 0
+
+    def renew_sometimes(self) -> None:
+        """Measures the peak before every few files, so that one file is not blamed for the growth of many."""
+        if self._files % PEAK_INTERVAL == 0:
+            self._mb = peak_mb()
+        self._files += 1
+
+    def check(self) -> None:
+        """Measures the peak. Raises TooLarge if it has grown too much."""
+        before, self._mb = self._mb, peak_mb()
+        if (grown := self._mb - before) > MAX_GROWTH_MB:
+            raise TooLarge(f"took {grown:.0f} MB")
+
+
 def peak_mb() -> float:
     """Returns the largest resident memory of this process until now, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -134,7 +163,7 @@ def room() -> Iterator[str]:
     """Yields a folder for one file after the other, in memory if possible. Readers log and warn nothing."""
     levels = {name: logging.getLogger(name).level for name in ("enliven", "enliven_viewer")}
     place = "/dev/shm" if Path("/dev/shm").is_dir() else None
-    with TemporaryDirectory(dir=place) as folder, warnings.catch_warnings():
+    with TemporaryDirectory(dir=place) as folder, warnings.catch_warnings(), timers():
         warnings.simplefilter("ignore")
         try:
             for name in levels:
@@ -159,23 +188,68 @@ class TooSlow(BaseException):
     """Not a subclass of Exception, so that readers do not mistake it for damage in the file."""
 
 
+class _Ticks:
+    """The ticks of a timer while one file is read. Counting them needs no system call for each file.
+
+    Args:
+        factor: the limit, as a multiple of :data:`PATIENCE`.
+    """
+
+    def __init__(self, factor: float) -> None:
+        self._factor, self._count = factor, 0
+        self._is_reading = False
+
+    def begin(self) -> None:
+        """Starts a file."""
+        self._count, self._is_reading = 0, True
+
+    def end(self) -> None:
+        """Ends a file. Later ticks are ignored."""
+        self._is_reading = False
+
+    def handle(self, *_: Any) -> None:
+        """Counts a tick of the timer. Raises TooSlow beyond the limit."""
+        if not self._is_reading:
+            return
+        self._count += 1
+        if self._count * TICK_S > self._factor * PATIENCE:
+            self._is_reading = False
+            raise TooSlow(f"longer than {self._factor * PATIENCE:g} s")
+
+
+_peak = _PeakMemory()
+_processor, _waiting = _Ticks(1.0), _Ticks(WAITING_FACTOR)
+
+
 @contextmanager
-def _bounded() -> Iterator[None]:
-    """Stops anything that takes more than :data:`PATIENCE` of processor time, or far more time than that.
+def timers() -> Iterator[None]:
+    """Runs the timers that stop slow readers. A forked child process must start its own.
 
     Processor time alone counts at first, because a busy machine may pause this process for long.
     """
-    before = [signal.signal(each, _stop) for each in (signal.SIGPROF, signal.SIGALRM)]
-    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
-    signal.setitimer(signal.ITIMER_REAL, WAITING_FACTOR * PATIENCE)
+    kinds = (
+        (signal.SIGPROF, signal.ITIMER_PROF, _processor),
+        (signal.SIGALRM, signal.ITIMER_REAL, _waiting),
+    )
+    before = [signal.signal(number, ticks.handle) for number, _, ticks in kinds]
+    for _, timer, _ in kinds:
+        signal.setitimer(timer, TICK_S, TICK_S)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGPROF, before[0])
-        signal.signal(signal.SIGALRM, before[1])
+        for (number, timer, _), handler in zip(kinds, before, strict=True):
+            signal.setitimer(timer, 0)
+            signal.signal(number, handler)
 
 
-def _stop(*_: Any) -> None:
-    raise TooSlow(f"longer than {PATIENCE} s")
+@contextmanager
+def _bounded() -> Iterator[None]:
+    """Stops anything that takes more than :data:`PATIENCE` of processor time, or far more time than that,
+    while :func:`timers` run."""
+    _processor.begin()
+    _waiting.begin()
+    try:
+        yield
+    finally:
+        _processor.end()
+        _waiting.end()

@@ -222,12 +222,12 @@ def _first_chunk(data: bytes) -> int:
 
 def take() -> bytes:
     """Returns a take of a character, its poses, people and cues."""
-    return mcap(_take_records())
+    return mcap(list(_take_records()))
 
 
 def take_message(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a take with a mutated message or two. It starts from :func:`take`, whatever the first bytes."""
-    records = _take_records()
+    records = list(_take_records())
     for _ in range(dice.choice((1, 1, 3))):
         at = dice.randrange(len(records))
         topic, encoding, payload, time_ns = records[at]
@@ -238,13 +238,14 @@ def take_message(data: bytes, other: bytes, dice: Random) -> bytes:
     return mcap(records, dice.random() < 0.5)
 
 
-def _take_records() -> list[tuple[str, str, bytes, int]]:
+@functools.cache
+def _take_records() -> tuple[tuple[str, str, bytes, int], ...]:
     """Returns (topic, encoding, payload, time) of each message of a take."""
     payloads = stream_payloads()
     moved = [msgspec.msgpack.encode(pose_to_message(p, PoseCodec(character()), revision=1)) for p in poses()]
     records = [("character", "msgpack", payloads["character"], 0)]
     records += [("pose", "msgpack", data, 33_000_000 * k) for k, data in enumerate(moved)]
-    return records + [(topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")]
+    return (*records, *((topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")))
 
 
 def depth_payloads() -> tuple[bytes, ...]:

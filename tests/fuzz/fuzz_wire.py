@@ -16,7 +16,7 @@ import numpy as np
 from curve_client import EDGE, VIEWER, Client
 from fuzz_law import Target
 from fuzz_messages import smallest
-from fuzz_mutations import mutated
+from fuzz_mutations import MOST_BYTES, mutated
 from fuzz_seeds import (
     character,
     json_tree,
@@ -362,7 +362,11 @@ def _rokoko_tree(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a packet with a mutated tree, compressed as before."""
     if not data.startswith(LZ4_START):
         return json_tree(data, other, dice)
-    return lz4.frame.compress(json_tree(lz4.frame.decompress(data), other, dice))
+    try:
+        text = lz4.frame.LZ4FrameDecompressor().decompress(data, MOST_BYTES)
+    except (RuntimeError, EOFError, MemoryError):  # mutated before
+        return mutated(data, other, dice)
+    return lz4.frame.compress(json_tree(text, other, dice))
 
 
 def _rokoko(data: bytes, folder: Path) -> None:

@@ -15,6 +15,7 @@ import fuzz_corpus
 import fuzz_law
 import fuzz_readers
 import pytest
+from fuzz_mutations import MOST_BYTES
 
 TARGETS = fuzz_readers.targets()
 COUNT = 10_000
@@ -95,6 +96,32 @@ def test_reader_that_breaks_the_rule_is_caught_and_file_kept(folder, tmp_path, e
         fuzz_law.check(target, "7", folder, tmp_path)
     (kept,) = tmp_path.iterdir()
     assert kept.read_bytes() == target.make(fuzz_law.dice_of(target, "7"))
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the present memory from /proc")
+def test_reader_that_takes_too_much_memory_is_caught_even_if_it_refuses_the_file(
+    folder, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(fuzz_law, "MAX_GROWTH_MB", 50)
+
+    def read(data, folder):
+        # Only memory above the earlier peak of this process counts.
+        present = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+        bytes(range(256)) * int((fuzz_law.peak_mb() + 100.0 - present / 2**20) * 2**12)
+        raise fuzz_law.EnlivenError("refused")
+
+    with pytest.raises(fuzz_law.Broken, match="TooLarge"):
+        fuzz_law.check(fuzz_law.Target("greedy", 1, (b"abc",), read), "7", folder, tmp_path)
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.slug)
+def test_mutators_accept_what_they_have_mutated(target):
+    """The guided search mutates inputs many times. A mutator that raises would end its child process."""
+    data, dice = target.seeds[0], fuzz_law.dice_of(target, "mutators")
+    for _ in range(100):
+        for mutate in target.mutators:
+            data = mutate(data[:MOST_BYTES], dice.choice(target.seeds), dice)
+            assert isinstance(data, bytes)
 
 
 def test_endless_reader_is_stopped(folder, tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -35,7 +36,6 @@ from soak_programs import Program, ProgramGroup  # noqa: E402
 from enliven.kiosk.profile import CareSettings  # noqa: E402
 from enliven.supervision.causes import exit_cause  # noqa: E402
 from enliven.supervision.records import RUNTIME_VARIABLE  # noqa: E402
-from enliven.wire import free_ports  # noqa: E402
 
 OUT = Path("out/soak")
 ROUND_S = 30.0
@@ -53,6 +53,11 @@ JUMP_S = 3600.0
 """Size of the jumps of the sensor's clock, in seconds, forwards or backwards."""
 VIEWER_SETTINGS = "[playback]\nminutes = 1.0\n"
 """Settings of the window. It keeps the last minute instead of ten, so that its memory stops growing early."""
+PART_MINUTES = "1.0"
+"""Minutes of one file of the take. In one file, the long last life of an edge would fill the small disk."""
+FIRST_PORT, PORT_COUNT = 20_000, 10_000
+"""Ports for the programs. They are below those that the system gives to clients: while an edge restarts, a
+viewer that connects again must not get the edge's own port."""
 QUIET_S = 2.0
 """Seconds without a frame after which the end of a soak is delayed, until frames are published again."""
 ENDS = (0, 130, -signal.SIGTERM)
@@ -81,10 +86,12 @@ class Soak:
             print("soak: drawing the crowd", flush=True)
             draw_crowd(crowd, round_s, seed=1)
         self.disk = TakeDisk(folder / "takes")
-        self.ports = free_ports()[:2]
+        ports = lasting_ports(3)
+        self.ports, health_port = (ports[0], ports[1]), ports[2]
         edge = ["edge", "--sensor", "soak", "--set", f"crowd={crowd.resolve()}"]
         edge += ["--set", f"commands={self._commands.resolve()}", "--mesh", "chair", "--possess-at", "1"]
-        edge += ["--record", str(self.disk.folder / "take-{number}.mcap"), "--name", f"soak-{os.getpid()}"]
+        edge += ["--record", str(self.disk.folder / "take-{number}.mcap"), "--part-minutes", PART_MINUTES]
+        edge += ["--name", f"soak-{os.getpid()}"]
         edge += ["--port", str(self.ports[0]), "--control-port", str(self.ports[1])]
         name = f"edge soak-{os.getpid()}"
         view = ["view", "--edge", f"127.0.0.1:{self.ports[0]}", "--control-port", str(self.ports[1])]
@@ -92,7 +99,7 @@ class Soak:
         settings = folder / "viewer.toml"
         settings.write_text(VIEWER_SETTINGS)
         view += ["--settings", str(settings)]
-        health = ["health", "--edge", f"127.0.0.1:{self.ports[0]}", "--port", str(free_ports()[0])]
+        health = ["health", "--edge", f"127.0.0.1:{self.ports[0]}", "--port", str(health_port)]
         frozen_after_s = CareSettings().frozen_after
         self.edge = Program("edge", edge, name, frozen_after_s, ready=lambda: self._has_people)
         self.viewer = Program("viewer", view, "viewer")
@@ -149,7 +156,7 @@ class Soak:
                 sampled = at_s
                 self.group.poll()
                 for program in self.programs:
-                    program.sample(at_s)
+                    program.sample(at_s, self.watch.counts["bodies"])
             if at_s - cleaned >= CLEAN_S:
                 cleaned = at_s
                 self.disk.remove_old_takes()
@@ -204,6 +211,7 @@ class Soak:
         seconds_per_day = 60.0 * soak_day.MINUTES_PER_DAY
         longest = max([self.watch.silent_s, *(length for _, length in self.watch.silences)])
         faults = [f"the {p.name} ended: {cause}" for p in self.programs for cause in p.unexpected_ends]
+        faults += [f"the {p.name} never ran" for p in self.programs if not p.samples]
         faults += [
             f"the {name} did not end as it should: {exit_cause(code)}"
             for name, code in exits.items()
@@ -235,10 +243,29 @@ class Soak:
             "programs": {
                 p.name: soak_report.describe_program(p, seconds_per_day, self.started_s)
                 for p in self.programs
+                if p.samples
             },
             "faults": faults,
             "events": self.events,
         }
+
+
+def lasting_ports(count: int) -> list[int]:
+    """Returns free ports that stay free while a program restarts.
+
+    Raises:
+        SystemExit: if there are too few.
+    """
+    begin = os.getpid() * 16  # Soaks at the same time look for ports at different places.
+    ports: list[int] = []
+    for number in range(PORT_COUNT):
+        port = FIRST_PORT + (begin + number) % PORT_COUNT
+        with contextlib.suppress(OSError), socket.socket() as listener:
+            listener.bind(("127.0.0.1", port))
+            ports.append(port)
+        if len(ports) == count:
+            return ports
+    raise SystemExit("soak: too few ports are free")
 
 
 @contextlib.contextmanager

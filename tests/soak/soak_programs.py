@@ -39,6 +39,7 @@ class Sample:
         rss_mb: resident memory, MB.
         handles: open file descriptors.
         threads: number of threads.
+        frames: number of frames that the edge has published since the start of the soak.
     """
 
     at_s: float
@@ -46,6 +47,7 @@ class Sample:
     rss_mb: float
     handles: int
     threads: int
+    frames: int
 
 
 @dataclass
@@ -100,8 +102,8 @@ class Program:
                 self._is_kill_due = False
                 self._kills += 1
 
-    def sample(self, at_s: float) -> None:
-        """Measures the process, if it runs."""
+    def sample(self, at_s: float, frames: int) -> None:
+        """Measures the process, if it runs. ``frames`` is the number of published frames."""
         proc = Path(f"/proc/{self._pid}")
         try:
             status = (proc / "status").read_text()
@@ -110,7 +112,7 @@ class Program:
             handles = len(list((proc / "fd").iterdir()))
         except (OSError, IndexError):
             return
-        self.samples.append(Sample(at_s, self._life, rss, handles, threads))
+        self.samples.append(Sample(at_s, self._life, rss, handles, threads, frames))
 
     @property
     def unexpected_ends(self) -> list[str]:

@@ -12,10 +12,15 @@ import numpy as np
 from soak_programs import Program, Sample
 
 WARM_UP_S = 360.0
-"""Seconds of each life of a program that are left out of the slope. An edge needs about 10,000 frames until
-it has used each kernel, buffer and cache once. Until then, its memory grows by 2 MB."""
+"""Minimum number of seconds of each life of a program that are left out of the slope."""
+WARM_UP_FRAMES = 10_000
+"""Minimum number of published frames of each life that are left out, too. An edge needs this number until it
+has used each kernel, buffer and cache once. Until then, its memory grows by 2 MB. A slow machine publishes
+fewer frames in :data:`WARM_UP_S`."""
+MAX_CORRELATION = 0.95
+"""Maximum correlation of neighbouring blocks that the error of a slope takes into account."""
 BLOCK_S = 10.0
-"""Seconds of one block of samples. Neighbouring samples depend on each other, means of blocks hardly do."""
+"""Seconds of one block of samples."""
 SAMPLE_STEP = 5
 """Every fifth sample is in report.json: time, life, memory, handles and threads, for a chart."""
 MIN_BLOCKS = 12
@@ -27,29 +32,34 @@ DAY_S = 86_400.0
 def slope(samples: Sequence[Sample], value: str) -> tuple[float, float] | None:
     """Returns the slope of a measured value per second, and its standard error. None: too few samples.
 
-    Each life of the program has a level of its own. The slope is common, by least squares.
+    Each life of the program has a level of its own. The slope is common, by least squares. Memory grows in
+    steps, so the deviations of neighbouring blocks are alike. They then count as fewer independent ones,
+    as in a first-order autoregressive process.
     """
-    times, values, lives = [], [], 0
+    times, values = [], []
     for life in sorted({sample.life for sample in samples}):
         own = [sample for sample in samples if sample.life == life]
-        begin = own[0].at_s + WARM_UP_S
+        begin_s, begin_frames = own[0].at_s + WARM_UP_S, own[0].frames + WARM_UP_FRAMES
         blocks: dict[int, list[Sample]] = {}
         for sample in own:
-            if sample.at_s >= begin:
-                blocks.setdefault(int((sample.at_s - begin) / BLOCK_S), []).append(sample)
+            if sample.at_s >= begin_s and sample.frames >= begin_frames:
+                blocks.setdefault(int((sample.at_s - begin_s) / BLOCK_S), []).append(sample)
         if len(blocks) < MIN_BLOCKS:
             continue
         at = np.array([np.mean([sample.at_s for sample in block]) for block in blocks.values()])
         measured = np.array([np.mean([getattr(s, value) for s in block]) for block in blocks.values()])
         times.append(at - at.mean())
         values.append(measured - measured.mean())
-        lives += 1
     if not times:
         return None
     x, y = np.concatenate(times), np.concatenate(values)
     fitted = float(x @ y / (x @ x))
-    spread = float(((y - fitted * x) ** 2).sum()) / max(len(x) - lives - 1, 1)
-    return fitted, math.sqrt(spread / float(x @ x))
+    residuals = [own - fitted * at for at, own in zip(times, values, strict=True)]
+    squares = sum(float(own @ own) for own in residuals)
+    spread = squares / max(len(x) - len(times) - 1, 1)
+    likeness = sum(float(own[1:] @ own[:-1]) for own in residuals) / squares if squares > 0.0 else 0.0
+    likeness = min(max(likeness, 0.0), MAX_CORRELATION)
+    return fitted, math.sqrt(spread / float(x @ x) * (1.0 + likeness) / (1.0 - likeness))
 
 
 def describe_program(program: Program, seconds_per_day: float, started_s: float) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -49,13 +50,44 @@ def test_simulated_hours_are_those_of_the_event_that_is_furthest_behind():
 def test_slope_ignores_warm_up_and_restarts():
     """Two lives that start at different levels and grow by 0.01 MB per second."""
     samples = [
-        Sample(at, life, 100.0 * life + 0.01 * at + (500.0 if at - begin < 350 else 0.0), 9, 9)
+        Sample(at, life, 100.0 * life + 0.01 * at + (500.0 if at - begin < 350 else 0.0), 9, 9, 30 * at)
         for life, begin in ((1, 0), (2, 700))
         for at in range(begin, begin + 600)
     ]
     fitted, error = soak_report.slope(samples, "rss_mb")
     assert fitted == pytest.approx(0.01, rel=1e-6) and error < 1e-6
     assert soak_report.slope(samples[:400], "rss_mb") is None
+
+
+def test_warm_up_of_a_slow_machine_is_not_over_after_some_minutes():
+    """The memory grows until 10,000 frames are published: at ten frames per second, after 1,000 s."""
+    samples = [Sample(at, 1, min(0.002 * at, 2.0), 9, 9, 10 * at) for at in range(1500)]
+    fitted, _ = soak_report.slope(samples, "rss_mb")
+    assert fitted == pytest.approx(0.0, abs=1e-9)
+    assert soak_report.slope(samples[:1000], "rss_mb") is None
+
+
+def test_error_of_a_slope_covers_memory_that_wanders_without_growing():
+    """Memory changes in steps. The slope of 40 random walks around a level must be within three errors."""
+    random = np.random.default_rng(1)
+    shares = []
+    for _ in range(40):
+        levels = np.zeros(60)
+        for k in range(1, 60):
+            levels[k] = 0.7 * levels[k - 1] + random.normal()
+        samples = [
+            Sample(at, 1, levels[(at - 360) // 10] if at >= 360 else 0.0, 9, 9, 30 * at) for at in range(960)
+        ]
+        fitted, error = soak_report.slope(samples, "rss_mb")
+        shares.append(abs(fitted) / error)
+    assert sum(share > 3.0 for share in shares) <= 1 and np.median(shares) < 1.2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the range of clients' ports from /proc")
+def test_ports_are_free_and_are_not_given_to_clients():
+    ports = soak.lasting_ports(3)
+    low = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    assert len(set(ports)) == 3 and (max(ports) < low or low <= soak.FIRST_PORT)
 
 
 @pytest.mark.parametrize(

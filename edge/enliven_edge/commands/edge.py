@@ -209,6 +209,7 @@ def serve(
     here."""
     from enliven.doctor import need
     from enliven.outputs.opening import open_outputs
+    from enliven_edge.camera_preview import PRIVACY_NOTE
     from enliven_edge.character_upload import CharacterUploads
     from enliven_edge.commands.preparation import prepare_actors
     from enliven_edge.commands.progress import handle_signals
@@ -294,6 +295,8 @@ def serve(
             log.info(
                 "%s listens on %s for %s", edge_settings.wire.name, outlet.publisher.endpoint, sensor.name
             )
+            if outlet.tells_picture:
+                log.info("%s", PRIVACY_NOTE)
             outlet.announcer = announce(
                 *(edge_settings.wire, outlet.publisher.endpoint),
                 has_keys=access is not None,

@@ -87,29 +87,32 @@ def lamps_body(lamps: Lamps) -> str:
     return "L" + "".join(_CODES[pattern] for pattern in astuple(lamps))
 
 
+_MARKS = re.compile(rb"([$\n])")
+"""The bytes that begin and end a message. A split with this pattern returns them, too."""
+
+
 class Decoder:
     """Finds the messages in a stream of bytes. Each starts at a ``$``, whatever precedes it."""
 
     def __init__(self) -> None:
-        self._line: bytearray | None = None
+        self._line: bytes | None = None
 
     def feed(self, data: bytes) -> list[str]:
         """Returns the bodies of the messages that end in these bytes and have valid checksums."""
         bodies = []
-        for byte in data:
-            if byte == ord("$"):
-                self._line = bytearray()
+        for piece in _MARKS.split(data):
+            if piece == b"$":
+                self._line = b""
             elif self._line is None:
                 continue
-            elif byte == ord("\n"):
-                body = _verify_checksum(bytes(self._line))
+            elif piece == b"\n":
+                body = _verify_checksum(self._line)
                 if body:
                     bodies.append(body)
                 self._line = None
-            elif len(self._line) < _MAX_BODY_BYTES:
-                self._line.append(byte)
             else:
-                self._line = None
+                line = self._line + piece
+                self._line = line if len(line) <= _MAX_BODY_BYTES else None
         return bodies
 
 

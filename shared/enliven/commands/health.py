@@ -81,5 +81,6 @@ def _resolve_paths(settings: KioskProfile, folder: Path) -> KioskProfile:
             certificate=resolve(page.certificate),
             certificate_key=resolve(page.certificate_key),
         ),
+        souvenir=replace(settings.souvenir, certificate=resolve(settings.souvenir.certificate)),
         care=replace(settings.care, recordings=resolve(settings.care.recordings)),
     )

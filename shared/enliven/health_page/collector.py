@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from enliven.health_page.problems import (
     sort_problems,
 )
 from enliven.health_page.snapshot import (
+    CertificateState,
     HealthSnapshot,
     MachineState,
     Problem,
@@ -37,6 +38,7 @@ from enliven.supervision.records import (
     read_services,
     runtime_folder,
 )
+from enliven.web_server.certificate import ServerCertificate, read_end
 from enliven.wire import Endpoint
 
 log = logging.getLogger(__name__)
@@ -71,7 +73,7 @@ class HealthCollector:
 
     Args:
         profile: the profile of the installation.
-        certificate: file and end (Unix time in seconds) of the TLS certificate. None: there is none.
+        certificate: the TLS certificate of the health page. None: there is none.
 
     Attributes:
         snapshot: the newest state.
@@ -82,7 +84,7 @@ class HealthCollector:
         InputError: if the address of an edge is invalid.
     """
 
-    def __init__(self, profile: KioskProfile, certificate: tuple[Path, float] | None = None) -> None:
+    def __init__(self, profile: KioskProfile, certificate: ServerCertificate | None = None) -> None:
         self._profile = profile
         self._certificate = certificate
         self._edges = EdgeMonitor(profile.edges or {"edge": EdgeOfKiosk()})
@@ -121,9 +123,9 @@ class HealthCollector:
         care = self._profile.care
         problems += find_program_problems(programs, restarts, at_s, care.frozen_after)
         problems += find_machine_problems(machine, care.keep_free)
-        if self._certificate is not None:
-            path, end_s = self._certificate
-            problems += find_certificate_problems(end_s, str(path), at_s)
+        certificates = tuple(self._read_certificates())
+        for certificate in certificates:
+            problems += find_certificate_problems(certificate, at_s)
         self.snapshot = HealthSnapshot(
             name=self._profile.name,
             at_s=at_s,
@@ -132,7 +134,7 @@ class HealthCollector:
             restarts=tuple(reversed(restarts)),
             machine=machine,
             problems=sort_problems(problems),
-            certificate_end_s=None if self._certificate is None else self._certificate[1],
+            certificates=certificates,
         )
         self.history.add(at_s, _series_values(edges, programs, machine))
         self._save_sometimes()
@@ -164,6 +166,21 @@ class HealthCollector:
         self._count_restarts(restarts)
         now_s = time.time()
         return records, [restart for restart in restarts if abs(now_s - restart.at_s) <= _DAY_S], True
+
+    def _read_certificates(self) -> Iterator[CertificateState]:
+        """Yields the TLS certificates of the health page and of the souvenirs, if they have one.
+
+        The page loads its certificate at its start. The certificate of the souvenirs is read from its file.
+        """
+        if self._certificate is not None:
+            yield CertificateState("health", str(self._certificate.path), self._certificate.end_s)
+        souvenir = self._profile.souvenir
+        if not (souvenir.kind and souvenir.certificate):
+            return
+        try:
+            yield CertificateState("souvenirs", souvenir.certificate, read_end(Path(souvenir.certificate)))
+        except EnlivenError as error:
+            yield CertificateState("souvenirs", souvenir.certificate, None, error.what)
 
     def _count_restarts(self, restarts: Sequence[RestartRecord]) -> None:
         """Counts the restarts since the start of this program."""

@@ -75,7 +75,10 @@ METRICS = (
     HealthMetric("enliven_disk_bytes", "gauge", (), "Size of the disk of the recordings."),
     HealthMetric("enliven_disk_free_bytes", "gauge", (), "Free space on the disk of the recordings."),
     HealthMetric(
-        "enliven_certificate_expiry_time_seconds", "gauge", (), "Unix time of the end of the TLS certificate."
+        "enliven_certificate_expiry_time_seconds",
+        "gauge",
+        ("use",),
+        "Unix time of the end of a TLS certificate: of the page (health) or of the souvenirs (souvenirs).",
     ),
     HealthMetric("enliven_alerts_sent_total", "counter", (), "Alerts delivered since the start of the page."),
     HealthMetric("enliven_alert_failures_total", "counter", (), "Failed attempts to deliver an alert."),
@@ -177,11 +180,13 @@ def _samples(snapshot: HealthSnapshot, counts: Counts) -> Iterator[Sample]:
         "enliven_machine_load": machine.load,
         "enliven_disk_bytes": machine.disk_bytes,
         "enliven_disk_free_bytes": machine.disk_free_bytes,
-        "enliven_certificate_expiry_time_seconds": snapshot.certificate_end_s,
         "enliven_alerts_sent_total": float(counts.alerts_sent),
         "enliven_alert_failures_total": float(counts.alert_failures),
     }
     yield from ((name, (), value) for name, value in optional.items() if value is not None)
+    for certificate in snapshot.certificates:
+        if certificate.end_s is not None:
+            yield "enliven_certificate_expiry_time_seconds", (certificate.use,), certificate.end_s
 
 
 def _edge_samples(snapshot: HealthSnapshot) -> Iterator[Sample]:

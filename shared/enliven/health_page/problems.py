@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from enliven.health import HealthKind, Severity
 from enliven.health_page.snapshot import (
     EDGE_SILENT_AFTER_S,
+    CertificateState,
     MachineState,
     Problem,
     ProblemKind,
@@ -32,7 +33,10 @@ make progress, and the supervisor needs time to restart them."""
 HOT_C = 85.0
 """Temperature of the computer, in degrees Celsius, above which processors reduce their speed."""
 CERTIFICATE_WARNING_DAYS = 14.0
-"""Days before the end of the TLS certificate at which the warnings start."""
+"""Days before the end of a TLS certificate at which the warnings start. An operator can renew it after a week
+of holidays."""
+_CERTIFICATE_PROGRAMS = {"health": "the health page", "souvenirs": "enliven-souvenirs"}
+"""The program to restart after a certificate is renewed, by the certificate's use."""
 _DAY_S = 86_400.0
 """Seconds of a day."""
 _GIGABYTE = 1e9
@@ -151,31 +155,29 @@ def find_machine_problems(machine: MachineState, keep_free_gb: float) -> Iterato
         )
 
 
-def find_certificate_problems(end_s: float | None, path: str, at_s: float) -> Iterator[Problem]:
-    """Yields a problem if the TLS certificate has expired or expires soon.
+def find_certificate_problems(certificate: CertificateState, at_s: float) -> Iterator[Problem]:
+    """Yields a problem if a TLS certificate has expired, expires soon, or cannot be read.
 
     Args:
-        end_s: Unix time at which it expires, in seconds. None: no certificate is used.
-        path: file of the certificate.
         at_s: Unix time in seconds.
     """
-    if end_s is None:
-        return
-    days = (end_s - at_s) / _DAY_S
-    if days > CERTIFICATE_WARNING_DAYS:
-        return
-    date = datetime.fromtimestamp(end_s, tz=UTC).strftime("%Y-%m-%d")
-    message = (
-        f"The TLS certificate expires on {date}." if days > 0.0 else f"The TLS certificate expired on {date}."
-    )
-    yield Problem(
-        ProblemKind.CERTIFICATE,
-        path,
-        Severity.WARNING,
-        message,
-        "Renew it, and restart the health page.",
-        alerts=True,
-    )
+    program = _CERTIFICATE_PROGRAMS[certificate.use]
+    kind, severity = ProblemKind.CERTIFICATE_EXPIRES, Severity.WARNING
+    if certificate.end_s is None:
+        kind = ProblemKind.CERTIFICATE_UNREADABLE
+        message = f"The TLS certificate of {certificate.use} cannot be read: {certificate.fault}."
+    else:
+        days = (certificate.end_s - at_s) / _DAY_S
+        if days > CERTIFICATE_WARNING_DAYS:
+            return
+        date = datetime.fromtimestamp(certificate.end_s, tz=UTC).strftime("%Y-%m-%d")
+        message = f"The TLS certificate of {certificate.use} expires on {date}."
+        if days <= 0.0:
+            # A kind of its own alerts again, although the warning has already alerted.
+            kind, severity = ProblemKind.CERTIFICATE_EXPIRED, Severity.ERROR
+            message = f"The TLS certificate of {certificate.use} expired on {date}."
+    remedy = f"Renew it, and restart {program}."
+    yield Problem(kind, certificate.path, severity, message, remedy, alerts=True)
 
 
 def _silence(edge: WatchedEdge) -> Problem:

@@ -108,9 +108,8 @@ def serve_health(profile: KioskProfile, should_stop: Callable[[], bool] = lambda
     access = check_access(settings)
     targets = alert_targets(profile.alerts)
     certificate = access.certificate
-    known_end = None if certificate is None else (certificate.path, certificate.end_s)
     with bind_port(settings.host, settings.port, _PORT_ADVICE) as listener:
-        collector = HealthCollector(profile, known_end)
+        collector = HealthCollector(profile, certificate)
         couriers = [AlertCourier(target) for target in targets]
         notifier = Notifier()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Literal
 
 from enliven.health import Severity
 from enliven.supervision.records import RestartRecord, ServiceRecord
@@ -23,7 +24,9 @@ class ProblemKind(StrEnum):
     PROGRAM_FROZEN = "program frozen"
     DISK_FULL = "disk almost full"
     MACHINE_HOT = "machine hot"
-    CERTIFICATE = "certificate expires"
+    CERTIFICATE_EXPIRES = "certificate expires"
+    CERTIFICATE_EXPIRED = "certificate expired"
+    CERTIFICATE_UNREADABLE = "certificate unreadable"
     NO_RECORDS = "records unreadable"
     ALERTS_FAIL = "alerts not delivered"
 
@@ -128,6 +131,23 @@ class MachineState:
 
 
 @dataclass(frozen=True)
+class CertificateState:
+    """A TLS certificate of the installation.
+
+    Attributes:
+        use: "health" for the health page, or "souvenirs" for their server.
+        path: its file.
+        end_s: Unix time at which it expires, in seconds. None: the file cannot be read.
+        fault: why the file cannot be read. Empty: it can.
+    """
+
+    use: Literal["health", "souvenirs"]
+    path: str
+    end_s: float | None
+    fault: str = ""
+
+
+@dataclass(frozen=True)
 class HealthSnapshot:
     """The state of an installation.
 
@@ -139,7 +159,7 @@ class HealthSnapshot:
         restarts: restarts of the last day, the newest first.
         machine: the computer of the health page.
         problems: all problems, the most severe first.
-        certificate_end_s: Unix time at which the TLS certificate expires. None: no certificate.
+        certificates: the TLS certificates of the installation.
     """
 
     name: str
@@ -149,7 +169,7 @@ class HealthSnapshot:
     restarts: tuple[RestartRecord, ...] = ()
     machine: MachineState = field(default_factory=MachineState)
     problems: tuple[Problem, ...] = ()
-    certificate_end_s: float | None = None
+    certificates: tuple[CertificateState, ...] = ()
 
     @property
     def severity(self) -> Severity:

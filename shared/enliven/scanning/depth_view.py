@@ -8,10 +8,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float32, Int, UInt8, UInt16
 from enliven.camera import Intrinsics, project, rays
-from enliven.kernels import njit
+from enliven.kernels import njit, run_in_pieces
 from enliven.scanning.kernel_arguments import PointArrays
 from enliven.scanning.settings import DepthNoiseModel
-from enliven.scanning.threads import run_in_pieces
 
 TILE = 8
 """Pixels along a tile's side. The minimum and maximum depth are stored for each tile. A voxel block covers a

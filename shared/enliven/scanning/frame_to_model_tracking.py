@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
+from enliven.kernels import run_in_pieces
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.icp import BINS, MAX_CHORD, MOMENTS, SQUARES, SUMS, residuals
 from enliven.scanning.rigid import cross_matrix, move_pose
 from enliven.scanning.settings import TrackingSettings
-from enliven.scanning.threads import run_in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _MAX_COARSE_STEPS = 6

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt8, UInt16
+from enliven.kernels import run_in_pieces
 from enliven.scanning.blocks import VOXELS, BlockTable, grow_array, link
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.integration import FREE, NEAR, allocate, classify, integrate
@@ -18,7 +19,6 @@ from enliven.scanning.kernel_arguments import (
     VoxelArrays,
 )
 from enliven.scanning.settings import VolumeSettings
-from enliven.scanning.threads import run_in_pieces
 
 _TRUNCATION_VOXELS = 4.0
 """Truncation distance of the TSDF in front of a surface. Raise it for noisy depth."""

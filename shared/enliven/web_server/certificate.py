@@ -6,10 +6,14 @@ import ssl
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.web_server.access import read_secret_file
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
 
 _MAX_PEM_BYTES = 1 << 20
 """Maximum bytes of a file with certificates or a key. A certificate chain has about 10,000."""
@@ -44,15 +48,7 @@ def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
         InputError: if a file cannot be read, the certificate is not valid now, the key does not match or
             has a passphrase, or others may read the key.
     """
-    from cryptography import x509
-
-    pem = read_file(path, _MAX_PEM_BYTES)
-    try:
-        certificate = x509.load_pem_x509_certificate(pem)
-    except ValueError:
-        raise InputError(
-            "it does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE
-        ) from None
+    certificate = _read_certificate(path)
     read_secret_file(key, "key file", _MAX_PEM_BYTES)
     valid_from, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
     if at_s >= end.timestamp():
@@ -64,6 +60,28 @@ def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
             remedy=f"Check the clock: it is {_date(datetime.fromtimestamp(at_s, tz=UTC))} here.",
         )
     return ServerCertificate(path, end.timestamp(), _load_context(path, key))
+
+
+def read_end(path: Path) -> float:
+    """Returns the Unix time in seconds at which a certificate expires.
+
+    Raises:
+        InputError: if the file cannot be read or does not contain a certificate.
+    """
+    return _read_certificate(path).not_valid_after_utc.timestamp()
+
+
+def _read_certificate(path: Path) -> Certificate:
+    """Returns the first certificate of a file (PEM). Raises InputError like :func:`read_end`."""
+    from cryptography import x509
+
+    pem = read_file(path, _MAX_PEM_BYTES)
+    try:
+        return x509.load_pem_x509_certificate(pem)
+    except ValueError:
+        raise InputError(
+            "it does not contain a certificate (PEM)", where=str(path), remedy=_NEW_CERTIFICATE
+        ) from None
 
 
 def _load_context(path: Path, key: Path) -> ssl.SSLContext:

@@ -313,5 +313,5 @@ def _exported(workspace: Workspace, folder: Path) -> Actions:
     yield Wait(0.6)
     yield Click(Widget("dialog Save"))
     yield Wait(1.5)
-    yield Do(lambda workspace: workspace.exporting.finish())  # the film does not wait for the export
+    yield Do(lambda workspace: workspace.editor.background.finish())  # the film does not wait for the export
     yield Wait(2.5)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import os
 import re
+import shlex
 import signal
 import ssl
 import stat
@@ -28,7 +30,14 @@ from enliven.errors import InputError, ResourceError
 from enliven.health_page import app
 from enliven.health_page.metrics import METRICS
 from enliven.health_page.server import send_test_alert, serve_health
-from enliven.kiosk.profile import AlertSettings, CareSettings, EdgeOfKiosk, HealthPageSettings, KioskProfile
+from enliven.kiosk.profile import (
+    AlertSettings,
+    CareSettings,
+    EdgeOfKiosk,
+    HealthPageSettings,
+    KioskProfile,
+    SouvenirSettings,
+)
 from enliven.supervision.records import (
     RestartRecord,
     ServiceRecord,
@@ -362,7 +371,7 @@ def test_beyond_loopback_only_the_password_over_tls_opens_the_page(
         secured(tmp_path, certificates, running) as (profile, context, certificate),
         health_page(profile, PASSWORD, context) as page,
     ):
-        text = page.wait_for("TLS certificate expires")
+        text = page.wait_for("TLS certificate of health expires")
         assert "30 frames/s" in text
         _, headers, _ = page.request("GET", "/")
         assert "strict-transport-security" in headers
@@ -382,6 +391,37 @@ def test_beyond_loopback_only_the_password_over_tls_opens_the_page(
         assert status == 429 and int(headers["retry-after"]) > 0
         assert cli.run(["doctor", "--remote", url, "--certificate", str(certificate)]) == UNUSABLE
         assert "too many wrong passwords" in capsys.readouterr().err
+
+
+def test_the_certificate_of_souvenirs_warns_on_the_page_to_the_doctor_and_by_an_alert(
+    tmp_path, certificates, monkeypatch, capsys
+):
+    monkeypatch.setattr("enliven.health_page.alerts.ALERT_AFTER_S", 0.5)
+    code = f"import sys; open({str(tmp_path / 'alerts')!r}, 'a').write(sys.stdin.read())"
+    alerts = AlertSettings(command=shlex.join([sys.executable, "-c", code]))
+    path, key = certificates.make("souvenirs", days=10.0)
+    souvenir = SouvenirSettings("photo", certificate=str(path), certificate_key=str(key))
+    long_ago = datetime.datetime.now(datetime.UTC) - datetime.timedelta(days=9.0)
+    with edges(floor=(BODIES, pack_stream(FINE))) as running:
+        profile = replace(profile_of(running), souvenir=souvenir, alerts=alerts)
+        with health_page(profile) as page:
+            page.wait_for("TLS certificate of souvenirs expires")
+            page.wait_for("enliven_alerts_sent_total 1", "/metrics")
+            assert 'enliven_certificate_expiry_time_seconds{use="souvenirs"}' in page.get("/metrics")
+            assert page.request("GET", "/health")[0] == 200
+            url = f"http://127.0.0.1:{page.port}"
+            exit_code, checks = check_installation(url, None, "", monkeypatch, capsys)
+            assert exit_code == LACKING and not checks[f"{path}: certificate expires"]["ok"]
+            certificates.make("souvenirs", begin=long_ago, days=8.0)
+            page.wait_for("TLS certificate of souvenirs expired")
+            page.wait_for("enliven_alerts_sent_total 2", "/metrics")
+            assert page.request("GET", "/health")[0] == 503
+            certificates.make("souvenirs", days=100.0)
+            page.wait_for("All is well")
+            path.unlink()
+            page.wait_for("TLS certificate of souvenirs cannot be read")
+    kinds = [json.loads(line)["kind"] for line in (tmp_path / "alerts").read_text().splitlines()]
+    assert kinds[:2] == ["certificate expires", "certificate expired"]
 
 
 def check_installation(url, certificate, password, monkeypatch, capsys) -> tuple[int, dict[str, dict]]:

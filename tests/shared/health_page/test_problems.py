@@ -14,7 +14,14 @@ from enliven.health_page.problems import (
     find_program_problems,
     sort_problems,
 )
-from enliven.health_page.snapshot import MachineState, Problem, ProblemKind, ProgramState, WatchedEdge
+from enliven.health_page.snapshot import (
+    CertificateState,
+    MachineState,
+    Problem,
+    ProblemKind,
+    ProgramState,
+    WatchedEdge,
+)
 from enliven.supervision.records import RestartRecord, ServiceRecord
 from enliven.wire.streams import HealthMessage
 
@@ -113,13 +120,22 @@ def test_a_full_disk_and_heat_are_found():
     assert list(find_machine_problems(MachineState(), 1.0)) == []
 
 
-def test_a_certificate_is_reported_14_days_before_its_end():
+@pytest.mark.parametrize("use", ["health", "souvenirs"])
+def test_a_certificate_is_reported_14_days_before_its_end(use):
     end_s = 100 * DAY_S
-    assert list(find_certificate_problems(end_s, "cert.pem", end_s - 15 * DAY_S)) == []
-    (soon,) = find_certificate_problems(end_s, "cert.pem", end_s - 13 * DAY_S)
-    (late,) = find_certificate_problems(end_s, "cert.pem", end_s + 1.0)
-    assert "expires on 1970-04-11" in soon.message and "expired on 1970-04-11" in late.message
-    assert list(find_certificate_problems(None, "", 0.0)) == []
+    certificate = CertificateState(use, "cert.pem", end_s)
+    assert list(find_certificate_problems(certificate, end_s - 15 * DAY_S)) == []
+    (soon,) = find_certificate_problems(certificate, end_s - 13 * DAY_S)
+    (late,) = find_certificate_problems(certificate, end_s)
+    assert f"{use} expires on 1970-04-11" in soon.message and soon.severity is Severity.WARNING
+    assert f"{use} expired on 1970-04-11" in late.message and late.severity is Severity.ERROR
+    assert soon.alerts and late.alerts and soon.kind != late.kind, "the second one must alert again"
+
+
+def test_an_unreadable_certificate_is_a_warning():
+    (problem,) = find_certificate_problems(CertificateState("souvenirs", "cert.pem", None, "it is gone"), 0.0)
+    assert problem.kind == ProblemKind.CERTIFICATE_UNREADABLE and "it is gone" in problem.message
+    assert problem.alerts and problem.severity is Severity.WARNING
 
 
 def test_the_most_severe_problem_comes_first():

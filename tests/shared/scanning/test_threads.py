@@ -4,7 +4,8 @@ import threading
 
 import pytest
 
-from enliven.scanning.threads import compute_ahead, run_in_pieces, run_in_two_threads
+from enliven.kernels import run_in_pieces
+from enliven.scanning.threads import compute_ahead, run_in_two_threads
 
 
 def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():

@@ -21,7 +21,7 @@ from enliven.web_server.access import (
     read_password,
     tokens_match,
 )
-from enliven.web_server.certificate import load_certificate
+from enliven.web_server.certificate import load_certificate, read_end
 from enliven.web_server.listening import bind_port, find_own_address, format_address
 
 PASSWORD = "correct horse"
@@ -135,7 +135,11 @@ def test_requests_of_other_pages_are_recognised(origin, site, same):
 def test_a_valid_certificate_is_loaded(certificates):
     path, key = certificates.make("server", NOW, days=30)
     loaded = load_certificate(path, key, NOW.timestamp())
-    assert loaded.end_s == pytest.approx((NOW + datetime.timedelta(days=30)).timestamp(), abs=1.0)
+    assert (
+        loaded.end_s
+        == read_end(path)
+        == pytest.approx((NOW + datetime.timedelta(days=30)).timestamp(), abs=1.0)
+    )
 
 
 @pytest.mark.parametrize(

@@ -80,3 +80,11 @@ class NewestValues(dict[str, Any]):
         """Removes a key if it exists."""
         self.pop(key, None)
         self.bytes -= self._sizes.pop(key, 0)
+
+    def take(self) -> list[Any]:
+        """Removes all values and returns them. The one that was updated last comes last."""
+        values = list(self.values())
+        self.clear()
+        self._sizes.clear()
+        self.bytes = 0
+        return values

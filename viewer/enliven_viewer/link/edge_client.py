@@ -148,7 +148,10 @@ class EdgeClient:
         return self.edges[0].stage
 
     def take(self, topic: Topic) -> list[Any]:
-        """Returns all values of a topic since the last call; those of each edge are in order."""
+        """Returns the values of a topic since the last call; those of each edge are in order.
+
+        They are all of them, or the newest of each key, as the topic's ``keep`` says.
+        """
         inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
         return [value for inbox in inboxes for value in inbox.take()]
 

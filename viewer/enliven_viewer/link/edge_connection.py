@@ -120,7 +120,8 @@ class EdgeConnection:
             is known. For programs that forward messages.
 
     Attributes:
-        inbox: by topic, the values that the caller has not fetched yet.
+        inbox: by topic, the values that the caller has not fetched yet: all of them, or the newest of each
+            key, as the topic's ``keep`` says.
         latest: by topic and key, the newest value.
         stage: link that puts characters onto the edge's stage.
         probe: measures the edge's clock, see :meth:`align_clock`. None if only :attr:`clock` is estimated.
@@ -151,7 +152,7 @@ class EdgeConnection:
         self._rejects = RejectCounter(f"edge at {endpoint}")
         self.status: StatusMessage | None = None
         self.held: dict[str, _HeldCharacter] = {}
-        self.inbox: dict[str, BoundedQueue[Any]] = {}
+        self.inbox: dict[str, BoundedQueue[Any] | NewestValues] = {}
         self.latest: dict[str, NewestValues] = {}
         self._watches: dict[str, TopicWatch] = {}
         self.instance: int | None = None
@@ -419,10 +420,19 @@ class EdgeConnection:
     def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
         """Stores a value with its size in bytes for the caller, and as the newest of its key."""
         if topic.name not in self.inbox:
-            self.inbox[topic.name] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
+            # A caller that fetches no camera images, such as a kiosk, would store thousands of them.
+            self.inbox[topic.name] = (
+                BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
+                if topic.keep == "every"
+                else NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
+            )
             self.latest[topic.name] = NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
         self.latest[topic.name].put(key, value, size)
-        self.inbox[topic.name].append(value, size)
+        inbox = self.inbox[topic.name]
+        if isinstance(inbox, NewestValues):
+            inbox.put(key, value, size)
+        else:
+            inbox.append(value, size)
 
     def _watch(self, topic: Topic) -> TopicWatch:
         """Returns the message counts of a topic."""

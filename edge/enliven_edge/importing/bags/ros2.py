@@ -33,7 +33,8 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
             for number, data in database.execute(_MESSAGES.format(topic_ids)):
                 topic = str(topics[number])
                 yield Message(topic, AlignedFields(bytes(data), f"{path}, {topic}"))
-    except (sqlite3.Error, OverflowError, TypeError, ValueError):
+    except (sqlite3.Error, MemoryError, OverflowError, TypeError, ValueError):
+        # SQLite reports some damaged pages as a lack of memory.
         problem = "the database is damaged, or no recording"
         raise InputError(problem, where=str(path), remedy="Copy it again.") from None
 

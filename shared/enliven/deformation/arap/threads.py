@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from typing import Any
 
 from enliven.kernels import run_in_pieces
@@ -48,15 +46,10 @@ class ThreadChoice:
         self._least[threads - 1] = min(seconds, self._least[threads - 1])
 
 
-@cache
-def _second_thread() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(1, "enliven-arap")
-
-
 def run_on_threads(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any) -> None:
     """Runs ``kernel(*arguments, first, last)`` over the range from 0 to ``count``, on one or two threads."""
     if threads < 2 or count < _MIN_THREADED_VERTICES:
         kernel(*arguments, 0, count)
         return
     length = -(-count // (_RANGE_PIECES * _BLOCK_VERTICES)) * _BLOCK_VERTICES
-    run_in_pieces(kernel, count, length, _second_thread(), *arguments)
+    run_in_pieces(kernel, count, length, *arguments)

@@ -9,6 +9,7 @@ its default, so new fields can be added without a new version. The JSON object o
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import types
 import typing
@@ -105,7 +106,7 @@ def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
 
 def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     table = _checked_type(value, dict, where)
-    hints = typing.get_type_hints(kind)
+    hints = _type_hints(kind)
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
     if unknown:
@@ -117,6 +118,12 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(f"{name!r} is missing", where=where)
     return kind(**arguments)
+
+
+@functools.cache
+def _type_hints(kind: type[Any]) -> dict[str, Any]:
+    """Returns the types of a dataclass's fields. Python evaluates the annotations again at each call."""
+    return typing.get_type_hints(kind)
 
 
 def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:

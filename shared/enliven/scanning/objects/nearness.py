@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.kernels import njit
+from enliven.kernels import njit, run_in_pieces
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.icp import look_up
-from enliven.scanning.threads import run_in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _ROWS_PER_PIECE = 16

@@ -11,11 +11,10 @@ import numpy as np
 
 from enliven import rotation
 from enliven.arrays import Float
-from enliven.kernels import njit
+from enliven.kernels import njit, run_in_pieces
 from enliven.scanning.objects.free_space import SeenDepth, seen_through
 from enliven.scanning.objects.surface_points import NearestGrid, SurfacePoints, make_nearest_grid
 from enliven.scanning.rigid import invert_pose, pose_difference
-from enliven.scanning.threads import run_in_pieces
 
 _GRID_CELL_M = 0.015
 """Cell size of the nearest-point grid."""
