@@ -50,7 +50,7 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
     coverage = workspace.coverages.of(editor.project, editor.project.puppets[name], take)
     assert coverage is not None and 2 <= coverage.needed <= 12
     for number, second in enumerate(coverage.times[:3]):
-        workspace.begin_pose(take, second)
+        workspace.key_poses.begin(take, second)
         places = np.array(editor.project.puppets[name].rest)
         places[1:3] += 0.1 * tall * np.array([[0, number - 1, 0], [0, 1 - number, 0]])
         change = {"places": places}

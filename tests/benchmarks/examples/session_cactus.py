@@ -36,6 +36,7 @@ from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.recording import Recorder
 from enliven.samples.shipped import load_sample
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
@@ -289,12 +290,12 @@ def _spot(place: Float) -> Place:
 
 def _switch(workspace: Workspace) -> Actions:
     """Makes the jump begin earlier, and plays it."""
-    layout = workspace.timeline.layout
+    layout = workspace.state(TimelineInput).layout
     row = next(row for row in layout.lanes() if row.kind == "band")
     step = workspace.editor.project.takes[TAKE].step
     flights = [
         band.frame * step
-        for band, _, _ in workspace.timeline.rows.details.bands(layout, row)
+        for band, _, _ in workspace.state(TimelineInput).rows.details.bands(layout, row)
         if band.kind == "flight"
     ]
     if flights:

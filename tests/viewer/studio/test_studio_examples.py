@@ -309,15 +309,15 @@ def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
     workspace.input.take("choose")
     workspace.editor.edit("later", lambda project: change_layers(project, "star", [0], offset=0.4))
-    workspace.begin_pose("sway", 0.61)
-    workspace.begin_pose("sway", 1.5)
+    workspace.key_poses.begin("sway", 0.61)
+    workspace.key_poses.begin("sway", 1.5)
     times = [pose.time for pose in workspace.editor.project.puppets["star"].poses]
     assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and workspace.puppets.number == 1
     assert workspace.input.tool.name == "puppet" and workspace.editor.time == pytest.approx(1.9)
-    workspace.edit_pose(0)
+    workspace.key_poses.edit(0)
     assert workspace.puppets.number == 0 and workspace.editor.time == pytest.approx(1.0)
     assert workspace.performer.moment == ("sway", pytest.approx(18 / 30))
-    workspace.begin_pose("sway", 1.5)
+    workspace.key_poses.begin("sway", 1.5)
     assert workspace.puppets.number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
 
 
@@ -326,12 +326,12 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor = workspace.editor
     editor.frame_all(at_once=True)
     before = editor.lens.view.eye
-    workspace.begin_pose("sway", 0.5)
+    workspace.key_poses.begin("sway", 0.5)
     editor.advance(10.0)
     np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
     editor.camera.pan(5.0, 0.0)
     editor.advance(10.0)
-    workspace.edit_pose(0)
+    workspace.key_poses.edit(0)
     editor.advance(10.0)
     pixels = editor.lens.project(workspace.puppets.stage.find("star").vertices)[0]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()

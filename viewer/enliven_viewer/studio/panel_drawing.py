@@ -15,7 +15,6 @@ from enliven_viewer.studio.panels.side import draw_side
 from enliven_viewer.studio.panels.source import draw_source, split_side
 from enliven_viewer.studio.panels.stage.perform import draw_perform
 from enliven_viewer.studio.panels.stage.workspace_tabs import draw_workspace_tabs
-from enliven_viewer.studio.panels.timeline import draw_timeline
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.panels.viewport_overlay import draw_overlay
 from enliven_viewer.studio.tools.map import MapTool
@@ -66,8 +65,9 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
         draw_perform(workspace, places.side)
     elif places.side.width:
         _draw_side(workspace, places, pictures)
-    if places.timeline.height:
-        draw_timeline(workspace, places.timeline)
+    bottom = workspace.find_panel(active_workspace, "bottom")
+    if bottom is not None and places.timeline.height:
+        bottom.draw(places.timeline)
     above = workspace.find_panel(active_workspace, "above timeline")
     if above is not None and places.curves is not None:
         above.draw(places.curves)

@@ -6,11 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from enliven.document import RigBase
 from enliven.errors import InputError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import FileType, Panel, PanelPlace, ViewLayer, ViewOverlay
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
+from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.preferences import Preferences
@@ -31,9 +33,13 @@ class App:
         preferences: the artist's lasting preferences.
         actions: every action, for menus, shortcuts, buttons and the command palette.
         input: the input over the view; its ``handles`` come before the active tool.
-        panels: panels at the right, in place of a workspace's usual panel, or above the timeline.
+        time_axis: the visible span of time of the timeline, curves and sounds.
+        panels: panels at the right, in place of a workspace's usual panel, at the bottom, or above it.
         tool_options: functions that draw the options of a tool in the panel at the right, by the tool's name.
         perform_sections: functions that draw a section of the Perform panel.
+        layer_sections: functions that draw options of the selected layer, at the right. They take its
+            character and its number.
+        transport_sections: functions that draw in the row of the timeline's transport.
         overlays: marks and text over the view.
         view_layers: geometry in the 3D view.
         ruler_layers: functions that draw on the timeline's ruler. They take its left and top in pixels.
@@ -50,9 +56,12 @@ class App:
         self.preferences = Preferences(folder)
         self.actions = ActionTable(editor.toasts, self.preferences)
         self.input = ViewportInput(editor, self.actions)
+        self.time_axis = TimeAxis(editor)
         self.panels: list[Panel] = []
         self.tool_options: dict[str, Callable[[], object]] = {}
         self.perform_sections: list[Callable[[], object]] = []
+        self.layer_sections: list[Callable[[RigBase, int], object]] = []
+        self.transport_sections: list[Callable[[], object]] = []
         self.overlays: list[ViewOverlay] = []
         self.view_layers: list[ViewLayer] = []
         self.ruler_layers: list[Callable[[float, float], object]] = []

@@ -13,12 +13,12 @@ from enliven_viewer.render.gl.targets import RenderTarget
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panel_layout import Area
 
-PanelPlace = Literal["right", "above timeline"]
+PanelPlace = Literal["right", "bottom", "above timeline"]
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of the window: at the right, in place of a workspace's usual panel, or above the timeline.
+    """A panel of the window: at the right, in place of a workspace's usual panel, at the bottom, or above it.
 
     Attributes:
         name: a permanent name.
@@ -31,7 +31,7 @@ class Panel:
 
     name: str
     draw: Callable[[Area], object]
-    is_shown: Callable[[], bool]
+    is_shown: Callable[[], bool] = lambda: True
     workspaces: tuple[str, ...] = ()
     back: str = ""
     place: PanelPlace = "right"

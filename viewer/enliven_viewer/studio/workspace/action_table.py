@@ -15,14 +15,12 @@ from enliven_viewer.studio.numbers.view_bookmarks import make_view_actions
 from enliven_viewer.studio.outliner.actions import make_choosing_actions, require_single_shape
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.registry import TOOLS
-from enliven_viewer.studio.workspace.clip_actions import make_clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, list_exportable
 from enliven_viewer.studio.workspace.size_matching import make_fitting_actions
-from enliven_viewer.studio.workspace.take_commands import make_take_actions
 from enliven_viewer.studio.workspace.view_actions import (
     make_camera_actions,
-    make_playing_actions,
+    make_display_actions,
     make_reading_actions,
 )
 
@@ -63,9 +61,7 @@ def _make_actions(
     yield from _make_shape_actions(commands)
     yield from make_fitting_actions(commands.fitting)
     yield from (make_tool_action(user_input, kind) for kind in TOOLS)
-    yield from make_clip_actions(commands.clips)
-    yield from make_take_actions(commands.takes)
-    yield from make_playing_actions(commands)
+    yield from make_display_actions(commands)
     yield from make_camera_actions(commands)
     yield from make_view_actions(commands.editor)
     yield from make_reading_actions(preferences)

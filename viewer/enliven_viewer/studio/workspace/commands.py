@@ -30,12 +30,10 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.sources.motion_matches import make_match_view
 from enliven_viewer.studio.tools.nodes import remove_joint
-from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, order_from_root
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, find_side_offset
 from enliven_viewer.studio.workspace.size_matching import SizeMatching
-from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
 
 class Commands:
@@ -45,25 +43,8 @@ class Commands:
         self.editor = editor
         self._copied: tuple[Project, tuple[str, ...]] | None = None
         self._pasted = 0
-        self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
-        self.takes, self.fitting = TakeCommands(editor), SizeMatching(editor)
+        self.puppets, self.fitting = PuppetCommands(editor, self.add), SizeMatching(editor)
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
-
-    def play(self) -> None:
-        """Starts or stops playback."""
-        self.editor.playing = not self.editor.playing
-
-    def clear_range(self) -> None:
-        """Removes the in and out points."""
-        self.editor.marked = None
-
-    def lacks_marked(self) -> str:
-        """Returns why the in and out points cannot be removed, with advice."""
-        return "" if self.editor.marked else "No in or out point is set. Alt+I and Alt+O set them."
-
-    def step(self, count: int) -> None:
-        """Moves the playhead by `count` frames."""
-        self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
     def bones(self) -> None:
         """Shows or hides the bones."""

@@ -10,6 +10,7 @@ from enliven_viewer.studio.app.fields import tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, use_small_text
 from enliven_viewer.studio.examples.example_edits import (
     HardConstraint,
+    describe_constraint,
     find_layer_number,
     list_constraints,
     with_constraint,
@@ -85,13 +86,3 @@ def _draw_constraint_row(
         if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
             editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
         workspace.remember(f"let go {row}")
-
-
-def describe_constraint(held: HardConstraint, step: float) -> str:
-    """Returns a short description of a hard constraint."""
-    time_text = f"{held.frame * step:.2f} s"
-    if isinstance(held, Position):
-        return tr("{0} goes through a place at {1}", held.point, time_text)
-    if isinstance(held, Velocity):
-        return tr("{0} is still at {1}", held.point, time_text)
-    return tr("{0} is level with {1} at {2}", held.point, held.other, time_text)

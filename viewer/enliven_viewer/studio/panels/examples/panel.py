@@ -23,7 +23,6 @@ from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.examples.motion import draw_constraints
 from enliven_viewer.studio.panels.examples.points import draw_points, suggest_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
-from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.outliner.numbers import draw_numbers
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
@@ -50,7 +49,8 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
         puppet = workspace.editor.puppets.puppet
         number = None if puppet is None else find_layer_number(puppet, workspace.editor.selection.layer)
         if puppet is not None and number is not None:
-            draw_layer(workspace, puppet, number)
+            for draw_section in workspace.layer_sections:
+                draw_section(puppet, number)
             draw_constraints(workspace, puppet)
         if puppet is not None:
             draw_numbers(workspace)
@@ -94,7 +94,7 @@ def _find_next_step(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Cal
         joints_hint = tr("Pair every point with the joint of the performer at a similar place")
         return tr("Guess joints"), joints_hint, lambda: editor.edit("guess joints", guess)
     pose_hint = tr("Pose the puppet for this moment of the performer: drag its points")
-    begin = partial(workspace.begin_pose, take, workspace.performer.playhead(take))
+    begin = partial(workspace.key_poses.begin, take, workspace.performer.playhead(take))
     return tr("Pose it here"), pose_hint, begin
 
 

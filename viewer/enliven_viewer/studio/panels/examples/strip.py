@@ -127,7 +127,7 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
     elif label == "Cancel":
         editor.puppets.cancel()
     elif label == "Edit":
-        workspace.edit_pose(number)
+        workspace.key_poses.edit(number)
     elif label == "Remove":
         editor.puppets.accept()
         editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
@@ -138,7 +138,7 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
         make = duplicate_pose if label == "Duplicate" else mirror_pose
         moment = _find_free_time(workspace, puppet, number)
         if editor.edit(_COMMAND_TITLES[label], lambda p: make(p, name, number, key.take, moment)):
-            workspace.edit_pose(len(puppet.poses))
+            workspace.key_poses.edit(len(puppet.poses))
 
 
 _COMMAND_TITLES = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
@@ -176,7 +176,7 @@ def _draw_add_button(workspace: Workspace, puppet: Puppet) -> None:
     imgui.end_group()
     imgui.end_disabled()
     if pressed and moment is not None:
-        workspace.begin_pose(*moment)
+        workspace.key_poses.begin(*moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip(tr("Make a key pose for this moment"))
 
@@ -187,7 +187,7 @@ def _draw_tile(workspace: Workspace, puppet: Puppet, number: int, place: int, th
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
     if imgui.invisible_button(f"##pose {number}", TILE_SIZE):
-        workspace.edit_pose(number)
+        workspace.key_poses.edit(number)
     workspace.remember(f"key pose {place}")
     hovered = imgui.is_item_hovered()
     if imgui.begin_popup_context_item(f"##of pose {number}"):
@@ -239,7 +239,7 @@ def _draw_suggestions(workspace: Workspace, puppet: Puppet, coverage: TakeCovera
         origin = imgui.get_cursor_screen_pos()
         imgui.begin_group()
         if imgui.invisible_button(f"##ghost {place}", TILE_SIZE):
-            workspace.begin_pose(coverage.take, seconds)
+            workspace.key_poses.begin(coverage.take, seconds)
         workspace.remember(f"suggested {place + 1}")
         hovered = imgui.is_item_hovered()
         draw_list = imgui.get_window_draw_list()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
+from enliven_viewer.studio.features.timeline.layout import LaneHandle, TimelineLayout
 
 SNAP_DISTANCE_PX = 6.0
 """Snapping distance in pixels."""

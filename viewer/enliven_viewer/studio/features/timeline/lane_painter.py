@@ -13,16 +13,16 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Clip, PoseStream, Segment
 from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.studio.app.style import CLOSED_EYE_ICON, EYE_ICON, pack_colour, use_small_text
-from enliven_viewer.studio.timeline.clip_pictures import POSE_COUNT, SHEET_COLUMNS, ClipPictures
-from enliven_viewer.studio.timeline.layout import (
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH
+from enliven_viewer.studio.features.timeline.clip_pictures import POSE_COUNT, SHEET_COLUMNS
+from enliven_viewer.studio.features.timeline.layout import (
     HEAD_HEIGHT,
-    LABEL_WIDTH,
     LANE_HEIGHT,
     TAKES_BUTTON_WIDTH,
     Lane,
     TimelineLayout,
 )
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.theme import ACCENT, DARK, INK, LANE_COLOURS, LINE, ON_COLOUR, QUIET, RAISED, Colour
 
 _LOCK_ICON, _UNLOCK_ICON, _SOLO_ICON, _OPEN_ICON, _FOLDED_ICON = (
@@ -46,11 +46,11 @@ class LanePainter:
         self._textures: WeakKeyDictionary[Clip | PoseStream, moderngl.Texture] = WeakKeyDictionary()
         self._ctx: moderngl.Context | None = None
 
-    def head(self, workspace: Workspace, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
+    def head(self, timeline: TimelineInput, lane: Lane, origin: ImVec2, size: ImVec2) -> None:
         """Draws the row with a character's name; if it is folded, also thin bars of its clips."""
-        draw_list, timeline = imgui.get_window_draw_list(), workspace.timeline
+        draw_list = imgui.get_window_draw_list()
         top, name = origin.y + lane.top, lane.character.id
-        chosen = workspace.editor.selection.character == name
+        chosen = timeline.editor.selection.character == name
         draw_list.add_rect_filled(
             ImVec2(origin.x, top),
             ImVec2(origin.x + size.x, top + HEAD_HEIGHT),
@@ -75,12 +75,12 @@ class LanePainter:
                     draw_list.add_rect_filled(low, high, pack_colour(find_take_colour(layer.take), 0.6), 3.0)
 
     def lane(
-        self, workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
+        self, timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
     ) -> None:
         """Draws a bar with its clips."""
         draw_list, layer = imgui.get_window_draw_list(), lane.layer
         top, right = origin.y + lane.top, origin.x + size.x
-        selection, timeline = workspace.editor.selection, workspace.timeline
+        selection = timeline.editor.selection
         chosen = selection.character == lane.character.id and selection.layer in lane.layers
         draw_list.add_rect_filled(
             ImVec2(origin.x, top),
@@ -124,7 +124,7 @@ class LanePainter:
             draw_list.add_rect_filled(low, high, pack_colour(find_take_colour(layer.take), 0.22 * faded), 4.0)
         for number, clip in enumerate(lane.clips):
             is_held = chosen and timeline.clip == number
-            self._draw_clip(workspace, layout, lane, clip, origin, faded, is_held)
+            self._draw_clip(timeline, layout, lane, clip, origin, faded, is_held)
         for before, after in pairwise(lane.clips):
             if before.end > after.begin:
                 _draw_blend(layout, before, after, origin, top, faded)
@@ -132,7 +132,7 @@ class LanePainter:
 
     def _draw_clip(
         self,
-        workspace: Workspace,
+        timeline: TimelineInput,
         layout: TimelineLayout,
         lane: Lane,
         clip: Segment,
@@ -145,7 +145,7 @@ class LanePainter:
         high = ImVec2(max(origin.x + layout.x(clip.end), low.x + 2), origin.y + lane.top + LANE_HEIGHT - 1)
         draw_list.add_rect_filled(low, high, pack_colour(tint, 0.78 * faded), 4.0)
         draw_list.push_clip_rect(low, high, True)
-        self._draw_figures(workspace, layout, layer.take, lane, clip, low, high, faded)
+        self._draw_figures(timeline, layout, layer.take, lane, clip, low, high, faded)
         label = layer.take if clip.speed == 1.0 else f"{layer.take}  {clip.speed:.2g}x"
         with use_small_text():
             width = imgui.calc_text_size(label).x
@@ -159,7 +159,7 @@ class LanePainter:
 
     def _draw_figures(
         self,
-        workspace: Workspace,
+        timeline: TimelineInput,
         layout: TimelineLayout,
         name: str,
         lane: Lane,
@@ -171,7 +171,7 @@ class LanePainter:
         """Draws a clip's thumbnails at regular distances."""
         takes = layout.project.streams if lane.layer.source == "streams" else layout.project.takes
         take = takes[name]
-        texture = self._get_texture(workspace.timeline.pictures, workspace, take)
+        texture = self._get_texture(timeline, take)
         if texture is None:
             return
         draw_list, side = imgui.get_window_draw_list(), high.y - low.y - 2
@@ -200,11 +200,9 @@ class LanePainter:
                 picture, ImVec2(x, low.y + 1), ImVec2(x + side, high.y - 1), low_uv, high_uv, ink
             )
 
-    def _get_texture(
-        self, pictures: ClipPictures, workspace: Workspace, take: Clip | PoseStream
-    ) -> moderngl.Texture | None:
+    def _get_texture(self, timeline: TimelineInput, take: Clip | PoseStream) -> moderngl.Texture | None:
         if take not in self._textures:
-            sheet = pictures.sheet(workspace.editor.project, take)
+            sheet = timeline.pictures.sheet(timeline.editor.project, take)
             if sheet is None:
                 return None
             self._ctx = self._ctx or get_window_context()

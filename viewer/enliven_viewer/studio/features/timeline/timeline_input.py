@@ -7,22 +7,16 @@ from typing import Any
 from enliven.document import LayerBase, Project, Switch
 from enliven.modeling.edits import change_layers, choose_take, move_marker
 from enliven_viewer.language import later, tr
+from enliven_viewer.studio.app.time_axis import RULER_HEIGHT, TimeAxis
 from enliven_viewer.studio.editor.editor import Edit, Editor
-from enliven_viewer.studio.timeline.clip_drag import ClipDrag
-from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
-from enliven_viewer.studio.timeline.layout import LANE_GAP, RULER_HEIGHT, Lane, LaneHandle, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_input import DRAG_TITLES, PuppetRows
-from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
+from enliven_viewer.studio.examples.coverage import CoverageCache
+from enliven_viewer.studio.features.timeline.clip_drag import ClipDrag
+from enliven_viewer.studio.features.timeline.clip_pictures import ClipPictures
+from enliven_viewer.studio.features.timeline.layout import LANE_GAP, Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.features.timeline.puppet_input import DRAG_TITLES, PuppetRows
+from enliven_viewer.studio.features.timeline.snapping import snap_offset, snap_times
 
 _NO_HANDLE = LaneHandle("nothing")
-_MIN_VISIBLE_S = 0.25
-"""Minimum time span of the track, in seconds: a few frames."""
-_MAX_VISIBLE_FACTOR = 1.25
-"""Maximum time span of the track as a multiple of the project's length: leaves room to drag the last clip's
-end.
-"""
-_ZOOM_PER_NOTCH = 0.85
-"""Factor of the visible time span per notch of the wheel."""
 _MIN_SPAN_S = 0.1
 """Minimum length of the marked span, in seconds: enough time to begin and to end a recording."""
 _SPAN_HANDLES = ("from", "to", "marked")
@@ -34,9 +28,8 @@ class TimelineInput:
 
     Attributes:
         rows: pointer input on the rows below a puppet's bars.
-        width, scrolled: width of the area, and vertical scroll offset of the lanes, in pixels.
-        start, span: time at the left of the track, and visible time span, in seconds. A span of 0 shows
-            everything.
+        axis: the time axis.
+        scrolled: vertical scroll offset of the lanes, in pixels.
         folded: characters with all lanes collapsed into one row.
         opened: groups of alternatives that show a lane for every take.
         locked: lanes that cannot be dragged, as the character and the first layer of each.
@@ -45,17 +38,18 @@ class TimelineInput:
         clip: number of the selected clip in the selected layer.
         marker: the marker being renamed, or empty.
         pictures: thumbnails of the takes.
+        has_changed_layer: whether the current press has selected another layer.
     """
 
-    def __init__(self, editor: Editor) -> None:
-        self.editor = editor
-        self.width, self.scrolled, self.start, self.span = 1000.0, 0.0, 0.0, 0.0
+    def __init__(self, editor: Editor, axis: TimeAxis, coverages: CoverageCache) -> None:
+        self.editor, self.axis, self.scrolled = editor, axis, 0.0
         self._followed = ""
         self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
         self.opened = frozenset[str]()
         self.snapping, self.clip, self.marker = True, 0, ""
+        self.has_changed_layer = False
         self.stuck: float | None = None
-        self.rows, self.pictures = PuppetRows(editor), ClipPictures()
+        self.rows, self.pictures = PuppetRows(editor, coverages), ClipPictures()
         self._handle = _NO_HANDLE
         self._drag: ClipDrag | None = None
         self._from, self._held_layout = 0.0, self.layout
@@ -64,9 +58,19 @@ class TimelineInput:
     @property
     def layout(self) -> TimelineLayout:
         """Returns the current layout."""
-        editor = self.editor
-        view_options = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
-        return TimelineLayout(editor.project, editor.length, self.width, *view_options, editor.marked)
+        scale = self.axis.scale
+        return TimelineLayout(
+            scale.length,
+            scale.width,
+            scale.start,
+            scale.span,
+            project=self.editor.project,
+            scrolled=self.scrolled,
+            details=self.rows.details,
+            folded=self.folded,
+            opened=self.opened,
+            marked=self.editor.marked,
+        )
 
     def follow(self, height: float, recorded: str = "") -> None:
         """Scrolls vertically to the lanes of a newly recorded or newly selected character.
@@ -105,7 +109,9 @@ class TimelineInput:
         elif handle.kind in ("fold", "solo", "name"):
             self._press_head(handle)
         elif handle.layers:
+            before = self.editor.selection
             self.editor.select(character=handle.character, layer=handle.number)
+            self.has_changed_layer = (before.character, before.layer) != (handle.character, handle.number)
             self._press_lane(handle, layout, x, alt=alt, ctrl=ctrl)
 
     def _press_lane(
@@ -181,6 +187,7 @@ class TimelineInput:
             self.editor.scrub(self.editor.project.markers[handle.name].seconds)
         self.editor.finish_scrubbing()
         self._handle, self._drag, self.stuck = _NO_HANDLE, None, None
+        self.has_changed_layer = False
 
     def double(self, x: float, y: float) -> bool:
         """Handles a double click. Returns whether it had an effect."""
@@ -189,28 +196,6 @@ class TimelineInput:
             self.marker = handle.name
             return True
         return self.rows.double(handle)
-
-    def zoom(self, notches: float, x: float) -> None:
-        """Zooms the visible time span in or out around a pixel."""
-        layout = self.layout
-        fixed_time, max_span = layout.time(x), _MAX_VISIBLE_FACTOR * layout.length
-        span = min(max(layout.visible_s * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), max_span)
-        fraction = (fixed_time - layout.start) / layout.visible_s
-        self.span = 0.0 if span >= layout.length and notches < 0 else span
-        self._set_start(fixed_time - fraction * span)
-
-    def pan(self, pixels: float) -> None:
-        """Pans the visible time span to the right by some pixels."""
-        layout = self.layout
-        self._set_start(layout.start + pixels * layout.visible_s / layout.track)
-
-    def show_all(self) -> None:
-        """Shows the whole project."""
-        self.start = self.span = 0.0
-
-    def _set_start(self, start: float) -> None:
-        max_start = max(_MAX_VISIBLE_FACTOR * self.editor.length - self.span, 0.0) if self.span else 0.0
-        self.start = min(max(start, 0.0), max_start)
 
     @property
     def _drag_title(self) -> str | None:

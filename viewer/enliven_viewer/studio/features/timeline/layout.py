@@ -10,20 +10,16 @@ from typing import Protocol
 
 from enliven.document import LayerBase, Marker, Project, RigBase, Segment
 from enliven_viewer.language import tr
-from enliven_viewer.studio.timeline.lane_names import make_lane_name
+from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT, TimeScale
+from enliven_viewer.studio.features.timeline.lane_names import make_lane_name
+from enliven_viewer.studio.viewport.lane_groups import group_layers
 
-LABEL_WIDTH = 190.0
-"""Width of the labels in pixels: about 25 letters."""
-RULER_HEIGHT = 26.0
-"""Height of the ruler in pixels."""
 LANE_HEIGHT = 28.0
 """Height of a lane in pixels: thumbnails with a line of text over them."""
 HEAD_HEIGHT = 20.0
 """Height, in pixels, of the row with a character's name above its lanes."""
 LANE_GAP = 3.0
 """Gap between two lanes in pixels."""
-END_MARGIN = 12.0
-"""Margin at the right in pixels, so that the end of the last bar can be grabbed."""
 EDGE_GRAB_DISTANCE = 7.0
 """Distance in pixels from a clip's end within which a drag trims it, or changes its speed with Ctrl."""
 MUTE_ICON_WIDTH = 22.0
@@ -36,12 +32,6 @@ SPAN_BAND_HEIGHT = 8.0
 """Height in pixels of the band on the ruler that shows the recording range."""
 MARKER_GRAB_DISTANCE = 6.0
 """Distance in pixels from a marker on the ruler within which it can be grabbed."""
-_MAX_TAKE_LANES = 12
-"""Maximum number of layers of one take that get a lane each. Models with one layer per bone have more, and
-these share lanes.
-"""
-_TICK_INTERVALS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
-"""Time intervals between two numbers on the ruler, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -115,18 +105,14 @@ class Details(Protocol):
         """Returns the kind and number of the mark at a pixel of such a row; "nothing" if there is none."""
 
 
-@dataclass(frozen=True)
-class TimelineLayout:
+@dataclass(frozen=True, kw_only=True)
+class TimelineLayout(TimeScale):
     """The layout of a project's timeline in an area with its top left corner at 0, 0.
 
     Attributes:
         project: the project with the shown layers.
-        length: length of the whole project in seconds.
-        width: width of the whole area in pixels.
         scrolled: vertical scroll offset of the lanes in pixels.
         details: the rows that rigs show below their bars.
-        start: time at the left of the track, in seconds.
-        span: visible time span in seconds; 0 shows everything.
         folded: the characters with all lanes collapsed into one row.
         opened: groups of alternatives that show a lane for every take. Other groups show only the audible
             take.
@@ -134,39 +120,17 @@ class TimelineLayout:
     """
 
     project: Project
-    length: float
-    width: float
     scrolled: float = 0.0
     details: Details | None = None
-    start: float = 0.0
-    span: float = 0.0
     folded: frozenset[str] = frozenset()
     opened: frozenset[str] = frozenset()
     marked: tuple[float, float] | None = None
-
-    @property
-    def track(self) -> float:
-        """Returns the width of the track in pixels."""
-        return max(self.width - LABEL_WIDTH - END_MARGIN, 1.0)
-
-    @property
-    def visible_s(self) -> float:
-        """Returns the visible time span in seconds."""
-        return self.span or self.length
 
     @property
     def height(self) -> float:
         """Returns the total height of ruler and lanes in pixels."""
         lanes = self.lanes()
         return lanes[-1].top + lanes[-1].height + LANE_GAP + self.scrolled if lanes else RULER_HEIGHT
-
-    def x(self, time: float) -> float:
-        """Returns the x coordinate of a time, in pixels."""
-        return LABEL_WIDTH + self.track * (time - self.start) / self.visible_s
-
-    def time(self, x: float) -> float:
-        """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
-        return self.start + (x - LABEL_WIDTH) / self.track * self.visible_s
 
     def x_of(self, lane: Lane, second: float) -> float:
         """Returns the x coordinate of a time in a lane's take."""
@@ -183,7 +147,8 @@ class TimelineLayout:
 
     @cached_property
     def _lanes(self) -> tuple[Lane, ...]:
-        top, lanes, shared = RULER_HEIGHT - self.scrolled, list[Lane](), self._group_layers()
+        top, lanes = RULER_HEIGHT - self.scrolled, list[Lane]()
+        shared = group_layers(self.project, self.opened)
         named, before = len({name for name, _ in shared}) > 1, ""
         for name, numbers in shared:
             character = self.project.characters[name]
@@ -212,21 +177,6 @@ class TimelineLayout:
         ordered = sorted(self.project.markers.values(), key=lambda marker: marker.seconds)
         return tuple((marker, self.x(marker.seconds)) for marker in ordered)
 
-    def _group_layers(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
-        """Returns each character with the numbers of the layers that share a bar, from the top."""
-        groups: dict[tuple[object, ...], list[int]] = {}
-        for key, character in self.project.characters.items():
-            playing = character.playing
-            hidden = self._find_hidden_layers(playing)
-            for number, layer in enumerate(playing):
-                if number in hidden:
-                    continue
-                few = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
-                alone = number if few and layer.source == "takes" else -1
-                group_key = (layer.take, layer.muted, layer.when())
-                groups.setdefault((key, *group_key, alone), []).append(number)
-        return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
-
     def takes(self, lane: Lane) -> tuple[int, int]:
         """Returns a lane's number among its alternatives, from 1, and their number on its character."""
         layer = lane.layer
@@ -237,35 +187,6 @@ class TimelineLayout:
         ]
         names = list(dict.fromkeys(alternative.recorded for alternative in alternatives))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
-
-    def _find_hidden_layers(self, playing: Sequence[LayerBase]) -> set[int]:
-        """Returns the layers without a lane.
-
-        They are inaudible takes in a closed group of alternatives.
-        """
-        takes_by_group: dict[str, dict[str, list[int]]] = {}
-        for number, layer in enumerate(playing):
-            if layer.alternatives and layer.alternatives not in self.opened:
-                takes_by_group.setdefault(layer.alternatives, {}).setdefault(layer.recorded, []).append(
-                    number
-                )
-        hidden = set[int]()
-        for takes in takes_by_group.values():
-            audible_names = [name for name, some in takes.items() if not all(playing[k].muted for k in some)]
-            shown_name = audible_names[-1] if audible_names else list(takes)[-1]
-            hidden.update(k for name, some in takes.items() if name != shown_name for k in some)
-        return hidden
-
-    def ticks(self) -> tuple[tuple[float, bool], ...]:
-        """Returns the times to mark on the ruler, and whether each has a number.
-
-        Numbers are at least 60 pixels apart.
-        """
-        min_step = 60.0 * self.visible_s / self.track
-        step = next((s for s in _TICK_INTERVALS_S if s >= min_step), _TICK_INTERVALS_S[-1])
-        small = step / 5
-        first, last = -int(-self.start / small), int((self.start + self.visible_s) / small + 1e-9)
-        return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:
         """Returns the part of the timeline under a pixel (hit test)."""

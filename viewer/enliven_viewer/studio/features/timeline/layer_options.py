@@ -10,9 +10,12 @@ from enliven.document import FEET, Layer, LayerBase, Project, RigBase, Shape
 from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_mode, lock_feet, remove_layer
 from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, slider, switch, tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.features.timeline.take_commands import TakeCommands
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.viewport.lane_groups import find_lane_layers
 
 _NUMBER_RANGES = {
     "weight": (0.0, 1.0, later("weight %.2f")),
@@ -58,22 +61,20 @@ _SECOND_SWITCH_X = 126.0
 """Horizontal position in pixels of the second of two switches."""
 
 
-def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
+def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: int) -> None:
     """Draws the numbers and switches of a layer."""
-    editor, name, layer = workspace.editor, character.id, character.playing[number]
-    if workspace.shown_layer != (name, number):
-        if workspace.timeline.busy:
-            imgui.set_scroll_here_y(0.0)  # The user has clicked on a clip, so scroll its options into view.
-        workspace.shown_layer = name, number
+    editor, name, layer = app.editor, character.id, character.playing[number]
+    if timeline.has_changed_layer:
+        imgui.set_scroll_here_y(0.0)  # The user has clicked on a clip, so scroll its options into view.
     draw_heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
     imgui.same_line(imgui.get_content_region_avail().x - 52)
     if imgui.small_button(labelled(tr("Remove"), "remove layer")):
         editor.edit("remove a layer", lambda project: remove_layer(project, name, number))
         return
-    workspace.remember("remove layer")
+    app.remember("remove layer")
     draw_note(tr("take {0}", layer.take))
-    _draw_takes(workspace, layer)
+    _draw_takes(app, layer)
     field_names = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
         # Recorded streams cannot be mirrored, because their positions are absolute.
@@ -81,33 +82,33 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     for field, (low, high, pattern) in _NUMBER_RANGES.items():
         if field in field_names:
             change = _make_change(name, number, field)
-            slider(workspace, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
+            slider(app, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
     for place, field in enumerate(field for field in _SWITCH_TIPS if field in field_names):
         if place % 2:
             imgui.same_line(_SECOND_SWITCH_X)
         label, change = _LABELS[field], _make_change(name, number, field)
-        switch(workspace, label, getattr(layer, field), change, _SWITCH_TIPS[field])
+        switch(app, label, getattr(layer, field), change, _SWITCH_TIPS[field])
     if isinstance(layer, Layer):
-        _draw_chain_options(workspace, editor.project.shape(name), layer, number)
+        _draw_chain_options(app, editor.project.shape(name), layer, number)
     if (feet := foot_lock_mode(character, number)) is not None:
-        _draw_foot_lock(workspace, character, number, feet)
+        _draw_foot_lock(app, character, number, feet)
 
 
-def _draw_takes(workspace: Workspace, layer: LayerBase) -> None:
+def _draw_takes(app: App, layer: LayerBase) -> None:
     """Draws the alternative takes of a lane: which one is audible, and a delete button for each."""
-    takes = workspace.commands.takes
-    alternatives = alternative_takes(workspace.editor.project, layer.alternatives)
+    takes = TakeCommands(app.editor)
+    alternatives = alternative_takes(app.editor.project, layer.alternatives)
     if len(alternatives) < 2:
         return
     draw_note("takes of this lane")
     for recorded, is_audible in alternatives.items():
         if imgui.radio_button(f"{recorded}###heard {recorded}", is_audible) and not is_audible:
             takes.choose(recorded)
-        workspace.remember(f"hear {recorded}")
+        app.remember(f"hear {recorded}")
         imgui.same_line(imgui.get_content_region_avail().x - 44)
         if imgui.small_button(labelled(tr("Delete"), f"delete {recorded}")):
             takes.drop(recorded)
-        workspace.remember(f"drop {recorded}")
+        app.remember(f"drop {recorded}")
 
 
 def _make_change(name: str, number: int, field: str) -> Change:
@@ -121,7 +122,7 @@ def _make_change(name: str, number: int, field: str) -> Change:
     return change
 
 
-def _draw_chain_options(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> None:
+def _draw_chain_options(app: App, shape: Shape, layer: Layer, number: int) -> None:
     """Draws the options that only layers of bones have: leading the end, and root motion."""
 
     def lead(project: Project, on: float) -> Project:
@@ -131,18 +132,18 @@ def _draw_chain_options(workspace: Workspace, shape: Shape, layer: Layer, number
         return set_travel(project, shape.id, layer.id if on else None)
 
     tip = tr("Bend the chain so that its end goes where the take's end goes")
-    switch(workspace, "lead the end", layer.mode == "end", lead, tip)
+    switch(app, "lead the end", layer.mode == "end", lead, tip)
     tip = tr("The shape goes where the take's root goes. P keeps chosen feet where they stand.")
-    switch(workspace, "root travels", shape.travel == layer.id, travel, tip)
+    switch(app, "root travels", shape.travel == layer.id, travel, tip)
 
 
-def _draw_foot_lock(workspace: Workspace, character: RigBase, number: int, feet: str) -> None:
+def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> None:
     """Draws the foot lock mode for the clips of the lane; a change is one edit of all its layers."""
     name, jointed = character.id, character.jointed
     draw_note("feet")
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
-    workspace.remember("feet")
+    app.remember("feet")
     if jointed:
         tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
@@ -150,13 +151,11 @@ def _draw_foot_lock(workspace: Workspace, character: RigBase, number: int, feet:
     is_requested = False
     if not jointed and feet != "never":
         is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
-        workspace.remember("feet again")
+        app.remember("feet again")
         tooltip("The feet were found for an earlier motion; find them again after you edit its clips")
     if is_requested or (changed and FEET[wanted] != feet):
-        bars = workspace.timeline.layout.bars()
-        layers_of_bar = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
-        numbers, foot_lock = next(layers_of_bar, (number,)), FEET[wanted]
-        workspace.editor.edit(
+        numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[wanted]
+        app.editor.edit(
             later("feet: {0}", _FOOT_LOCK_LABELS[foot_lock]),
             lambda project: lock_feet(project, name, numbers, foot_lock),
         )

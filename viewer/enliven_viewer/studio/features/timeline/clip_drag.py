@@ -14,8 +14,8 @@ from enliven.modeling.edits import (
 )
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Edit
-from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
-from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
+from enliven_viewer.studio.features.timeline.layout import Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.features.timeline.snapping import snap_offset, snap_times
 
 _EDIT_TITLES = {
     "bar": later("move clip"),
@@ -72,7 +72,7 @@ class ClipDrag:
 
     @property
     def clip(self) -> Segment:
-        """Returns the clip as it was at the start."""
+        """Returns the clip at the start of the drag."""
         return self.lane.clips[self.handle.item]
 
     def edit(self, moved: float) -> tuple[Edit, float | None]:

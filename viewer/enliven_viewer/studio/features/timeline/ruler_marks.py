@@ -6,18 +6,20 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.modeling.edits import remove_marker, rename_marker
 from enliven_viewer.language import labelled, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import name_field
 from enliven_viewer.studio.app.style import pack_colour, use_small_text
-from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT, SPAN_BAND_HEIGHT
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
+from enliven_viewer.studio.features.timeline.layout import SPAN_BAND_HEIGHT
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, INK
 
 _POPUP_ID = "marker name"
 
 
-def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+def draw_markers(app: App, timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:
     """Draws a flag and a thin line at each marker."""
-    draw_list, timeline = imgui.get_window_draw_list(), workspace.timeline
+    draw_list = imgui.get_window_draw_list()
     for marker, x in timeline.layout.markers():
         if x < LABEL_WIDTH - 1:
             continue
@@ -38,18 +40,18 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
             draw_list.add_text(ImVec2(marker_x + 5, top + 10), pack_colour(INK, 0.95), marker.id)
     if timeline.marker and not imgui.is_popup_open(_POPUP_ID):
         imgui.open_popup(_POPUP_ID)
-    _draw_marker_popup(workspace)
+    _draw_marker_popup(app, timeline)
 
 
-def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+def draw_span(timeline: TimelineInput, origin: ImVec2, size: ImVec2, *, records: bool) -> None:
     """Draws the marked span on the ruler and the lanes.
 
-    It is red in the Perform workspace, where recordings use it.
+    It is red if recordings use it.
     """
-    draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    draw_list, layout = imgui.get_window_draw_list(), timeline.layout
     if layout.marked is None:
         return
-    tint = BAD if workspace.perform.active_workspace == "Perform" else ACCENT
+    tint = BAD if records else ACCENT
     low, high = (origin.x + max(layout.x(end), LABEL_WIDTH - 1) for end in layout.marked)
     top, bottom = origin.y + RULER_HEIGHT - SPAN_BAND_HEIGHT, origin.y + RULER_HEIGHT
     draw_list.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), pack_colour(tint, 0.07))
@@ -66,10 +68,9 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         draw_list.add_triangle_filled(*grip, pack_colour(tint))
 
 
-def _draw_marker_popup(workspace: Workspace) -> None:
+def _draw_marker_popup(app: App, timeline: TimelineInput) -> None:
     """Draws the popup that renames or removes a marker."""
-    timeline, editor = workspace.timeline, workspace.editor
-    name = timeline.marker
+    editor, name = app.editor, timeline.marker
     if not imgui.begin_popup(_POPUP_ID):
         return
     imgui.text(tr("Marker"))
@@ -82,7 +83,7 @@ def _draw_marker_popup(workspace: Workspace) -> None:
         timeline.marker = ""
         imgui.close_current_popup()
 
-    name_field(workspace, "marker", name, rename)
+    name_field(app, "marker", name, rename)
     if imgui.button(labelled(tr("Remove"), "Remove marker")):
         editor.edit("remove marker", lambda project: remove_marker(project, name))
         timeline.marker = ""

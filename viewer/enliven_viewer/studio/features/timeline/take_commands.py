@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from enliven.document import Project
-from enliven.modeling.edits import alternative_takes, choose_take, delete_take, drop_take, keep_take
+from enliven.modeling.edits import alternative_takes, choose_take, drop_take, keep_take
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.outliner.takes import delete_takes, list_unused_takes
 
 _NO_ALTERNATIVES = later(
     "No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane."
@@ -80,38 +80,6 @@ class TakeCommands:
             self.editor.toasts.say(tr("{0} is deleted", deleted_take), tr("Ctrl+Z brings it back."))
             self._follow(alternatives, self.audible_take)
 
-    def delete_row(self, name: str) -> None:
-        """Deletes the take of a row of the list: an alternative of a lane, or a take that nothing plays."""
-        project = self.editor.project
-        played = [layer for character in project.characters.values() for layer in character.playing]
-        layers_of_take = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
-        recorded = {(layer.alternatives, layer.recorded) for layer in layers_of_take}
-        alternatives, take_name = recorded.pop() if len(recorded) == 1 else ("", "")
-        if len(alternative_takes(project, alternatives)) < 2:
-            self.delete(name)
-        elif self.editor.edit(
-            later("delete {0}", take_name), lambda project: drop_take(project, alternatives, take_name)
-        ):
-            self.editor.toasts.say(tr("{0} is deleted", take_name), tr("Ctrl+Z brings it back."))
-
-    def unused(self) -> list[str]:
-        """Returns the takes that nothing plays."""
-        project = self.editor.project
-        used = set[str]().union(*(character.needed()["takes"] for character in project.characters.values()))
-        return [name for name in project.takes if name not in used]
-
-    def delete(self, *names: str) -> None:
-        """Deletes takes that nothing plays."""
-
-        def change(project: Project) -> Project:
-            for name in names:
-                project = delete_take(project, name)
-            return project
-
-        subject = names[0] if len(names) == 1 else later("{0} takes", len(names))
-        if self.editor.edit(later("delete {0}", subject), change):
-            self.editor.toasts.say(tr("Deleted {0}", subject), tr("Ctrl+Z brings it back."))
-
     def _follow(self, alternatives: str, recorded: str) -> None:
         """Selects the lane of a take if a lane of its alternatives was selected."""
         editor = self.editor
@@ -130,7 +98,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
     def lacks_unused() -> str:
-        return "" if takes.unused() else "Every take is in use. Remove its clips first."
+        return "" if list_unused_takes(takes.editor) else "Every take is in use. Remove its clips first."
 
     yield Action(
         "takes.next",
@@ -160,6 +128,6 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         "Clip",
         "Delete the takes that nothing plays",
         (),
-        lambda: takes.delete(*takes.unused()),
+        lambda: delete_takes(takes.editor, *list_unused_takes(takes.editor)),
         lacks_unused,
     )

@@ -20,8 +20,8 @@ from enliven_viewer.studio.examples.example_edits import (
     retime_pose,
     without_constraint,
 )
-from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
+from enliven_viewer.studio.features.timeline.layout import LaneHandle, TimelineLayout
+from enliven_viewer.studio.features.timeline.puppet_lanes import PuppetDetails
 
 DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
 """The name of each drag in the history."""
@@ -36,8 +36,8 @@ class PuppetRows:
         begin_pose: called with a take and a time in it when a suggested key pose is clicked.
     """
 
-    def __init__(self, editor: Editor, coverages: CoverageCache | None = None) -> None:
-        self.editor, self.coverages = editor, coverages or CoverageCache()
+    def __init__(self, editor: Editor, coverages: CoverageCache) -> None:
+        self.editor, self.coverages = editor, coverages
         self.marked: LaneHandle | None = None
         self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose

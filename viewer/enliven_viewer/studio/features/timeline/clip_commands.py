@@ -1,8 +1,8 @@
-"""The commands of clips and markers."""
+"""The commands and actions of clips and markers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from enliven.document import Project
 from enliven.errors import InputError
@@ -17,8 +17,9 @@ from enliven.modeling.edits import (
     split_clip,
 )
 from enliven_viewer.language import later
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Edit, Editor
-from enliven_viewer.studio.timeline.layout import Lane, TimelineLayout
+from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
 
 _BLEND_S = 0.4
 """Duration, in seconds, of a blend made with the shortcut: about one step."""
@@ -118,7 +119,7 @@ class ClipCommands:
     def _find_lanes(self) -> list[Lane]:
         """Returns the selected lane, or else all audible lanes, if they have a clip under the playhead."""
         editor, chosen = self.editor, self.editor.selection
-        lanes = TimelineLayout(editor.project, editor.length, 1.0).bars()
+        lanes = TimelineLayout(editor.length, 1.0, project=editor.project).bars()
         selected_lanes = [
             lane for lane in lanes if lane.character.id == chosen.character and chosen.layer in lane.layers
         ]
@@ -126,3 +127,26 @@ class ClipCommands:
         return [
             lane for lane in candidates if any(clip.begin <= editor.time <= clip.end for clip in lane.clips)
         ]
+
+
+def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
+    """Yields the actions on the clips under the playhead.
+
+    They apply to the selected lane, or to all lanes if none is selected.
+    """
+    deeds = (
+        ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),
+        ("blend", "Blend with the next", ("shift+b",), "The clip blends into the next one."),
+        ("reverse", "Play backwards", ("shift+r",), "The clip plays backwards, in its place."),
+        ("mirror", "Swap left and right", ("shift+x",), "Plays the take's mirror image."),
+        ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
+    )
+    for name, label, keys, about in deeds:
+        functions = (lambda name=name: c.do(name), lambda name=name: c.lacks(name))
+        yield Action(f"clip.{name}", "Clip", label, keys, *functions, about=about)
+    about = "Drag it along the ruler; double-click it to name it."
+    yield Action(
+        "clip.mark", "Clip", "A marker at the playhead", ("shift+m",), c.mark, about=about, apart=True
+    )
+    yield Action("clip.next_marker", "Clip", "To the next marker", ("shift+right",), lambda: c.jump(1))
+    yield Action("clip.marker_before", "Clip", "To the previous marker", ("shift+left",), lambda: c.jump(-1))

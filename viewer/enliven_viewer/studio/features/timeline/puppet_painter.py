@@ -8,10 +8,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Position, Velocity
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.style import pack_colour, use_small_text
-from enliven_viewer.studio.examples.example_edits import list_constraints
-from enliven_viewer.studio.panels.examples.motion import describe_constraint
-from enliven_viewer.studio.timeline.layout import Lane, TimelineLayout
-from enliven_viewer.studio.workspace.workspace import Workspace
+from enliven_viewer.studio.examples.example_edits import describe_constraint, list_constraints
+from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.theme import (
     ACCENT,
     BAD,
@@ -35,29 +34,29 @@ _MAX_COVERAGE_DISTANCE = 1.15
 
 
 def draw_details(
-    workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
+    timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2, size: ImVec2
 ) -> None:
     """Draws a row below a bar."""
     draw_list, top = imgui.get_window_draw_list(), origin.y + lane.top
     corner = ImVec2(origin.x + size.x, top + lane.height)
     draw_list.add_rect_filled(ImVec2(origin.x, top), corner, pack_colour(RAISED, 0.35), 3.0)
-    details = workspace.timeline.rows.details
+    details = timeline.rows.details
     edited = lane.kind == "band" and details.layer(lane.layers[0]).switches is not None
     with use_small_text():
         label = tr(_ROW_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
         draw_list.add_text(ImVec2(origin.x + 28, top + lane.height / 2 - 7), pack_colour(QUIET), label)
     {"poses": _draw_poses, "band": _draw_bands, "held": _draw_constraints}[lane.kind](
-        workspace, layout, lane, origin
+        timeline, layout, lane, origin
     )
 
 
-def _draw_poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
+def _draw_poses(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws the coverage curve, the missing key poses, and a diamond for each key pose.
 
     The curve is the distance of every time from the examples.
     """
     draw_list, top = imgui.get_window_draw_list(), origin.y + lane.top
-    details, puppets = workspace.timeline.rows.details, workspace.editor.puppets
+    details, puppets = timeline.rows.details, timeline.editor.puppets
     coverage, poses = details.coverage(lane.layer.take), details.poses(layout, lane)
     if coverage is not None and puppets.puppet is not None and puppets.puppet.poses:
         start, end = origin.x + lane.left, origin.x + lane.right
@@ -90,10 +89,10 @@ def _draw_poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin
         )
 
 
-def _draw_bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
+def _draw_bands(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws contact and flight phases, with a handle at each switch."""
     draw_list, top = imgui.get_window_draw_list(), origin.y + lane.top
-    rows = workspace.timeline.rows
+    rows = timeline.rows
     for number, (switch, left, right) in enumerate(rows.details.bands(layout, lane)):
         tint = CONTACT if switch.kind == "contact" else FLIGHT
         low, high = ImVec2(origin.x + left, top + 2), ImVec2(origin.x + right, top + lane.height - 2)
@@ -115,13 +114,13 @@ def _draw_bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin
             )
 
 
-def _draw_constraints(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
+def _draw_constraints(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws a mark for every hard constraint.
 
     A dot is a position, a bar is standing still, and two dots are level.
     """
     draw_list, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
-    for _, held, x in workspace.timeline.rows.details.constraint_marks(layout, lane):
+    for _, held, x in timeline.rows.details.constraint_marks(layout, lane):
         red, green, blue = get_point_colour(lane.character.handles.index(held.point))
         tint, x = pack_colour((red / 255, green / 255, blue / 255, 1.0)), origin.x + x
         if isinstance(held, Position):
@@ -134,9 +133,9 @@ def _draw_constraints(workspace: Workspace, layout: TimelineLayout, lane: Lane, 
             draw_list.add_circle_filled(ImVec2(x + 5, middle), 3.0, tint)
 
 
-def draw_details_tooltip(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -> None:
+def draw_details_tooltip(timeline: TimelineInput, layout: TimelineLayout, origin: ImVec2) -> None:
     """Shows a tooltip about the mark under the pointer."""
-    if not imgui.is_item_hovered() or workspace.timeline.busy:
+    if not imgui.is_item_hovered() or timeline.busy:
         return
     pointer, project = imgui.get_mouse_pos(), layout.project
     handle = layout.handle_at(pointer.x - origin.x, pointer.y - origin.y)
