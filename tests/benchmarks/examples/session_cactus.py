@@ -36,6 +36,7 @@ from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.recording import Recorder
 from enliven.samples.shipped import load_sample
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -259,7 +260,7 @@ def _role(joint: str) -> str:
 
 def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     """Returns the positions (3,), metres, to which an artist would drag head, elbows and hands for a pose."""
-    joints = workspace.performer.figure((TAKE, second)).joints
+    joints = workspace.state(PerformerView).figure((TAKE, second)).joints
     names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
     places: dict[str, Float] = {}

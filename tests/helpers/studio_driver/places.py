@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.sources.source_view import SourceView
 from enliven_viewer.studio.tools.map import MapTool
@@ -237,7 +238,7 @@ def _on_lane(place: OnLane, stage: SessionStage) -> Point:
 
 
 def _on_performer(place: PerformerJoint, stage: SessionStage) -> Point:
-    view = stage.workspace.performer
+    view = stage.workspace.state(PerformerView)
     figure = view.figure()
     if figure is None:
         raise InputError("no performer is shown", where="session")

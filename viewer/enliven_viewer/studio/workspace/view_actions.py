@@ -1,4 +1,4 @@
-"""The actions of the View menu: display options, text size and theme, and the camera."""
+"""The actions of the View menu: bones, text size and theme, and the camera."""
 
 from __future__ import annotations
 
@@ -11,30 +11,6 @@ from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.theme import is_light
-
-
-def make_display_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of display options."""
-    editor = c.editor
-    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
-    yield Action(
-        "view.outline",
-        "View",
-        "Outline of the previous key pose",
-        ("o",),
-        c.puppets.outline,
-        is_on=lambda: editor.puppets.silhouette,
-        about="While a key pose is edited.",
-    )
-    yield Action(
-        "view.crossing",
-        "View",
-        "Faces that cross",
-        ("w",),
-        c.puppets.warn,
-        is_on=lambda: editor.puppets.warn,
-        about="Faces that pass through one another are red while a key pose is edited.",
-    )
 
 
 def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
@@ -92,8 +68,9 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
 
 
 def make_camera_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of the camera."""
+    """Yields the actions of the bones and of the camera."""
     editor, right = c.editor, np.pi / 2
+    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
     yield Action(
         "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
     )

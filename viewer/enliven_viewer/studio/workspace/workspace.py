@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,18 +12,15 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.shortcut_capture import ShortcutCapture
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.key_pose_navigator import KeyPoseNavigator
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.features.registry import register_features
 from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.numbers.selection_transform import SelectionTransform
 from enliven_viewer.studio.outliner.actions import make_outliner_actions
 from enliven_viewer.studio.outliner.outliner import Outliner
 from enliven_viewer.studio.perform.actions import make_perform_actions
 from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.performer.performer_view import PerformerView
 from enliven_viewer.studio.start.tour import Tour
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
@@ -64,7 +60,6 @@ class Workspace(App):
     Attributes:
         commands: the functions behind the studio's own actions.
         outliner: the tree of all objects.
-        selection_transform: position and size of the selection. typing: unfinished text in their fields.
         depth: the tracker for opened depth recordings.
         asking: the open dialogue, or empty.
         browser: the state of a file dialogue.
@@ -91,15 +86,13 @@ class Workspace(App):
         self.perform = self.add_state(PerformSession(editor, folder))
         self.actions.add(*make_perform_actions(self.perform))
         self.actions.workspace = lambda: self.perform.keys_of
-        self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*make_outliner_actions(self.outliner))
         self.input.first = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
         self.puppets = editor.puppets
-        self.performer, self.coverages = PerformerView(editor), self.add_state(CoverageCache())
-        self.key_poses = self.add_state(KeyPoseNavigator(self.input, self.performer))
+        self.add_state(CoverageCache())
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.transport_sections.append(self._draw_tracking)
         self.store.recording = self.perform.recording
@@ -334,15 +327,6 @@ class Workspace(App):
         from enliven_viewer.studio.workspace.tracking_progress import draw_tracking_progress
 
         draw_tracking_progress(self, self.depth)
-
-    def attempt(self, command: Callable[[], object]) -> bool:
-        """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
-        try:
-            command()
-        except EnlivenError as error:
-            self.editor.toasts.complain(error)
-            return False
-        return True
 
     @property
     def export_suffix(self) -> str:

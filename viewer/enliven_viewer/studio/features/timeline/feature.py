@@ -5,7 +5,6 @@ from __future__ import annotations
 from enliven.document import RigBase
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.contributions import Panel
-from enliven_viewer.studio.app.key_pose_navigator import KeyPoseNavigator
 from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.features.timeline.clip_commands import ClipCommands, make_clip_actions
 from enliven_viewer.studio.features.timeline.take_commands import TakeCommands, make_take_actions
@@ -16,9 +15,9 @@ from enliven_viewer.studio.panel_layout import Area
 
 def register(app: App) -> None:
     """Registers the timeline."""
-    editor, poses = app.editor, app.state(KeyPoseNavigator)
+    editor = app.editor
     timeline = app.add_state(TimelineInput(editor, app.time_axis, app.state(CoverageCache)))
-    timeline.rows.edit_pose, timeline.rows.begin_pose = poses.edit, poses.begin
+    timeline.rows.edit_pose, timeline.rows.begin_pose = app.open_key_pose, app.begin_key_pose
 
     # The drawing modules are imported when a window draws, because a workspace without one needs no ImGui.
     def draw_panel(area: Area) -> None:

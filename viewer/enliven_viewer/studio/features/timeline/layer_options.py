@@ -64,7 +64,9 @@ _SECOND_SWITCH_X = 126.0
 def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: int) -> None:
     """Draws the numbers and switches of a layer."""
     editor, name, layer = app.editor, character.id, character.playing[number]
-    if timeline.has_changed_layer:
+    frame = imgui.get_frame_count()
+    before, timeline.shown_layer = timeline.shown_layer, (name, number, frame)
+    if timeline.busy and before != (name, number, frame - 1):
         imgui.set_scroll_here_y(0.0)  # The user has clicked on a clip, so scroll its options into view.
     draw_heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))

@@ -38,7 +38,7 @@ class TimelineInput:
         clip: number of the selected clip in the selected layer.
         marker: the marker being renamed, or empty.
         pictures: thumbnails of the takes.
-        has_changed_layer: whether the current press has selected another layer.
+        shown_layer: the layer with the last drawn options: its character and number, and the frame.
     """
 
     def __init__(self, editor: Editor, axis: TimeAxis, coverages: CoverageCache) -> None:
@@ -47,7 +47,7 @@ class TimelineInput:
         self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
         self.opened = frozenset[str]()
         self.snapping, self.clip, self.marker = True, 0, ""
-        self.has_changed_layer = False
+        self.shown_layer = ("", 0, 0)
         self.stuck: float | None = None
         self.rows, self.pictures = PuppetRows(editor, coverages), ClipPictures()
         self._handle = _NO_HANDLE
@@ -109,9 +109,7 @@ class TimelineInput:
         elif handle.kind in ("fold", "solo", "name"):
             self._press_head(handle)
         elif handle.layers:
-            before = self.editor.selection
             self.editor.select(character=handle.character, layer=handle.number)
-            self.has_changed_layer = (before.character, before.layer) != (handle.character, handle.number)
             self._press_lane(handle, layout, x, alt=alt, ctrl=ctrl)
 
     def _press_lane(
@@ -187,7 +185,6 @@ class TimelineInput:
             self.editor.scrub(self.editor.project.markers[handle.name].seconds)
         self.editor.finish_scrubbing()
         self._handle, self._drag, self.stuck = _NO_HANDLE, None, None
-        self.has_changed_layer = False
 
     def double(self, x: float, y: float) -> bool:
         """Handles a double click. Returns whether it had an effect."""

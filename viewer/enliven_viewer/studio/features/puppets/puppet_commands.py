@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-
-import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, Puppet, RigBase, unused
@@ -15,23 +13,17 @@ from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
 from enliven.modeling.puppet.baking import bake_puppet
 from enliven.modeling.puppet.edits import make_puppet
 from enliven_viewer.language import later, tr
+from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
-
-_COPY_GAP_M = 0.3
-"""Gap in metres between a character and the copy next to it, so that both are visible."""
+from enliven_viewer.studio.editor.framing import find_side_offset
+from enliven_viewer.studio.outliner.actions import require_single_shape
 
 
 class PuppetCommands:
-    """Commands that apply only to puppets.
+    """Commands that apply only to puppets."""
 
-    Args:
-        add: runs an edit that adds a character, and selects that character.
-    """
-
-    def __init__(
-        self, editor: Editor, add: Callable[[str, Callable[[Project], tuple[Project, str]]], bool]
-    ) -> None:
-        self.editor, self._add = editor, add
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
 
     def make(self) -> bool:
         """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
@@ -40,16 +32,16 @@ class PuppetCommands:
             return False
         name, mesh = chosen
         upright, place = place_on_floor(mesh)
-        new_place = place + find_side_offset(self.editor, [self.editor.project.characters[name]])
+        new_place = place + find_side_offset(self.editor.lens, [self.editor.project.characters[name]])
 
-        def change(project: Project) -> tuple[Project, str]:
-            puppet_name = unused(f"{name} puppet", project.characters)
-            return move_character(
-                make_puppet(project, upright, puppet_name), puppet_name, new_place
-            ), puppet_name
+        puppet_name = unused(f"{name} puppet", self.editor.project.characters)
 
-        if not self._add(later("make a puppet of {0}", name), change):
+        def change(project: Project) -> Project:
+            return move_character(make_puppet(project, upright, puppet_name), puppet_name, new_place)
+
+        if not self.editor.edit(later("make a puppet of {0}", name), change):
             return False
+        self.editor.choose(puppet_name)
         self.editor.toasts.say(
             tr("{0} stays; its puppet stands next to it", name), tr("K puts control points on it.")
         )
@@ -115,15 +107,11 @@ class PuppetCommands:
         """Returns why making a puppet is unavailable; empty if it is available."""
         return "" if self._find_solid() else "No shape with a surface is chosen. Click one first."
 
-    def lacks_puppet(self) -> str:
-        """Returns why a command on a puppet is unavailable; empty if it is available."""
-        return "" if self.editor.puppets.puppet else "No puppet is chosen. Click one first."
-
     def lacks_examples(self) -> str:
         """Returns why baking a puppet is unavailable; empty if it is available."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
-            return self.lacks_puppet()
+            return "No puppet is chosen. Click one first."
         return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
 
     def _find_solid(self) -> RigBase | None:
@@ -141,16 +129,6 @@ class PuppetCommands:
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
-def find_side_offset(editor: Editor, characters: Sequence[RigBase]) -> Float:
-    """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
-    right = editor.lens.view.camera_from_world[0, :3]
-    width = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
-    spread = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
-    offset = np.asarray(right * (width + spread + _COPY_GAP_M))
-    offset[1] = 0.0
-    return offset
-
-
 def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
     """Returns the mesh moved to the origin and standing on the floor, and (3,) metres, its previous position.
 
@@ -163,3 +141,49 @@ def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
         )
     place = foot_of(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place
+
+
+def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
+    """Yields the actions that make and bake a puppet."""
+    make = Action(
+        "shape.puppet",
+        "Shape",
+        "Make a puppet of it",
+        ("ctrl+p",),
+        commands.make,
+        commands.lacks_mesh,
+        about="A copy that acts by examples: control points and key poses.",
+    )
+    bake = Action(
+        "shape.bake",
+        "Shape",
+        "Bake the puppet",
+        (),
+        commands.bake,
+        commands.lacks_examples,
+        about="Turns it into a possessed character, which can be cut and merged.",
+    )
+    yield from (require_single_shape(action, commands.editor) for action in (make, bake))
+
+
+def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
+    """Yields the actions of marks that are shown while a key pose is edited."""
+    puppets = commands.editor.puppets
+    yield Action(
+        "view.outline",
+        "View",
+        "Outline of the previous key pose",
+        ("o",),
+        commands.outline,
+        is_on=lambda: puppets.silhouette,
+        about="While a key pose is edited.",
+    )
+    yield Action(
+        "view.crossing",
+        "View",
+        "Faces that cross",
+        ("w",),
+        commands.warn,
+        is_on=lambda: puppets.warn,
+        about="Faces that pass through one another are red while a key pose is edited.",
+    )

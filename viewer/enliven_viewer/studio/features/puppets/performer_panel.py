@@ -6,13 +6,14 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live.hud import format_time
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import tooltip
 from enliven_viewer.studio.app.marks import draw_mark
 from enliven_viewer.studio.app.style import draw_note, open_panel, pack_colour, use_small_text
 from enliven_viewer.studio.examples.example_edits import find_layer_number
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.viewport.axes import make_axes_marks
-from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
 _MIN_ARROW_WIDTH = 110.0
@@ -20,25 +21,25 @@ _MIN_ARROW_WIDTH = 110.0
 _LINK_ICON = "\uf0c1"
 
 
-def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> None:
+def draw_performer(app: App, area: Area, texture: int | None) -> None:
     """Draws the performer, the take field, and the name of the hovered joint."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with open_panel("performer", area, flags):
         imgui.pop_style_var()
-        view = workspace.performer
+        view = app.state(PerformerView)
         view.size = (area.width, area.height)
         origin = imgui.get_cursor_screen_pos()
-        _draw_picture(workspace, origin, area, texture)
+        _draw_picture(app, origin, area, texture)
         imgui.set_cursor_screen_pos(ImVec2(origin.x + 12, origin.y + 12))
-        _draw_bar(workspace, area)
-        _draw_texts(workspace, origin, area)
+        _draw_bar(app, area)
+        _draw_texts(app, origin, area)
 
 
-def _draw_bar(workspace: Workspace, area: Area) -> None:
+def _draw_bar(app: App, area: Area) -> None:
     """Draws the take field, and the buttons that play it and link both views."""
-    view, puppet = workspace.performer, workspace.editor.puppets.puppet
-    takes = workspace.editor.project.takes
+    view, puppet = app.state(PerformerView), app.editor.puppets.puppet
+    takes = app.editor.project.takes
     unused = (
         puppet is not None and view.take is not None and find_layer_number(puppet, None, view.take) is None
     )
@@ -49,16 +50,16 @@ def _draw_bar(workspace: Workspace, area: Area) -> None:
         for name, take in takes.items():
             if imgui.selectable(f"{name}   {take.duration:.1f} s###take {name}", name == view.take)[0]:
                 view.show(name)
-            workspace.remember(f"pick {name}")
+            app.remember(f"pick {name}")
         if not takes:
             draw_note("No takes yet. Open one with Ctrl+O.")
         imgui.end_combo()
-    workspace.remember("takes")
+    app.remember("takes")
     if unused:
         imgui.same_line()
         if imgui.button(labelled(tr("Play it"), "Play it"), ImVec2(78, 0)):
             view.play()
-        workspace.remember("play take")
+        app.remember("play take")
         tooltip("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
     if view.linked:
@@ -68,15 +69,15 @@ def _draw_bar(workspace: Workspace, area: Area) -> None:
         view.linked = not view.linked
     if linked:
         imgui.pop_style_color()
-    workspace.remember("linked")
+    app.remember("linked")
     tooltip("Both views turn together")
 
 
-def _draw_picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:
-    view, size = workspace.performer, ImVec2(area.width, area.height)
+def _draw_picture(app: App, origin: ImVec2, area: Area, texture: int | None) -> None:
+    view, size = app.state(PerformerView), ImVec2(area.width, area.height)
     imgui.set_next_item_allow_overlap()
     imgui.invisible_button("##performer", size)
-    workspace.remember("performer")
+    app.remember("performer")
     draw_list = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and view.moment is not None:
@@ -98,9 +99,9 @@ def _draw_picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int
         view.release()
 
 
-def _draw_texts(workspace: Workspace, origin: ImVec2, area: Area) -> None:
+def _draw_texts(app: App, origin: ImVec2, area: Area) -> None:
     """Draws the time and the hovered joint, or instructions if no take is shown."""
-    view, moment = workspace.performer, workspace.performer.moment
+    view, moment = app.state(PerformerView), app.state(PerformerView).moment
     draw_list = imgui.get_window_draw_list()
     if moment is not None:
         for mark in make_axes_marks(view.lens, (46, area.height - 42)):
@@ -126,8 +127,8 @@ def _draw_texts(workspace: Workspace, origin: ImVec2, area: Area) -> None:
         if view.hovered is not None and figure is not None:
             x, y = view.lens.project(figure.joints)[0][view.hovered]
             name = figure.skeleton.names[view.hovered]
-            point = workspace.editor.puppets.point
-            puppet = workspace.editor.puppets.puppet
+            point = app.editor.puppets.point
+            puppet = app.editor.puppets.puppet
             if point is not None and puppet is not None:
                 name = tr("{0} follows {1}", puppet.points[point].name, name)
             width = imgui.calc_text_size(name).x + 14

@@ -14,7 +14,7 @@ from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.render.overlay.tubes import Tubes, make_tube_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import PLAIN, Scene
-from enliven_viewer.studio.performer.performer_view import PerformerFigure
+from enliven_viewer.studio.features.puppets.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import HOVERED_JOINT, UNSELECTED_BONE, get_point_colour
 

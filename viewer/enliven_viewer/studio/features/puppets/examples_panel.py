@@ -10,6 +10,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
 from enliven_viewer.language import tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import character_name, tooltip
 from enliven_viewer.studio.app.style import (
     open_panel,
@@ -18,13 +19,14 @@ from enliven_viewer.studio.app.style import (
     push_fill,
     use_small_text,
 )
+from enliven_viewer.studio.app.transform_fields import draw_numbers
 from enliven_viewer.studio.examples.example_edits import find_layer_number, with_guessed_joints
+from enliven_viewer.studio.features.puppets.constraints import draw_constraints
+from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.features.puppets.points_panel import draw_points, suggest_points
+from enliven_viewer.studio.features.puppets.solver_settings import draw_settings
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.examples.motion import draw_constraints
-from enliven_viewer.studio.panels.examples.points import draw_points, suggest_points
-from enliven_viewer.studio.panels.examples.settings import draw_settings
-from enliven_viewer.studio.panels.outliner.numbers import draw_numbers
-from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK_ICON = "\uf060"
@@ -36,80 +38,80 @@ _STATUS_HEIGHT = 66.0
 """Fixed height in pixels of the status box: a title and two lines; more text scrolls."""
 
 
-def draw_examples(workspace: Workspace, area: Area) -> None:
+def draw_examples(app: App, area: Area) -> None:
     """Draws the panel of the selected puppet at the right."""
-    puppet = workspace.editor.puppets.puppet
+    puppet = app.editor.puppets.puppet
     with open_panel("side", area):
         if puppet is None:
             return
-        _draw_head(workspace, puppet)
-        draw_status(workspace, puppet)
-        _draw_next_step(workspace, puppet)
-        draw_points(workspace, puppet)
-        puppet = workspace.editor.puppets.puppet
-        number = None if puppet is None else find_layer_number(puppet, workspace.editor.selection.layer)
+        _draw_head(app, puppet)
+        draw_status(app, puppet)
+        _draw_next_step(app, puppet)
+        draw_points(app, puppet)
+        puppet = app.editor.puppets.puppet
+        number = None if puppet is None else find_layer_number(puppet, app.editor.selection.layer)
         if puppet is not None and number is not None:
-            for draw_section in workspace.layer_sections:
+            for draw_section in app.layer_sections:
                 draw_section(puppet, number)
-            draw_constraints(workspace, puppet)
+            draw_constraints(app, puppet)
         if puppet is not None:
-            draw_numbers(workspace)
-            draw_settings(workspace, puppet)
+            draw_numbers(app)
+            draw_settings(app, puppet)
 
 
-def _draw_head(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_head(app: App, puppet: Puppet) -> None:
     """Draws the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK_ICON, ImVec2(30, 0)):
-        workspace.editor.puppets.accept()
-        workspace.editor.choose(None)
-    workspace.remember("all shapes")
+        app.editor.puppets.accept()
+        app.editor.choose(None)
+    app.remember("all shapes")
     tooltip("Back to everything that is on the stage")
     imgui.same_line()
-    character_name(workspace, puppet)
+    character_name(app, puppet)
 
 
-def _draw_next_step(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_next_step(app: App, puppet: Puppet) -> None:
     """Draws the highlighted button of the next step, always in the same place."""
-    label, about, act = _find_next_step(workspace, puppet)
+    label, about, act = _find_next_step(app, puppet)
     with push_fill(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
-    workspace.remember("next step")
+    app.remember("next step")
     tooltip(about)
 
 
-def _find_next_step(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
+def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
     """Returns the next step for a puppet: label, description and command."""
-    editor, take = workspace.editor, workspace.performer.take
+    editor, take = app.editor, app.state(PerformerView).take
     if editor.puppets.number is not None:
         return tr("Done"), tr("Keep the pose, and let the puppet play  (Enter)"), editor.puppets.accept
     if not puppet.points:
         points_hint = tr("Control points at the ends of the limbs; or click the surface yourself")
-        return tr("Suggest points"), points_hint, lambda: suggest_points(workspace, puppet)
+        return tr("Suggest points"), points_hint, lambda: suggest_points(app, puppet)
     if take is None:
         take_hint = tr("The motion of a performer that the puppet should follow")
-        return tr("Open a take..."), take_hint, partial(workspace.ask, "open")
+        return tr("Open a take..."), take_hint, partial(app.actions.do, "file.open")
     if any(not point.joint for point in puppet.points):
         guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
         joints_hint = tr("Pair every point with the joint of the performer at a similar place")
         return tr("Guess joints"), joints_hint, lambda: editor.edit("guess joints", guess)
     pose_hint = tr("Pose the puppet for this moment of the performer: drag its points")
-    begin = partial(workspace.key_poses.begin, take, workspace.performer.playhead(take))
+    begin = partial(app.state(KeyPoseNavigator).begin, take, app.state(PerformerView).playhead(take))
     return tr("Pose it here"), pose_hint, begin
 
 
-def draw_status(workspace: Workspace, puppet: Puppet) -> None:
+def draw_status(app: App, puppet: Puppet) -> None:
     """Shows what the puppet lacks, or the error that keeps it from moving, or that it moves."""
-    project, solving = workspace.editor.project, workspace.editor.solving
+    project, solving = app.editor.project, app.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _draw_box(workspace, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
+        _draw_box(app, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:
-        _draw_box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.remedy))
+        _draw_box(app, BAD, tr("It cannot move like this"), (problem.what, problem.remedy))
     else:
         count = len(puppet.poses)
         doubled = tr(" and their mirror images") if puppet.symmetry is not None else ""
-        _draw_box(workspace, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
+        _draw_box(app, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
 
 
 def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
@@ -125,7 +127,7 @@ def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
     return (gathered, *(line for line in lacking if line not in pairs))
 
 
-def _draw_box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
+def _draw_box(app: App, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
     """Draws a raised box with a coloured border and a fixed height."""
     imgui.dummy(ImVec2(0, 2))
     origin, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -145,4 +147,4 @@ def _draw_box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, 
             imgui.text_unformatted(line)
         imgui.pop_text_wrap_pos()
     imgui.end_child()
-    workspace.widgets["status"] = (origin.x, origin.y, corner.x, corner.y)
+    app.widgets["status"] = (origin.x, origin.y, corner.x, corner.y)

@@ -9,10 +9,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.gizmo import Gizmo
+from enliven_viewer.studio.features.puppets.gizmo import Gizmo
+from enliven_viewer.studio.features.puppets.point_marks import GHOST_RADIUS, POINT_RADIUS, make_point_rows
+from enliven_viewer.studio.features.puppets.point_suggestions import PointSuggestions
 from enliven_viewer.studio.puppets.mesh_cache import find_mesh_centre, find_mesh_normals, measure_mesh
-from enliven_viewer.studio.puppets.point_marks import GHOST_RADIUS, POINT_RADIUS, make_point_rows
-from enliven_viewer.studio.puppets.point_suggestions import PointSuggestions
 from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex

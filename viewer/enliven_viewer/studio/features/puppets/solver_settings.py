@@ -8,10 +8,10 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, slider, switch, tooltip
 from enliven_viewer.studio.app.style import push_colours
 from enliven_viewer.studio.examples.example_edits import with_default_settings, with_setting
-from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import PRESSED, RAISED
 
 SETTING_SLIDERS = (
@@ -26,25 +26,25 @@ SETTING_SLIDERS = (
 """Group, field, label, minimum, maximum, and number format."""
 
 
-def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
+def draw_settings(app: App, puppet: Puppet) -> None:
     """Draws the sliders, initially collapsed."""
     imgui.dummy(ImVec2(0, 4))
     with push_colours(RAISED, imgui.Col_.header), push_colours(PRESSED, imgui.Col_.header_hovered):
         opened = imgui.collapsing_header(labelled(tr("Settings"), "Settings"))
-    workspace.remember("settings")
+    app.remember("settings")
     if not opened:
         return
     for group, name, label, low, high, pattern in SETTING_SLIDERS:
         settings, change = getattr(puppet, group), _make_change(puppet.id, group, name)
         value = getattr(settings, name)
         if isinstance(value, bool):
-            switch(workspace, label, value, change, _wrap_description(settings, name))
+            switch(app, label, value, change, _wrap_description(settings, name))
         else:
-            slider(workspace, f"setting {label}", value, low, high, pattern, change)
+            slider(app, f"setting {label}", value, low, high, pattern, change)
             tooltip(_wrap_description(settings, name))
     if imgui.button(labelled(tr("Reset"), "Reset")):
-        workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
-    workspace.remember("reset settings")
+        app.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
+    app.remember("reset settings")
 
 
 def _make_change(puppet: str, group: str, name: str) -> Change:

@@ -11,6 +11,7 @@ from enliven.modeling.puppet.points import change_point
 from enliven.modeling.puppet.poses import set_symmetry
 from enliven.modeling.puppet.suggest import suggested_joint, suggested_vertices
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, name_field, slider, switch, tooltip
 from enliven_viewer.studio.app.style import (
     draw_heading,
@@ -20,9 +21,9 @@ from enliven_viewer.studio.app.style import (
     use_small_text,
 )
 from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
-from enliven_viewer.studio.panels.examples.motion import draw_constraint_buttons
+from enliven_viewer.studio.features.puppets.constraints import draw_constraint_buttons
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.puppets.symmetry import find_plane
-from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, get_point_colour
 
 _ROW_HEIGHT = 24.0
@@ -34,21 +35,21 @@ _SUGGESTION_COUNT = 6
 _AXIS_LABELS = (later("left to right"), later("above to below"), later("front to back"))
 
 
-def draw_points(workspace: Workspace, puppet: Puppet) -> None:
+def draw_points(app: App, puppet: Puppet) -> None:
     """Draws the heading, a row per point, the fields of the selected one, and the buttons."""
     draw_heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
-        _draw_orientation_buttons(workspace, puppet)
+        _draw_orientation_buttons(app, puppet)
         draw_note("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
     for number, point in enumerate(puppet.points):
-        _draw_row(workspace, puppet, number, point)
-        if workspace.editor.puppets.point == number:
-            _draw_point_fields(workspace, puppet, point)
-    _draw_buttons(workspace, puppet)
-    _draw_symmetry(workspace, puppet)
+        _draw_row(app, puppet, number, point)
+        if app.editor.puppets.point == number:
+            _draw_point_fields(app, puppet, point)
+    _draw_buttons(app, puppet)
+    _draw_symmetry(app, puppet)
 
 
-def _draw_orientation_buttons(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_orientation_buttons(app: App, puppet: Puppet) -> None:
     """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, tip in (
@@ -56,26 +57,26 @@ def _draw_orientation_buttons(workspace: Workspace, puppet: Puppet) -> None:
         (later("Quarter turn"), "y", tr("Repeat until it faces you in View > From the front (1)")),
     ):
         if imgui.button(labelled(tr(label), label), half):
-            _turn_mesh(workspace, puppet.id, axis)
-        workspace.remember(label.lower())
+            _turn_mesh(app, puppet.id, axis)
+        app.remember(label.lower())
         tooltip(tip)
         if axis == "x":
             imgui.same_line()
 
 
-def _turn_mesh(workspace: Workspace, puppet: str, axis: str) -> None:
+def _turn_mesh(app: App, puppet: str, axis: str) -> None:
     step = later("stand it up") if axis == "x" else later("quarter turn")
-    if workspace.editor.edit(step, lambda project: turn_quarter(project, puppet, axis)):
-        workspace.editor.frame_all(reset=False)
+    if app.editor.edit(step, lambda project: turn_quarter(project, puppet, axis)):
+        app.editor.frame_all(reset=False)
 
 
-def _draw_row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
+def _draw_row(app: App, puppet: Puppet, number: int, point: ControlPoint) -> None:
     """Draws one point: its mark as in the 3D view, its name, and its joint."""
     origin, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    puppets = workspace.editor.puppets
+    puppets = app.editor.puppets
     if imgui.invisible_button(f"##point {number}", ImVec2(width, _ROW_HEIGHT - 4)):
-        workspace.editor.choose(puppet.id, None if puppets.point == number else number)
-    workspace.remember(f"point {point.name}")
+        app.editor.choose(puppet.id, None if puppets.point == number else number)
+    app.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
     draw_list = imgui.get_window_draw_list()
     if chosen or hovered:
@@ -97,9 +98,9 @@ def _draw_row(workspace: Workspace, puppet: Puppet, number: int, point: ControlP
             draw_list.add_text(ImVec2(right - 34, origin.y + 4), pack_colour(QUIET), _SOFT_ICON)
 
 
-def _draw_point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+def _draw_point_fields(app: App, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the fields of the selected point."""
-    editor, name = workspace.editor, point.name
+    editor, name = app.editor, point.name
 
     def change(step: str, **changes: object) -> bool:
         return editor.edit(step, lambda project: change_point(project, puppet.id, name, **changes))
@@ -108,25 +109,25 @@ def _draw_point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint
         return lambda project, value: change_point(project, puppet.id, name, **{field: of(value)})
 
     imgui.indent(22)
-    name_field(workspace, "point name", name, lambda to: change(later("rename a control point"), name=to))
-    _draw_joint_list(workspace, puppet, point)
-    switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
+    name_field(app, "point name", name, lambda to: change(later("rename a control point"), name=to))
+    _draw_joint_list(app, puppet, point)
+    switch(app, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
     imgui.same_line()
     tip = tr("The surface is pulled towards it, but need not reach it")
-    switch(workspace, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
+    switch(app, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button(labelled(tr("Remove"), "Remove")):
         editor.puppets.remove_point()
-    workspace.remember("remove point")
+    app.remember("remove point")
     if point.weight is not None:
-        slider(workspace, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
-    draw_constraint_buttons(workspace, puppet)
+        slider(app, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
+    draw_constraint_buttons(app, puppet)
     imgui.unindent(22)
 
 
-def _draw_joint_list(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+def _draw_joint_list(app: App, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the list of joints that the point may follow, most likely first."""
-    editor, take = workspace.editor, workspace.performer.take
+    editor, take = app.editor, app.state(PerformerView).take
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##joint", point.joint or tr("click a joint of the performer, or choose")):
         clip = editor.project.takes.get(take or "")
@@ -134,29 +135,29 @@ def _draw_joint_list(workspace: Workspace, puppet: Puppet, point: ControlPoint) 
         if clip is not None:
             best = suggested_joint(editor.project, puppet.id, str(take), point.name)
             if imgui.selectable(labelled(tr("{0}   likely", best), "likely"), best == point.joint)[0]:
-                workspace.performer.pair(best)
+                app.state(PerformerView).pair(best)
             imgui.separator()
         for joint in names:
             if imgui.selectable(f"{joint}###joint {joint}", joint == point.joint)[0]:
-                workspace.performer.pair(joint)
+                app.state(PerformerView).pair(joint)
         imgui.end_combo()
-    workspace.remember("joint")
+    app.remember("joint")
 
 
-def _draw_buttons(workspace: Workspace, puppet: Puppet) -> None:
-    editor = workspace.editor
+def _draw_buttons(app: App, puppet: Puppet) -> None:
+    editor = app.editor
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
-        suggest_points(workspace, puppet)
-    workspace.remember("suggest points")
+        suggest_points(app, puppet)
+    app.remember("suggest points")
     tooltip("Control points at the ends of the limbs, and at their mirror images")
     imgui.same_line()
-    take = workspace.performer.take
+    take = app.state(PerformerView).take
     open_ones = [point.name for point in puppet.points if not point.joint]
     imgui.begin_disabled(take is None or not open_ones)
     if imgui.button(labelled(tr("Guess joints"), "Guess joints"), half):
         editor.edit("guess joints", lambda project: with_guessed_joints(project, puppet.id, str(take)))
-    workspace.remember("guess joints")
+    app.remember("guess joints")
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip(
@@ -164,23 +165,23 @@ def _draw_buttons(workspace: Workspace, puppet: Puppet) -> None:
         )
 
 
-def suggest_points(workspace: Workspace, puppet: Puppet) -> bool:
+def suggest_points(app: App, puppet: Puppet) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
         return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTION_COUNT))
 
-    return workspace.editor.edit("suggest control points", change)
+    return app.editor.edit("suggest control points", change)
 
 
-def _draw_symmetry(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_symmetry(app: App, puppet: Puppet) -> None:
     """Draws the symmetry options: mirrored examples, the plane, and editing both sides at once."""
-    editor = workspace.editor
+    editor = app.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
-    workspace.remember("symmetric")
+    app.remember("symmetric")
     tooltip("Every key pose also counts mirrored: a pose of one side is an example for both")
     if toggled:
-        set_mirrored(workspace, puppet, on)
+        set_mirrored(app, puppet, on)
         return
     if puppet.symmetry is None:
         return
@@ -191,18 +192,18 @@ def _draw_symmetry(workspace: Workspace, puppet: Puppet) -> None:
     toggled, on = imgui.checkbox(
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )
-    workspace.remember("both sides")
+    app.remember("both sides")
     tooltip("Control points are put and dragged together with their mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
 
 
-def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
+def set_mirrored(app: App, puppet: Puppet, on: bool) -> None:
     """Sets or clears the symmetry plane of the examples.
 
     Before the first key pose, also switches symmetric editing.
     """
-    editor = workspace.editor
+    editor = app.editor
     plane = find_plane(puppet) if on else None
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.studio.features.puppets.performer_view import PerformerFigure
+from enliven_viewer.studio.features.puppets.thumbnails import SIDE
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.performer.performer_view import PerformerFigure
-from enliven_viewer.studio.performer.thumbnails import SIDE
 
 
 def draw_stick_figure(draw_list: imgui.ImDrawList, figure: PerformerFigure, area: Area, colour: int) -> None:

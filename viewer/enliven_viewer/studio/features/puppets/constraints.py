@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Coupling, Position, Puppet, Velocity
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, use_small_text
 from enliven_viewer.studio.examples.example_edits import (
@@ -16,25 +17,24 @@ from enliven_viewer.studio.examples.example_edits import (
     with_constraint,
     without_constraint,
 )
-from enliven_viewer.studio.workspace.workspace import Workspace
 
 _REMOVE_ICON = "\uf00d"
 
 
-def draw_constraints(workspace: Workspace, puppet: Puppet) -> None:
+def draw_constraints(app: App, puppet: Puppet) -> None:
     """Lists the hard constraints of the layer's take."""
-    number = find_layer_number(puppet, workspace.editor.selection.layer)
-    constraints = list_constraints(workspace.editor.project, puppet.id, number) if number is not None else ()
+    number = find_layer_number(puppet, app.editor.selection.layer)
+    constraints = list_constraints(app.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not constraints:
         return
     draw_heading("Fixed at single frames")
     for row, constraint in enumerate(constraints):
-        _draw_constraint_row(workspace, puppet, number, row, constraint)
+        _draw_constraint_row(app, puppet, number, row, constraint)
 
 
-def draw_constraint_buttons(workspace: Workspace, puppet: Puppet) -> None:
+def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
     """Draws the buttons that add a hard constraint of the selected control point at the playhead."""
-    editor, chosen = workspace.editor, workspace.editor.puppets.point
+    editor, chosen = app.editor, app.editor.puppets.point
     number = find_layer_number(puppet, editor.selection.layer)
     if chosen is None or number is None:
         return
@@ -47,12 +47,12 @@ def draw_constraint_buttons(workspace: Workspace, puppet: Puppet) -> None:
     if imgui.button(labelled(tr("Here"), "Here"), third):
         x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
         new_constraint = Position(name, frame, (x, y, z))
-    workspace.remember("hold here")
+    app.remember("hold here")
     tooltip(tr("{0} goes through this place at this frame", name))
     imgui.same_line()
     if imgui.button(labelled(tr("Still"), "Still"), third):
         new_constraint = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
-    workspace.remember("hold still")
+    app.remember("hold still")
     tooltip(tr("{0} does not move at this frame", name))
     imgui.same_line()
     imgui.set_next_item_width(third.x)
@@ -61,7 +61,7 @@ def draw_constraint_buttons(workspace: Workspace, puppet: Puppet) -> None:
             if imgui.selectable(labelled(tr("with {0}", other), f"with {other}"), False)[0]:
                 new_constraint = Coupling(name, other, frame)
         imgui.end_combo()
-    workspace.remember("hold level")
+    app.remember("hold level")
     tooltip(tr("{0} is as high as another control point at this frame", name))
     if new_constraint is not None:
         editor.edit(
@@ -70,11 +70,9 @@ def draw_constraint_buttons(workspace: Workspace, puppet: Puppet) -> None:
         )
 
 
-def _draw_constraint_row(
-    workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint
-) -> None:
+def _draw_constraint_row(app: App, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
     """Draws one constraint. A click goes to its frame; the cross removes it."""
-    editor = workspace.editor
+    editor = app.editor
     take = editor.project.takes[puppet.layers[number].take]
     width = imgui.get_content_region_avail().x
     with use_small_text():
@@ -85,4 +83,4 @@ def _draw_constraint_row(
         imgui.same_line(width - 12)
         if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
             editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
-        workspace.remember(f"let go {row}")
+        app.remember(f"let go {row}")
