@@ -38,8 +38,9 @@ from enliven.wire import CUES, POSE, Done
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
 from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.studio.app.time_axis import RULER_HEIGHT
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.timeline.layout import RULER_HEIGHT
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 LAYERS = 10
@@ -94,7 +95,8 @@ def _scrub() -> Figure:
     surfaces, puppet = workspace.puppets.stage.surfaces, project.puppet(names[2])
     while not surfaces.is_prepared(puppet):
         time.sleep(TURN)
-    timeline, layout, took = workspace.timeline, workspace.timeline.layout, list[float]()
+    timeline, took = workspace.state(TimelineInput), list[float]()
+    layout = timeline.layout
     timeline.press(layout.x(0.0), RULER_HEIGHT / 2)
     for step in range(SCRUBS):
         x = layout.x((0.137 * step) % layout.length)

@@ -10,7 +10,10 @@ from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
 from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -38,7 +41,7 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
     wide, tall, deep = np.ptp(mesh.vertices, axis=0)
     assert tall > wide > deep, "it stands, and its arms are at its sides"
     ends = [int(np.linalg.norm(mesh.vertices - tall * np.array(at), axis=1).argmin()) for at in ENDS]
-    workspace.performer.show(take)
+    workspace.state(PerformerView).show(take)
     assert editor.edit("points", lambda project: with_points(project, name, ends))
     assert editor.edit("guess", lambda project: with_guessed_joints(project, name, take))
     points = editor.project.puppets[name].points
@@ -47,10 +50,10 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
         ["head", "left hand", "right hand"],
     )
     assert not points[3].foot, "what follows the hips does not step"
-    coverage = workspace.coverages.of(editor.project, editor.project.puppets[name], take)
+    coverage = workspace.state(CoverageCache).of(editor.project, editor.project.puppets[name], take)
     assert coverage is not None and 2 <= coverage.needed <= 12
     for number, second in enumerate(coverage.times[:3]):
-        workspace.begin_pose(take, second)
+        workspace.state(KeyPoseNavigator).begin(take, second)
         places = np.array(editor.project.puppets[name].rest)
         places[1:3] += 0.1 * tall * np.array([[0, number - 1, 0], [0, 1 - number, 0]])
         change = {"places": places}
@@ -62,5 +65,5 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
         shown_places = state_of(project, puppet, second).places
         assert np.abs(shown_places - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
-    after = workspace.coverages.of(project, puppet, take)
+    after = workspace.state(CoverageCache).of(project, puppet, take)
     assert after is not None and after.left < coverage.left

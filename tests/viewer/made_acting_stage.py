@@ -99,7 +99,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     if action.id.startswith("takes."):
         editor.edit("two takes", two_takes)
     if action.id == "clip.blend":
-        workspace.commands.clips.do("split")
+        workspace.actions.do("clip.split")
         editor.scrub(0.4)
     if action.id == "paint.clear":
         spot = editor.project.graph("post").positions[:1]

@@ -22,6 +22,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -65,7 +66,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     report["undone"] = sorted(editor.project.shapes)
     ctx.item_click(ROW.format("character post"))
     settle(ctx)
-    report["caged"] = [editor.selection.character, [bar.label for bar in workspace.timeline.layout.bars()]]
+    bars = workspace.state(TimelineInput).layout.bars()
+    report["caged"] = [editor.selection.character, [bar.label for bar in bars]]
     ctx.item_click(ROW.format("character two"))
     report["chosen"] = editor.selection.character
     ctx.item_input_value("side/##name", "mantle")

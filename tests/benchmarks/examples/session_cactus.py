@@ -36,6 +36,8 @@ from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.recording import Recorder
 from enliven.samples.shipped import load_sample
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
@@ -258,7 +260,7 @@ def _role(joint: str) -> str:
 
 def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     """Returns the positions (3,), metres, to which an artist would drag head, elbows and hands for a pose."""
-    joints = workspace.performer.figure((TAKE, second)).joints
+    joints = workspace.state(PerformerView).figure((TAKE, second)).joints
     names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
     places: dict[str, Float] = {}
@@ -289,12 +291,12 @@ def _spot(place: Float) -> Place:
 
 def _switch(workspace: Workspace) -> Actions:
     """Makes the jump begin earlier, and plays it."""
-    layout = workspace.timeline.layout
+    layout = workspace.state(TimelineInput).layout
     row = next(row for row in layout.lanes() if row.kind == "band")
     step = workspace.editor.project.takes[TAKE].step
     flights = [
         band.frame * step
-        for band, _, _ in workspace.timeline.rows.details.bands(layout, row)
+        for band, _, _ in workspace.state(TimelineInput).rows.details.bands(layout, row)
         if band.kind == "flight"
     ]
     if flights:

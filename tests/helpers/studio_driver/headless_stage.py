@@ -6,6 +6,7 @@ import math
 
 from enliven.errors import InputError
 from enliven.modeling.edits import rename_character
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.panel_layout import lay_out_panels
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.viewport.overlay import Point
@@ -40,7 +41,7 @@ class HeadlessStage:
         if area == "source":
             source_of(self.workspace).move((at[0] - _AREA, at[1]))
         elif area == "timeline":
-            self.workspace.timeline.drag(at[0] - 2 * _AREA)
+            self.workspace.state(TimelineInput).drag(at[0] - 2 * _AREA)
         else:
             self.workspace.input.move(at, shift=self._shift)
 
@@ -51,7 +52,7 @@ class HeadlessStage:
             source = source_of(self.workspace)
             source.press((x - _AREA, self.at[1])) if down else source.release()
         elif area == "timeline":
-            timeline = self.workspace.timeline
+            timeline = self.workspace.state(TimelineInput)
             timeline.press(x - 2 * _AREA, self.at[1]) if down else timeline.release(x - 2 * _AREA)
         elif down:
             self.workspace.input.press(self.at, button, shift=self._shift)

@@ -8,6 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from enliven.errors import InputError
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.sources.source_view import SourceView
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.viewport.overlay import Point
@@ -224,19 +226,19 @@ def _on_puppet(place: OnPuppet, workspace: Workspace) -> np.ndarray:
 
 
 def _on_timeline(place: OnTimeline, stage: SessionStage) -> Point:
-    layout = stage.workspace.timeline.layout
+    layout = stage.workspace.state(TimelineInput).layout
     y = 8.0 if place.lane is None else layout.bars()[place.lane].top + 10.0
     return _shifted(stage.timeline(), np.array([layout.x(place.time), y]))
 
 
 def _on_lane(place: OnLane, stage: SessionStage) -> Point:
-    layout, chosen = stage.workspace.timeline.layout, stage.workspace.editor.selection.character
+    layout, chosen = stage.workspace.state(TimelineInput).layout, stage.workspace.editor.selection.character
     row = next(lane for lane in layout.lanes() if (lane.kind, lane.character.id) == (place.row, chosen))
     return _shifted(stage.timeline(), np.array([layout.x_of(row, place.seconds), row.top + row.height / 2]))
 
 
 def _on_performer(place: PerformerJoint, stage: SessionStage) -> Point:
-    view = stage.workspace.performer
+    view = stage.workspace.state(PerformerView)
     figure = view.figure()
     if figure is None:
         raise InputError("no performer is shown", where="session")

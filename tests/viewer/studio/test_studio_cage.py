@@ -10,6 +10,7 @@ from studio_driver import Click, Drag, HeadlessStage, Key, Near, OnTimeline, Spo
 from enliven.document import PoseStream
 from enliven.document.project import Project, same
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -35,18 +36,18 @@ def cage(workspace: Workspace) -> Cage:
 
 
 def test_custom_rig_plays_and_its_lane_is_dragged_and_muted(workspace: Workspace) -> None:
+    timeline, before = workspace.state(TimelineInput), workspace.editor.stage_character("post").vertices
     assert workspace.editor.length == pytest.approx(3.0)
-    before = workspace.editor.stage_character("post").vertices
     workspace.editor.scrub(1.5)
     way = workspace.editor.stage_character("post").vertices - before
     assert np.allclose(way, [0.3, 0.0, 0.0], atol=1e-6), "it is where the rig says"
-    assert [bar.label for bar in workspace.timeline.layout.bars()] == ["post"]
+    assert [bar.label for bar in timeline.layout.bars()] == ["post"]
     do(workspace, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
     assert cage(workspace).layers[0].offset == pytest.approx(0.6, abs=0.02)
     assert workspace.editor.selection.layer == 0 and workspace.editor.selection.character == "post"
-    layout = workspace.timeline.layout
-    workspace.timeline.press(5.0, layout.bars()[0].top + 8.0)
-    workspace.timeline.release(5.0)
+    layout = timeline.layout
+    timeline.press(5.0, layout.bars()[0].top + 8.0)
+    timeline.release(5.0)
     assert cage(workspace).layers[0].muted and workspace.editor.history.names == ("move clip", "mute")
 
 

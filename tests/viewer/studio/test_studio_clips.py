@@ -23,15 +23,11 @@ from enliven.modeling.edits import (
     split_clip,
     trim_clip,
 )
-from enliven_viewer.studio.timeline.clip_pictures import POSE_COUNT, TILE_SIZE, ClipPictures
-from enliven_viewer.studio.timeline.layout import (
-    HEAD_HEIGHT,
-    LABEL_WIDTH,
-    LANE_HEIGHT,
-    RULER_HEIGHT,
-    TimelineLayout,
-)
-from enliven_viewer.studio.workspace.clip_commands import ClipCommands
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
+from enliven_viewer.studio.features.timeline.clip_commands import ClipCommands
+from enliven_viewer.studio.features.timeline.clip_pictures import POSE_COUNT, TILE_SIZE, ClipPictures
+from enliven_viewer.studio.features.timeline.layout import HEAD_HEIGHT, LANE_HEIGHT, TimelineLayout
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 RIGS = ("bones", "graph", "points")
@@ -57,17 +53,17 @@ def desk(tmp_path: Path, project: Project = PROJECT) -> Workspace:
     from enliven_viewer.studio.editor.editor import Editor
 
     workspace = Workspace(Editor(project=project), tmp_path)
-    workspace.timeline.width = 1800.0
-    workspace.timeline.snapping = False
+    workspace.time_axis.width = 1800.0
+    workspace.state(TimelineInput).snapping = False
     return workspace
 
 
 def bar_of(workspace: Workspace, name: str):
-    return next(bar for bar in workspace.timeline.layout.bars() if bar.character.id == name)
+    return next(bar for bar in workspace.state(TimelineInput).layout.bars() if bar.character.id == name)
 
 
 def drag(workspace: Workspace, x: float, y: float, by: float, **held: bool) -> None:
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     timeline.press(x, y, **held)
     for share in (0.4, 1.0):
         timeline.drag(x + share * by)
@@ -81,7 +77,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
     editor = workspace.editor
     before = editor.project
     bar = bar_of(workspace, name)
-    (clip,), y, layout = bar.clips, bar.top + LANE_HEIGHT / 2, workspace.timeline.layout
+    (clip,), y, layout = bar.clips, bar.top + LANE_HEIGHT / 2, workspace.state(TimelineInput).layout
     second = layout.x(1.0) - layout.x(0.0)
     quarter = 0.25 * (clip.end - clip.begin)
 
@@ -116,8 +112,8 @@ def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_pat
     lasts = clip.end - clip.begin
     project = split_clip(PROJECT, name, numbers, clip.begin + 0.5 * lasts)
     workspace = desk(tmp_path, blend_clips(project, name, numbers, 0, 0.4 * lasts))
-    bar = next(each for each in workspace.timeline.layout.bars() if len(each.clips) == 2)
-    layout, y = workspace.timeline.layout, bar.top + LANE_HEIGHT / 2
+    bar = next(each for each in workspace.state(TimelineInput).layout.bars() if len(each.clips) == 2)
+    layout, y = workspace.state(TimelineInput).layout, bar.top + LANE_HEIGHT / 2
     before, after = (clip for clip in bar.clips)
     middle = (layout.x(after.begin) + layout.x(before.end)) / 2
     assert layout.handle_at(middle, y).kind == "blend"
@@ -130,7 +126,7 @@ def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_pat
 
 def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
     workspace = desk(tmp_path)
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     heads = [lane for lane in timeline.layout.lanes() if lane.kind == "head"]
     assert [lane.character.id for lane in heads] == list(PROJECT.characters)
     bar = bar_of(workspace, NAMES["graph"])
@@ -158,7 +154,7 @@ def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
 def test_a_drag_sticks_to_what_is_near_and_to_whole_frames_else(tmp_path: Path) -> None:
     project, _ = add_marker(PROJECT, 0.9, "step")
     workspace = desk(tmp_path, project)
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     timeline.snapping = True
     layout, bar = timeline.layout, bar_of(workspace, NAMES["graph"])
     (clip,), y = bar.clips, bar.top + LANE_HEIGHT / 2
@@ -172,7 +168,7 @@ def test_a_drag_sticks_to_what_is_near_and_to_whole_frames_else(tmp_path: Path) 
 
 def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     workspace = desk(tmp_path)
-    editor, timeline, clips = workspace.editor, workspace.timeline, ClipCommands(workspace.editor)
+    editor, timeline, clips = workspace.editor, workspace.state(TimelineInput), ClipCommands(workspace.editor)
     for time in (0.5, 1.25):
         editor.scrub(time)
         clips.mark()
@@ -200,20 +196,20 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
 )
 def test_zooming_keeps_the_time_under_the_pointer_and_never_leaves_the_project(notches, pixels) -> None:
     workspace = desk(Path("."), PROJECT)
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     for turned, x in notches:
         before = timeline.layout.time(x)
-        timeline.zoom(turned, x)
+        timeline.axis.zoom(turned, x)
         layout = timeline.layout
         assert layout.start >= 0.0 and 0.2 < layout.visible_s <= 1.26 * layout.length
         assert layout.start + layout.visible_s <= 1.26 * layout.length
         if 0.0 < layout.start < 1.25 * layout.length - layout.visible_s - 1e-9:
             assert layout.time(x) == pytest.approx(before)
         assert layout.time(layout.x(1.0)) == pytest.approx(1.0)
-    timeline.pan(pixels)
-    assert timeline.start >= 0.0
-    timeline.show_all()
-    assert (timeline.start, timeline.span) == (0.0, 0.0)
+    timeline.axis.pan(pixels)
+    assert timeline.axis.start >= 0.0
+    timeline.axis.show_all()
+    assert (timeline.axis.start, timeline.axis.span) == (0.0, 0.0)
 
 
 @settings(max_examples=30, deadline=None)
@@ -223,7 +219,7 @@ def test_every_end_of_every_clip_is_found_where_it_is_drawn(share, blend, width)
     (clip,) = clips_of(project, name, 0)
     project = split_clip(project, name, [0], clip.begin + share * (clip.end - clip.begin))
     project = blend_clips(project, name, [0], 0, blend)
-    layout = TimelineLayout(project, 4.0, width)
+    layout = TimelineLayout(4.0, width, project=project)
     (bar,) = layout.bars()
     for number, played in enumerate(bar.clips):
         left, right = layout.x(played.begin), layout.x(played.end)
@@ -284,6 +280,8 @@ def test_a_trimmed_clip_leaves_its_pixels_free(tmp_path: Path) -> None:
     name = NAMES["graph"]
     (clip,) = clips_of(PROJECT, name, 0)
     project = trim_clip(PROJECT, name, [0], 0, end=clip.begin + 0.3)
-    bar = next(each for each in TimelineLayout(project, 4.0, 1500.0).bars() if each.character.id == name)
-    layout = TimelineLayout(project, 4.0, 1500.0)
+    bar = next(
+        each for each in TimelineLayout(4.0, 1500.0, project=project).bars() if each.character.id == name
+    )
+    layout = TimelineLayout(4.0, 1500.0, project=project)
     assert layout.handle_at(layout.x(clip.begin + 0.6), bar.top + 5).kind == "ruler"

@@ -17,10 +17,10 @@ from test_character_laws import WORLDS
 from enliven.document import KEY_STEP, MIN_SPEED, Layer, same
 from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
 from enliven.rotation import from_rotation_vector, to_matrix
+from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.animation.curve_input import CurveInput
 from enliven_viewer.studio.features.animation.curve_scale import Scale
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.viewport.overlay import Disc
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 
@@ -37,7 +37,7 @@ def desk(rig: str, handle: int | None = BONE, keyed: bool = False) -> tuple[Edit
     if rig == "points":
         editor.solving.settle(project, name)
     editor.choose(name, handle if rig != "graph" else None)
-    curves = CurveInput(editor, TimelineInput(editor))
+    curves = CurveInput(editor, TimeAxis(editor))
     curves.toggle()
     return editor, curves, name
 
@@ -74,7 +74,7 @@ def test_weight_and_speed_are_those_of_the_layer(speed: float, weight: float, of
     editor = Editor(project=project)
     editor.choose(name)
     editor.select(layer=0)
-    curves = CurveInput(editor, TimelineInput(editor))
+    curves = CurveInput(editor, TimeAxis(editor))
     groups, layer = curves.settle(), project.characters[name].playing[0]
     assert np.unique(groups["weight"].values).tolist() == pytest.approx([weight])
     begin, end = offset, layer.end(project.length_of(layer))
@@ -87,7 +87,7 @@ def at(curves: CurveInput, number: int, axis: int) -> tuple[float, float]:
     group = curves.shown_group()
     assert group is not None
     dot = next(each for each in group.dots if (each.number, each.axis) == (number, axis))
-    return curves.timeline.layout.x(dot.time), curves.scale(group).y(dot.value)
+    return curves.axis.scale.x(dot.time), curves.scale(group).y(dot.value)
 
 
 def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
@@ -108,7 +108,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
     editor.undo()
     assert same(editor.project, before)
     x, y = at(curves, 1, 1)
-    along = curves.timeline.layout.x(10 * KEY_STEP) - curves.timeline.layout.x(0.0)
+    along = curves.axis.scale.x(10 * KEY_STEP) - curves.axis.scale.x(0.0)
     curves.press(x, y)
     curves.drag(x + along, y)
     curves.release(x + along, y)
@@ -123,7 +123,7 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     editor, curves, name = desk("bones", keyed=True)
     group = curves.shown_group()
     assert group is not None and group.name == "keys"
-    x, y = curves.timeline.layout.x(30 * KEY_STEP), curves.scale(group).y(33.0)
+    x, y = curves.axis.scale.x(30 * KEY_STEP), curves.scale(group).y(33.0)
     curves.double(x, y)
     keys = keys_of(editor.project, name, BONE)
     assert len(keys) == 4 and 33.0 in [pytest.approx(value, abs=0.01) for value in keys[2][1].degrees]
@@ -140,7 +140,7 @@ def test_a_bone_without_keys_gets_its_first_by_a_double_click() -> None:
     editor, curves, name = desk("bones")
     group = curves.shown_group()
     assert group is not None and not group.dots
-    curves.double(curves.timeline.layout.x(0.5), curves.scale(group).y(3.0))
+    curves.double(curves.axis.scale.x(0.5), curves.scale(group).y(3.0))
     ((time, key),) = keys_of(editor.project, name, BONE)
     assert time == pytest.approx(0.5) and max(key.degrees) == pytest.approx(3.0)
     assert isinstance(editor.project.characters[name].playing[-1], Layer)
@@ -154,7 +154,7 @@ def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
     assert group is not None and group.name == "place" and group.dots
     dot = group.dots[1]
     before = editor.project.puppet(name).poses[dot.number].places
-    x, y = curves.timeline.layout.x(dot.time), curves.scale(group).y(dot.value)
+    x, y = curves.axis.scale.x(dot.time), curves.scale(group).y(dot.value)
     curves.press(x, y)
     held = curves._held[0]
     curves.drag(x, y - 20)
@@ -267,7 +267,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         shown = curves.shown_group()
         assert shown is not None and shown.name == group and not shown.dots
         for second, value in ((0.3, 0.8), (0.9, 0.5)):
-            curves.double(curves.timeline.layout.x(second), curves.scale(shown).y(value))
+            curves.double(curves.axis.scale.x(second), curves.scale(shown).y(value))
         shown = curves.settle()[group]
         assert [dot.time for dot in shown.dots] == pytest.approx([0.3, 0.9], abs=0.02)
         drawn = np.interp([dot.time for dot in shown.dots], curves.times, shown.values[:, 0])

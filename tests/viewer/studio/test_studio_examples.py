@@ -45,6 +45,8 @@ from enliven_viewer.studio.examples.example_edits import (
     without_constraint,
 )
 from enliven_viewer.studio.examples.motion_solver import MotionSolver
+from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
+from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.toasts import Toasts
 
 NAMES = ("head", "left", "right", "foot")
@@ -247,7 +249,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
 
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
-    view = workspace.performer
+    view = workspace.state(PerformerView)
     view.follow()
     figure = view.figure()
     assert figure is not None
@@ -265,7 +267,7 @@ def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
 
 def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
-    view, editor = workspace.performer, workspace.editor
+    view, editor = workspace.state(PerformerView), workspace.editor
     for linked in (True, False):
         view.linked = linked
         editor.camera.face(0.3, 0.2)
@@ -284,7 +286,7 @@ def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
 
 def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="quarter turn")
-    view = workspace.performer
+    view = workspace.state(PerformerView)
     assert view.moment == ("quarter turn", 0.0)
     first, second = view.figure(("sway", 0.0)), view.figure(("sway", 1.0))
     assert first is not None and second is not None
@@ -294,7 +296,7 @@ def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> 
 
 def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES)
-    view = workspace.performer
+    view = workspace.state(PerformerView)
     assert view.take is None and view.figure() is None and workspace.puppets.moment is None
     view.show("sway")
     view.show("walk")
@@ -309,15 +311,15 @@ def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
     workspace.input.take("choose")
     workspace.editor.edit("later", lambda project: change_layers(project, "star", [0], offset=0.4))
-    workspace.begin_pose("sway", 0.61)
-    workspace.begin_pose("sway", 1.5)
+    workspace.state(KeyPoseNavigator).begin("sway", 0.61)
+    workspace.state(KeyPoseNavigator).begin("sway", 1.5)
     times = [pose.time for pose in workspace.editor.project.puppets["star"].poses]
     assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and workspace.puppets.number == 1
     assert workspace.input.tool.name == "puppet" and workspace.editor.time == pytest.approx(1.9)
-    workspace.edit_pose(0)
+    workspace.state(KeyPoseNavigator).edit(0)
     assert workspace.puppets.number == 0 and workspace.editor.time == pytest.approx(1.0)
-    assert workspace.performer.moment == ("sway", pytest.approx(18 / 30))
-    workspace.begin_pose("sway", 1.5)
+    assert workspace.state(PerformerView).moment == ("sway", pytest.approx(18 / 30))
+    workspace.state(KeyPoseNavigator).begin("sway", 1.5)
     assert workspace.puppets.number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
 
 
@@ -326,12 +328,12 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor = workspace.editor
     editor.frame_all(at_once=True)
     before = editor.lens.view.eye
-    workspace.begin_pose("sway", 0.5)
+    workspace.state(KeyPoseNavigator).begin("sway", 0.5)
     editor.advance(10.0)
     np.testing.assert_allclose(editor.lens.view.eye, before, err_msg="all of it is seen")
     editor.camera.pan(5.0, 0.0)
     editor.advance(10.0)
-    workspace.edit_pose(0)
+    workspace.state(KeyPoseNavigator).edit(0)
     editor.advance(10.0)
     pixels = editor.lens.project(workspace.puppets.stage.find("star").vertices)[0]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()

@@ -20,8 +20,10 @@ from enliven.document.project import Project
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet.edits import play_take
 from enliven.modeling.puppet.poses import add_key_pose
-from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT, Lane, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
+from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
+from enliven_viewer.studio.features.timeline.puppet_lanes import PuppetDetails
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
@@ -65,7 +67,7 @@ def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width,
     positions = (Position("left", 45, (0.0, 0.5, 0.0)),)
     project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=positions)
     shown = PuppetDetails(project.puppet("star"), lambda take: None, lambda layer: SWITCHES)
-    lanes = TimelineLayout(project, 10.0, width, scrolled, shown)
+    lanes = TimelineLayout(10.0, width, project=project, scrolled=scrolled, details=shown)
     assert [row.kind for row in lanes.lanes()] == ["bar", "poses", "band", "held"]
     tops = [(row.top, row.top + row.height) for row in lanes.lanes()]
     assert all(upper[1] <= lower[0] for upper, lower in itertools.pairwise(tops))
@@ -95,7 +97,12 @@ def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width,
 def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
     project = play_take(posed((0.0, 0.75)), "star", "walk")
     lanes, chosen = (
-        TimelineLayout(project, 4.0, 900.0, 0.0, PuppetDetails(puppet, lambda take: None, lambda layer: ()))
+        TimelineLayout(
+            4.0,
+            900.0,
+            project=project,
+            details=PuppetDetails(puppet, lambda take: None, lambda layer: ()),
+        )
         for puppet in (None, project.puppet("star"))
     )
     assert [(row.kind, row.layers) for row in lanes.lanes()] == [("bar", (0,)), ("bar", (1,))]
@@ -104,7 +111,7 @@ def test_only_the_chosen_puppet_shows_more_than_its_layers() -> None:
 
 
 def drag(workspace: Workspace, start: tuple[float, float], x: float, **held: bool) -> None:
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     timeline.press(*start, **held)
     for share in (0.3, 0.7, 1.0):
         timeline.drag(start[0] + share * (x - start[0]))
@@ -113,7 +120,7 @@ def drag(workspace: Workspace, start: tuple[float, float], x: float, **held: boo
 
 def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_it(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), offset=0.5))
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "poses")
     x = lanes.x_of(row, 0.75)
@@ -129,7 +136,7 @@ def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_i
 
 def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75)))
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "bar")
     y, (left, right) = middle(row), (row.left, row.right)
@@ -146,7 +153,7 @@ def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
 
 def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), switches=SWITCHES))
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
 
     def switches() -> list[tuple[int, str]] | None:
         switches = workspace.editor.project.puppets["star"].layers[0].switches
@@ -176,7 +183,7 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
 def test_delete_removes_the_constraint_and_then_means_the_puppet(tmp_path) -> None:
     held = (Position("left", 45, (-0.4, 0.5, 0.0)),)
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "held")
     x = timeline.rows.details.constraint_marks(lanes, row)[0][2]
@@ -190,7 +197,7 @@ def test_delete_removes_the_constraint_and_then_means_the_puppet(tmp_path) -> No
 
 def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0,)))
-    timeline = workspace.timeline
+    timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "poses")
     second, x = timeline.rows.details.suggested_marks(lanes, row)[0]
@@ -203,8 +210,8 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
 def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
     workspace.editor.solving.settle(workspace.editor.project, "star")
-    lanes = workspace.timeline.layout
-    bands = workspace.timeline.rows.details.bands(lanes, row_of(lanes, "band"))
+    lanes = workspace.state(TimelineInput).layout
+    bands = workspace.state(TimelineInput).rows.details.bands(lanes, row_of(lanes, "band"))
     assert bands and bands[0][0].frame == 0
     starts, ends = np.array([b[1] for b in bands]), np.array([b[2] for b in bands])
     np.testing.assert_allclose(ends[:-1], starts[1:])
@@ -213,7 +220,7 @@ def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
 def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_path) -> None:
     project = posed((0.0, 0.75, 2.25))
     scrubbed, fresh = desk_with(tmp_path / "one", project), desk_with(tmp_path / "other", project)
-    timeline, layout = scrubbed.timeline, scrubbed.timeline.layout
+    timeline, layout = scrubbed.state(TimelineInput), scrubbed.state(TimelineInput).layout
     for each in (scrubbed, fresh):
         each.editor.solving.settle(project, "star")
     timeline.press(layout.x(0.1), RULER_HEIGHT / 2)

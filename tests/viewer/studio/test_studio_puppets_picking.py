@@ -16,7 +16,7 @@ from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo
+from enliven_viewer.studio.features.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, mirror_places
 from enliven_viewer.studio.viewport.picking import joint_at, surface_at
 from enliven_viewer.studio.viewport.ray import NEAREST, first_hit, vertex_hit

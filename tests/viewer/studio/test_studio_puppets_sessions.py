@@ -28,7 +28,8 @@ from enliven.meshes.mesh import refine
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.poses import add_key_pose
-from enliven_viewer.studio.tools.puppet import PuppetTool
+from enliven_viewer.studio.features.puppets.puppet_commands import PuppetCommands
+from enliven_viewer.studio.features.puppets.puppet_tool import PuppetTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -320,7 +321,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
-    workspace.commands.puppets.bake()
+    workspace.state(PuppetCommands).bake()
     assert "Baking" in workspace.editor.toasts.shown[-1].text and "post" in workspace.editor.project.puppets
     workspace.editor.background.finish()
     assert (
@@ -330,7 +331,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     )
     play([Key("ctrl+z")], stage)
     workspace.editor.choose("post")
-    workspace.commands.puppets.bake()
+    workspace.state(PuppetCommands).bake()
     workspace.puppets.add_point(20)
     workspace.editor.background.finish()
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
@@ -338,6 +339,6 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
 
 def test_puppet_without_motion_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
-    workspace.commands.puppets.bake()
+    workspace.state(PuppetCommands).bake()
     workspace.editor.background.finish()
     assert bad(workspace) and "star" in workspace.editor.project.puppets

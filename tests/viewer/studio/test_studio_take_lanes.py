@@ -12,15 +12,15 @@ from made_acting_stage import acting_stage, two_takes
 
 from enliven.document import same
 from enliven.modeling.edits import alternative_takes
-from enliven_viewer.studio.timeline.layout import (
+from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT
+from enliven_viewer.studio.features.timeline.layout import (
     EDGE_GRAB_DISTANCE,
-    END_MARGIN,
-    LABEL_WIDTH,
-    RULER_HEIGHT,
     TAKES_BUTTON_WIDTH,
     TimelineLayout,
 )
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.features.timeline.take_commands import TakeCommands
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.outliner.takes import delete_take_row
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -38,7 +38,7 @@ def mine(layout: TimelineLayout) -> list[str]:
 
 
 def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) -> None:
-    timeline = stage.timeline
+    timeline = stage.state(TimelineInput)
     assert mine(timeline.layout) == ["take 1"]
     (lane,) = (bar for bar in timeline.layout.bars() if bar.character.id == "limb")
     assert timeline.layout.takes(lane) == (1, 2)
@@ -55,13 +55,13 @@ def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) 
 
 
 def test_takes_are_heard_by_turns_dropped_and_kept(stage: Workspace) -> None:
-    editor, takes = stage.editor, stage.commands.takes
+    editor, takes = stage.editor, TakeCommands(stage.editor)
     assert (
         takes.audible_take == "take 1" and stage.actions.do("takes.next") and takes.audible_take == "take 2"
     )
     editor.select(layer=1)
     assert stage.actions.do("takes.before") and takes.audible_take == "take 1" and editor.selection.layer == 0
-    assert stage.actions.do("takes.drop") and mine(stage.timeline.layout) == ["take 2"]
+    assert stage.actions.do("takes.drop") and mine(stage.state(TimelineInput).layout) == ["take 2"]
     assert takes.lacks() and not stage.actions.do("takes.drop")
     editor.undo()
     assert stage.actions.do("takes.keep")
@@ -76,7 +76,7 @@ SPANS = st.tuples(st.floats(0.0, 2.0), st.floats(0.3, 2.0)).map(lambda one: (one
 @given(SPANS, st.sampled_from(["from", "to", "marked"]), st.floats(-400.0, 400.0))
 @settings(max_examples=60)
 def test_the_marked_span_is_dragged_by_its_ends_and_as_a_whole(stage_once, span, kind, pixels) -> None:
-    timeline: TimelineInput = stage_once.timeline
+    timeline: TimelineInput = stage_once.state(TimelineInput)
     timeline.snapping, stage_once.editor.marked = False, span
     layout = timeline.layout
     low, high = (layout.x(end) for end in span)
@@ -102,7 +102,7 @@ def stage_once(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 
 def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrubs(stage: Workspace) -> None:
-    editor, timeline = stage.editor, stage.timeline
+    editor, timeline = stage.editor, stage.state(TimelineInput)
     editor.scrub(1.0)
     editor.marked = (0.2, 1.6)
     layout = timeline.layout
@@ -116,7 +116,7 @@ def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrub
 
 
 def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
-    editor, takes = stage.editor, stage.commands.takes
+    editor = stage.editor
     shape = editor.project.shape("limb")
     second_take = replace(editor.project.takes["wave"], id="wave 2")
     others = [
@@ -124,14 +124,14 @@ def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
     ]
     before = editor.project.with_takes(second_take).with_characters(shape.with_changes(layers=tuple(others)))
     editor.edit("other take", lambda _: before)
-    takes.delete_row("wave 2")
+    delete_take_row(editor, "wave 2")
     assert (
         alternative_takes(editor.project, "take 1") == {"take 1": True}
         and "wave 2" not in editor.project.takes
     )
     editor.undo()
     assert same(editor.project, before)
-    takes.delete_row("walk")
+    delete_take_row(editor, "walk")
     assert "walk" not in editor.project.takes, "nothing plays it"
-    takes.delete_row("sway")
+    delete_take_row(editor, "sway")
     assert "sway" in editor.project.takes and editor.toasts.shown[-1].is_error, "a character plays it"

@@ -20,13 +20,15 @@ from enliven.errors import InputError
 from enliven.modeling.edits import change_layers
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT, TimeAxis
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.examples.coverage import CoverageCache
+from enliven_viewer.studio.features.timeline.lane_names import describe_limb
+from enliven_viewer.studio.features.timeline.layout import LANE_HEIGHT, TimelineLayout
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
-from enliven_viewer.studio.timeline.lane_names import describe_limb
-from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, LANE_HEIGHT, RULER_HEIGHT, TimelineLayout
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.project_length import length_of
 from enliven_viewer.studio.window import measure_elapsed
@@ -53,7 +55,7 @@ speeds = st.floats(0.25, 4.0) | st.floats(-4.0, -0.25)
 @settings(max_examples=40, deadline=None)
 def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> None:
     project = project_of(offsets, [data.draw(speeds) for _ in offsets])
-    layout = TimelineLayout(project, length_of(project, 2.0), width)
+    layout = TimelineLayout(length_of(project, 2.0), width, project=project)
     bars = layout.bars()
     assert len(bars) == len(offsets)
     for bar, offset in zip(bars, offsets, strict=True):
@@ -71,13 +73,13 @@ def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> 
 
 @given(st.floats(-2, 10), st.floats(2, 60), st.floats(300, 3000))
 def test_pixels_and_times_are_inverse(time: float, length: float, width: float) -> None:
-    layout = TimelineLayout(Project(), length, width)
+    layout = TimelineLayout(length, width, project=Project())
     assert layout.time(layout.x(time)) == pytest.approx(time, abs=1e-9)
 
 
 @given(st.floats(0.2, 4000), st.floats(420, 3000))
 def test_numbers_on_the_ruler_do_not_touch(length: float, width: float) -> None:
-    layout = TimelineLayout(Project(), length, width)
+    layout = TimelineLayout(length, width, project=Project())
     numbered = [layout.x(time) for time, number in layout.ticks() if number]
     assert numbered[0] == LABEL_WIDTH and numbered[-1] <= LABEL_WIDTH + layout.track + 1e-6
     if length / layout.track * 60 <= 300:
@@ -86,20 +88,21 @@ def test_numbers_on_the_ruler_do_not_touch(length: float, width: float) -> None:
 
 def test_many_layers_of_one_take_share_a_lane_until_one_is_moved() -> None:
     project = project_of([0.0] * 20, [1.0] * 20)
-    layout = TimelineLayout(project, 4.0, 1000.0)
+    layout = TimelineLayout(4.0, 1000.0, project=project)
     assert len(layout.bars()) == 1 and layout.bars()[0].label == "wave  (20 bones)"
     moved = change_layers(project, "s", [layout.bars()[0].layers[7]], offset=0.5)
-    assert [len(bar.layers) for bar in TimelineLayout(moved, 4.0, 1000.0).bars()] == [19, 1]
+    assert [len(bar.layers) for bar in TimelineLayout(4.0, 1000.0, project=moved).bars()] == [19, 1]
 
 
 def test_layers_that_no_shape_uses_have_no_lane() -> None:
     project = project_of([0.0], [1.0])
     shape = project.shapes["s"]
     two = shape.with_changes(layers=(*shape.layers, Layer("idle", "wave", (0, 1))))
-    assert [bar.label for bar in TimelineLayout(project.with_characters(two), 2.0, 900.0).bars()] == ["wave"]
+    named = [bar.label for bar in TimelineLayout(2.0, 900.0, project=project.with_characters(two)).bars()]
+    assert named == ["wave"]
     other = (Layer("idle", "wave", (0, 1)),)
     both = shape.with_changes(spans=(shape.spans[0], (Span(1.0, (Ref("idle", 0.0, 1.0),)),)), layers=other)
-    named = [bar.label for bar in TimelineLayout(project.with_characters(both), 2.0, 900.0).bars()]
+    named = [bar.label for bar in TimelineLayout(2.0, 900.0, project=project.with_characters(both)).bars()]
     assert named == ["idle"]
 
 
@@ -136,7 +139,7 @@ def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_wh
         bones = Skeleton(("a", "b"), np.array([-1, 0], np.int32), np.array([[0.0, 0, 0], [0.0, 1, 0]]))
         project = bind_chain(project.with_characters(still_shape(name, bones)), name, (0, 1), "wave", (0, 1))
     editor = Editor(project=project)
-    timeline = TimelineInput(editor)
+    timeline = TimelineInput(editor, TimeAxis(editor), CoverageCache())
     for _ in range(4):
         wanted, recorded = data.draw(st.sampled_from(names)), data.draw(st.booleans())
         if not recorded:
@@ -196,7 +199,7 @@ def test_lanes_are_named_by_the_limb_first() -> None:
     assert describe_limb("left arm 2 girdle") == "left shoulder 2"
     take, clip = "wave of a long name", read_library()[0]
     project = limb_with_two_layers(clip, take)[1]
-    names = [bar.label for bar in TimelineLayout(project, 2.0, 900.0).bars()]
+    names = [bar.label for bar in TimelineLayout(2.0, 900.0, project=project).bars()]
     assert names == [f"left arm, {take}", f"right hip, {take}"]
     assert describe_limb("way") == "path" and describe_limb("whole") == "whole body"
 

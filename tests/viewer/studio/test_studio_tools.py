@@ -37,6 +37,7 @@ from enliven.mapping.model_clips import play_own_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -279,11 +280,11 @@ def test_a_clip_is_dragged_in_time_and_trimmed_by_its_end(workspace: Workspace) 
     workspace.editor.edit("map", moving)
     do(workspace, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
     assert workspace.editor.project.shape("limb").layer("wave").offset == pytest.approx(0.6, abs=0.02)
-    layout = workspace.timeline.layout
+    layout = workspace.state(TimelineInput).layout
     bar = layout.bars()[0]
     end = layout.time(bar.right)
     do(workspace, Drag((OnTimeline(end, 0), OnTimeline(end - 1.0, 0))))
-    layout = workspace.timeline.layout
+    layout = workspace.state(TimelineInput).layout
     assert layout.time(layout.bars()[0].right) == pytest.approx(end - 1.0, abs=0.03)
     assert workspace.editor.project.shape("limb").layer("wave").speed == 1.0
     assert workspace.editor.history.names == ("map", "move clip", "trim clip")

@@ -20,8 +20,8 @@ from enliven.mapping.quality import (
 )
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import describe_delay
+from enliven_viewer.studio.features.puppets.pose_strip import _make_status_text as coverage_words
 from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM
-from enliven_viewer.studio.panels.examples.strip import _make_status_text as coverage_words
 from enliven_viewer.studio.panels.side import describe_parts
 from enliven_viewer.studio.panels.source import _list_quality_lines as motion_words
 from enliven_viewer.studio.panels.stage import live

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.panel_layout import TIMELINE_HEIGHT, PanelLayout, lay_out_panels
-from enliven_viewer.studio.panels.examples.panel import draw_examples
-from enliven_viewer.studio.panels.examples.performer import draw_performer
-from enliven_viewer.studio.panels.examples.strip import draw_strip
+from enliven_viewer.studio.app.contributions import PanelPlace
+from enliven_viewer.studio.panel_layout import TIMELINE_HEIGHT, Area, PanelLayout, lay_out_panels
 from enliven_viewer.studio.panels.files.progress_box import draw_progress_box
 from enliven_viewer.studio.panels.menu import draw_menu
 from enliven_viewer.studio.panels.outliner.outliner import draw_outliner, split_outliner
@@ -15,11 +13,10 @@ from enliven_viewer.studio.panels.side import draw_side
 from enliven_viewer.studio.panels.source import draw_source, split_side
 from enliven_viewer.studio.panels.stage.perform import draw_perform
 from enliven_viewer.studio.panels.stage.workspace_tabs import draw_workspace_tabs
-from enliven_viewer.studio.panels.timeline import draw_timeline
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
 from enliven_viewer.studio.panels.viewport_overlay import draw_overlay
 from enliven_viewer.studio.tools.map import MapTool
-from enliven_viewer.studio.window_pictures import WindowPictures, edits_puppet
+from enliven_viewer.studio.window_pictures import WindowPictures
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
@@ -39,7 +36,7 @@ def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
         # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
         without = (*without, "timeline")
     options = {
-        "puppet": edits_puppet(workspace),
+        "puppet": workspace.find_panel(active_workspace, "beside view") is not None,
         "curves": workspace.find_panel(active_workspace, "above timeline") is not None,
         "hinted": not bare and has_tool(active_workspace),
     }
@@ -66,11 +63,16 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
         draw_perform(workspace, places.side)
     elif places.side.width:
         _draw_side(workspace, places, pictures)
-    if places.timeline.height:
-        draw_timeline(workspace, places.timeline)
-    above = workspace.find_panel(active_workspace, "above timeline")
-    if above is not None and places.curves is not None:
-        above.draw(places.curves)
+    areas: tuple[tuple[PanelPlace, Area | None], ...] = (
+        ("bottom", places.timeline if places.timeline.height else None),
+        ("above timeline", places.curves),
+        ("beside view", places.performer),
+        ("below view", places.strip),
+    )
+    for place, area in areas:
+        panel = workspace.find_panel(active_workspace, place)
+        if panel is not None and area is not None:
+            panel.draw(area)
     draw_progress_box(workspace, places.viewport)
     draw_overlay(workspace, places.viewport, tool=has_tool(active_workspace), hint=places.hint)
 
@@ -88,13 +90,9 @@ def _draw_side(workspace: Workspace, places: PanelLayout, pictures: WindowPictur
         # Nothing is selected, or there is only room for the tree and the source. So the tree takes the whole
         # column.
         above = column
-    elif places.performer is None:
+    elif (selection := workspace.find_panel(workspace.perform.active_workspace, "selection")) is not None:
+        selection.draw(below)
+    else:
         draw_side(workspace, below)
     if above.height >= 1.0:
         draw_outliner(workspace, above, column)
-    if places.performer is not None:
-        texture = pictures.performer.renderer.picture.texture.glo
-        draw_performer(workspace, places.performer, texture)
-        draw_examples(workspace, below)
-        if places.strip is not None:
-            draw_strip(workspace, places.strip, pictures.thumbnails)

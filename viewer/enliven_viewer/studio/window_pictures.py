@@ -12,10 +12,9 @@ from imgui_bundle import imgui
 from enliven.arrays import UInt8
 from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.render.scene import Scene
+from enliven_viewer.studio.app.style import to_screen_pixels
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.side_view import find_side_view_area
-from enliven_viewer.studio.performer.performer_picture import PerformerPicture
-from enliven_viewer.studio.performer.thumbnails import Thumbnails
 from enliven_viewer.studio.picture.preview_textures import PreviewTextures
 from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.tools.map import MapTool
@@ -32,8 +31,6 @@ class WindowPictures:
 
     Attributes:
         source: draws the source take of a mapping, or the side view of a limb.
-        performer: draws the performer of an edited puppet.
-        thumbnails: draws key poses.
         glances: draws the camera previews of performers.
     """
 
@@ -46,8 +43,7 @@ class WindowPictures:
         self.viewport = Viewport(context, (64, 64), settings.render, passes)
         self.viewport.renderer.textures.decodes_in_background = not films
         self.source = Viewport(context, (64, 64), settings.render)
-        self.performer = PerformerPicture(self.source.renderer)
-        self.thumbnails = Thumbnails(context, workspace.puppets.stage.surfaces)
+        self._panel_pictures = [make(self.source.renderer) for make in workspace.panel_pictures]
         self.glances = PreviewTextures(context)
 
     def pixels(self) -> UInt8:
@@ -64,10 +60,12 @@ class WindowPictures:
         editor, perform = workspace.editor, workspace.perform
         stage, live = find_shown_characters(workspace), find_shown_scene(workspace)
         self.source.renderer.look = look_in_theme("studio")
+        for draw_pictures in self._panel_pictures:
+            draw_pictures()
         self._draw_source()
         renderer = self.viewport.renderer
         renderer.look = look_in_theme(editor.look)
-        renderer.resize(_to_screen_pixels(area.width, area.height))
+        renderer.resize(to_screen_pixels(area.width, area.height))
         self._draw_side(area, stage, live)
         tool = workspace.input.tool
         self.viewport.draw(
@@ -88,14 +86,11 @@ class WindowPictures:
         self._screen.viewport = (0, 0, width, height)
 
     def _draw_source(self) -> None:
-        """Draws the take during mapping, or the performer during the editing of a puppet."""
+        """Draws the take during mapping."""
         tool = self.workspace.input.tool
-        if edits_puppet(self.workspace):
-            self._draw_performer()
-            return
         posed = tool.source.posed_skeleton() if isinstance(tool, MapTool) else None
         if isinstance(tool, MapTool) and posed is not None:
-            self.source.renderer.resize(_to_screen_pixels(*tool.source.size))
+            self.source.renderer.resize(to_screen_pixels(*tool.source.size))
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StageCharacter], live: Scene | None) -> None:
@@ -109,19 +104,9 @@ class WindowPictures:
         if lens is None:
             return
         self.source.renderer.look = look_in_theme(workspace.editor.look)
-        self.source.renderer.resize(_to_screen_pixels(place.width, place.height))
+        self.source.renderer.resize(to_screen_pixels(place.width, place.height))
         chosen, overlay = workspace.editor.selection, workspace.input.tool.overlay()
         self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)
-
-    def _draw_performer(self) -> None:
-        """Draws the performer of the puppet, and the requested key poses."""
-        view = self.workspace.performer
-        view.follow()
-        self.thumbnails.work()
-        figure = view.figure()
-        if figure is not None:
-            self.performer.renderer.resize(_to_screen_pixels(*view.size))
-            self.performer.draw(figure, view.lens, view.paired(), view.hovered)
 
 
 def find_shown_characters(workspace: Workspace) -> list[StageCharacter]:
@@ -145,25 +130,9 @@ def _hides_characters(workspace: Workspace) -> bool:
     return any(layer.hides_characters() for layer in workspace.view_layers)
 
 
-def edits_puppet(workspace: Workspace) -> bool:
-    """Returns True if a puppet is being edited, so that its performer and key poses are shown."""
-    return (
-        workspace.puppets.puppet is not None
-        and workspace.perform.active_workspace in ("Animate", "Model")
-        and not workspace.input.tool.hides_performer
-        and not workspace.editor.selection.several
-    )
-
-
 def hides_live(workspace: Workspace) -> bool:
     """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
     return workspace.outliner.live_hidden and workspace.perform.active_workspace in ("Animate", "Model")
-
-
-def _to_screen_pixels(width: float, height: float) -> tuple[int, int]:
-    """Returns the size in screen pixels for a size in logical pixels; at least 1."""
-    scale = imgui.get_io().display_framebuffer_scale.y
-    return max(round(width * scale), 1), max(round(height * scale), 1)
 
 
 def _find_framebuffer_size() -> tuple[int, int]:

@@ -6,13 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from enliven.errors import InputError
+from enliven.document import RigBase
+from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
+from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.contributions import FileType, Panel, PanelPlace, ViewLayer, ViewOverlay
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle
+from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.numbers.selection_transform import SelectionTransform
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.base import Tool
 
@@ -31,9 +35,18 @@ class App:
         preferences: the artist's lasting preferences.
         actions: every action, for menus, shortcuts, buttons and the command palette.
         input: the input over the view; its ``handles`` come before the active tool.
-        panels: panels at the right, in place of a workspace's usual panel, or above the timeline.
+        time_axis: the visible span of time of the timeline, curves and sounds.
+        selection_transform: position and size of the selection. typing: unfinished text in their fields.
+        open_key_pose: opens a key pose of the selected puppet by its number.
+        begin_key_pose: begins a key pose of the selected puppet at a time of a take.
+        panels: panels around the view.
         tool_options: functions that draw the options of a tool in the panel at the right, by the tool's name.
         perform_sections: functions that draw a section of the Perform panel.
+        layer_sections: functions that draw options of the selected layer, at the right. They take its
+            character and its number.
+        transport_sections: functions that draw in the row of the timeline's transport.
+        panel_pictures: functions that take the renderer of small images. They return a function that draws
+            the images of panels, once per frame.
         overlays: marks and text over the view.
         view_layers: geometry in the 3D view.
         ruler_layers: functions that draw on the timeline's ruler. They take its left and top in pixels.
@@ -50,9 +63,16 @@ class App:
         self.preferences = Preferences(folder)
         self.actions = ActionTable(editor.toasts, self.preferences)
         self.input = ViewportInput(editor, self.actions)
+        self.time_axis = TimeAxis(editor)
+        self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
+        self.open_key_pose: Callable[[int], object] = editor.puppets.edit_pose
+        self.begin_key_pose: Callable[[str, float], object] = editor.puppets.begin_pose
         self.panels: list[Panel] = []
         self.tool_options: dict[str, Callable[[], object]] = {}
         self.perform_sections: list[Callable[[], object]] = []
+        self.layer_sections: list[Callable[[RigBase, int], object]] = []
+        self.transport_sections: list[Callable[[], object]] = []
+        self.panel_pictures: list[Callable[[Renderer], Callable[[], object]]] = []
         self.overlays: list[ViewOverlay] = []
         self.view_layers: list[ViewLayer] = []
         self.ruler_layers: list[Callable[[float, float], object]] = []
@@ -89,13 +109,17 @@ class App:
             raise InputError(tr("no feature has added it"), where=f"state {kind.__name__}", remedy=remedy)
         return state
 
-    def add_tool(self, kind: type[ToolKind]) -> ToolKind:
+    def add_tool(self, kind: type[ToolKind], after: str = "") -> ToolKind:
         """Adds a tool to the toolbar and its key to the shortcuts. Returns the tool.
+
+        Args:
+            kind: the class of the tool.
+            after: name of the tool that it follows; empty for the end.
 
         Raises:
             InputError: if its name or key is taken.
         """
-        self.actions.add(make_tool_action(self.input, kind))
+        self.actions.add(make_tool_action(self.input, kind), after=after and f"tool.{after}")
         tool = kind(self.editor)
         self.input.tools[kind.name] = tool
         return tool
@@ -105,6 +129,15 @@ class App:
         panels = (panel for panel in self.panels if panel.place == place)
         panels = (panel for panel in panels if not panel.workspaces or workspace in panel.workspaces)
         return next((panel for panel in panels if panel.is_shown()), None)
+
+    def attempt(self, command: Callable[[], object]) -> bool:
+        """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
+        try:
+            command()
+        except EnlivenError as error:
+            self.editor.toasts.complain(error)
+            return False
+        return True
 
     def widget(self, name: str) -> Rectangle:
         """Returns the rectangle in which a widget was last drawn.

@@ -13,12 +13,12 @@ from enliven_viewer.render.gl.targets import RenderTarget
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panel_layout import Area
 
-PanelPlace = Literal["right", "above timeline"]
+PanelPlace = Literal["right", "selection", "bottom", "above timeline", "beside view", "below view"]
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of the window: at the right, in place of a workspace's usual panel, or above the timeline.
+    """A panel of the window. At the right it takes the place of a workspace's usual panel.
 
     Attributes:
         name: a permanent name.
@@ -26,12 +26,12 @@ class Panel:
         is_shown: returns whether the panel is open.
         workspaces: names of the workspaces that can show it; empty for all.
         back: name of the widget that closes it. The tour points at it if the panel hides its target.
-        place: where the panel is.
+        place: where the panel is; "selection" is below the outliner.
     """
 
     name: str
     draw: Callable[[Area], object]
-    is_shown: Callable[[], bool]
+    is_shown: Callable[[], bool] = lambda: True
     workspaces: tuple[str, ...] = ()
     back: str = ""
     place: PanelPlace = "right"

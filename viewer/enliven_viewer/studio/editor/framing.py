@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.document import Project, RigBase
 from enliven.modeling.edits import rig_of
+from enliven_viewer.studio.viewport.picking import Lens
 
+_COPY_GAP_M = 0.3
+"""Gap in metres between a character and the copy next to it, so that both are visible."""
 _PATH_SAMPLES = 40
 """Number of sampled times on a character's path: several per step of a walk."""
 
@@ -57,3 +62,13 @@ def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
     air = _MAX_JOINT_DISTANCE * float((high - low).max())
     is_near = ((places >= low - air) & (places <= high + air)).all(1)
     return is_near if is_near.any() else np.ones(len(places), bool)
+
+
+def find_side_offset(lens: Lens, characters: Sequence[RigBase]) -> Float:
+    """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
+    right = lens.view.camera_from_world[0, :3]
+    width = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
+    spread = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
+    offset = np.asarray(right * (width + spread + _COPY_GAP_M))
+    offset[1] = 0.0
+    return offset

@@ -140,6 +140,16 @@ def list_constraints(project: Project, puppet_id: str, layer: int) -> tuple[Hard
     )
 
 
+def describe_constraint(held: HardConstraint, step: float) -> str:
+    """Returns a short description of a hard constraint."""
+    time_text = f"{held.frame * step:.2f} s"
+    if isinstance(held, Position):
+        return tr("{0} goes through a place at {1}", held.point, time_text)
+    if isinstance(held, Velocity):
+        return tr("{0} is still at {1}", held.point, time_text)
+    return tr("{0} is level with {1} at {2}", held.point, held.other, time_text)
+
+
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """Returns a project with a hard constraint added.
 

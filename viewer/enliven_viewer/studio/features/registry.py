@@ -14,15 +14,24 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.features.animation import feature as animation
 from enliven_viewer.studio.features.paint import feature as paint
+from enliven_viewer.studio.features.puppets import feature as puppets
 from enliven_viewer.studio.features.scan import feature as scan
 from enliven_viewer.studio.features.sound import feature as sound
+from enliven_viewer.studio.features.timeline import feature as timeline
 
 Register = Callable[[App], object]
 ENTRY_POINTS = "enliven.studio_features"
 """Entry-point group through which other packages add features. An entry point refers to a function that
 takes the :class:`App`.
 """
-FEATURES: tuple[Register, ...] = (paint.register, sound.register, animation.register, scan.register)
+FEATURES: tuple[Register, ...] = (
+    paint.register,
+    sound.register,
+    animation.register,
+    scan.register,
+    puppets.register,
+    timeline.register,
+)
 """The register function of each feature of this package, in the order of their actions in menus."""
 
 

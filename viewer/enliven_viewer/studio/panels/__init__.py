@@ -1,1 +1,1 @@
-"""The studio's panels: menu, toolbar, dialogues, timeline and the properties of the selection."""
+"""The studio's panels: menu, toolbar, dialogues and the properties of the selection."""

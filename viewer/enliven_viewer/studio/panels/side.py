@@ -9,9 +9,8 @@ from enliven.mapping.model_clips import own_clips, play_own_clip, played_clip
 from enliven_viewer.language import Texts, later, tr, tr_n
 from enliven_viewer.studio.app.fields import action_button, character_name, tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_panel
+from enliven_viewer.studio.app.transform_fields import draw_numbers
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.layer import draw_layer
-from enliven_viewer.studio.panels.outliner.numbers import draw_numbers
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _BUTTON_WIDTH = 126.0
@@ -57,9 +56,8 @@ def draw_side(workspace: Workspace, area: Area) -> None:
             _draw_selection(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
         if chosen is not None and layer is not None and not several:
-            draw_layer(workspace, chosen, layer)
-        else:
-            workspace.shown_layer = None
+            for draw_section in workspace.layer_sections:
+                draw_section(chosen, layer)
 
 
 def _draw_selection(workspace: Workspace, character: RigBase) -> None:

@@ -9,7 +9,6 @@ from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.tools.move import MoveTool
 from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
 from enliven_viewer.studio.tools.pose import PoseTool
-from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.tools.select import SelectTool
 from enliven_viewer.studio.tools.sketch import SketchTool
 
@@ -22,7 +21,6 @@ TOOLS: tuple[type[Tool], ...] = (
     RemoveTool,
     CutTool,
     MapTool,
-    PuppetTool,
     LimbEndsTool,
 )
 """The tools of the studio itself. Features add others."""

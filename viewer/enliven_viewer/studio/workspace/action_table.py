@@ -15,21 +15,18 @@ from enliven_viewer.studio.numbers.view_bookmarks import make_view_actions
 from enliven_viewer.studio.outliner.actions import make_choosing_actions, require_single_shape
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools.registry import TOOLS
-from enliven_viewer.studio.workspace.clip_actions import make_clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, list_exportable
 from enliven_viewer.studio.workspace.size_matching import make_fitting_actions
-from enliven_viewer.studio.workspace.take_commands import make_take_actions
 from enliven_viewer.studio.workspace.view_actions import (
     make_camera_actions,
-    make_playing_actions,
     make_reading_actions,
 )
 
 _SINGLE_SHAPE_ACTIONS = (
     "file.session",
     *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
-    *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
+    "shape.solve",
     "view.best",
 )
 """Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
@@ -63,9 +60,6 @@ def _make_actions(
     yield from _make_shape_actions(commands)
     yield from make_fitting_actions(commands.fitting)
     yield from (make_tool_action(user_input, kind) for kind in TOOLS)
-    yield from make_clip_actions(commands.clips)
-    yield from make_take_actions(commands.takes)
-    yield from make_playing_actions(commands)
     yield from make_camera_actions(commands)
     yield from make_view_actions(commands.editor)
     yield from make_reading_actions(preferences)
@@ -119,6 +113,9 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
             return f"{error.what[0].upper()}{error.what[1:]}. {error.remedy}"
         return ""
 
+    def lacks_puppet() -> str:
+        return "" if commands.editor.puppets.puppet else "No puppet is chosen. Click one first."
+
     yield Action(
         "file.export",
         "File",
@@ -144,7 +141,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "Save the puppet's examples...",
         ("ctrl+shift+e",),
         lambda: ask("session"),
-        commands.puppets.lacks_puppet,
+        lacks_puppet,
         about="Its control points and key poses, in a file that can be read and edited.",
     )
     yield Action(
@@ -323,22 +320,4 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         c.motion.lacks_possessed,
         about="Applies the recorded performance again to the changed shape, as after a cut.",
         apart=True,
-    )
-    yield Action(
-        "shape.puppet",
-        "Shape",
-        "Make a puppet of it",
-        ("ctrl+p",),
-        c.puppets.make,
-        c.puppets.lacks_mesh,
-        about="A copy that acts by examples: control points and key poses.",
-    )
-    yield Action(
-        "shape.bake",
-        "Shape",
-        "Bake the puppet",
-        (),
-        c.puppets.bake,
-        c.puppets.lacks_examples,
-        about="Turns it into a possessed character, which can be cut and merged.",
     )

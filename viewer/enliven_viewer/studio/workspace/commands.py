@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.matching.symmetry import EqualLimbs, equal_limbs
 from enliven.matching.views import best_view
@@ -28,14 +27,12 @@ from enliven.motion.layers.retarget import clear_chain
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor.framing import find_side_offset
 from enliven_viewer.studio.sources.motion_matches import make_match_view
 from enliven_viewer.studio.tools.nodes import remove_joint
-from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, order_from_root
-from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, find_side_offset
 from enliven_viewer.studio.workspace.size_matching import SizeMatching
-from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
 
 class Commands:
@@ -45,25 +42,8 @@ class Commands:
         self.editor = editor
         self._copied: tuple[Project, tuple[str, ...]] | None = None
         self._pasted = 0
-        self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
-        self.takes, self.fitting = TakeCommands(editor), SizeMatching(editor)
+        self.fitting = SizeMatching(editor)
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
-
-    def play(self) -> None:
-        """Starts or stops playback."""
-        self.editor.playing = not self.editor.playing
-
-    def clear_range(self) -> None:
-        """Removes the in and out points."""
-        self.editor.marked = None
-
-    def lacks_marked(self) -> str:
-        """Returns why the in and out points cannot be removed, with advice."""
-        return "" if self.editor.marked else "No in or out point is set. Alt+I and Alt+O set them."
-
-    def step(self, count: int) -> None:
-        """Moves the playhead by `count` frames."""
-        self.editor.scrub(self.editor.time + count * self.editor.settings.frame_step)
 
     def bones(self) -> None:
         """Shows or hides the bones."""
@@ -132,20 +112,6 @@ class Commands:
         """Returns True if the selection has motion and all of it is muted."""
         layers = [layer for character in self.editor.chosen_all for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
-
-    def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
-        """Runs an edit that adds a character, and selects that character."""
-        added_ids: list[str] = []
-
-        def alone(project: Project) -> Project:
-            project, character = change(project)
-            added_ids.append(character)
-            return project
-
-        if not self.editor.edit(name, alone):
-            return False
-        self.editor.choose(added_ids[-1])
-        return True
 
     def spread(self) -> None:
         """Copies the motion of the selected limb to all limbs that are equal to it."""
@@ -225,11 +191,14 @@ class Commands:
 
     def _copy(self, edit_name: str, source: Project, names: tuple[str, ...], times: int) -> None:
         """Pastes copies next to their originals as one edit, and selects the copies."""
-        offset, copy_ids = self._find_side_offset(source, names) * times, list[str]()
+        offset, copy_ids = (
+            find_side_offset(self.editor.lens, [source.characters[name] for name in names]),
+            list[str](),
+        )
         subject = self._describe_selection(names)
 
         def change(project: Project) -> Project:
-            project, copies = copy_characters(project, source, names, offset)
+            project, copies = copy_characters(project, source, names, offset * times)
             copy_ids.extend(copies)
             return project
 
@@ -287,7 +256,3 @@ class Commands:
             return None
         groups = equal_limbs(shape.skeleton)
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
-
-    def _find_side_offset(self, source: Project, names: tuple[str, ...]) -> Float:
-        """Returns (3,) metres: an offset to the right of the view, by about the characters' width."""
-        return find_side_offset(self.editor, [source.characters[name] for name in names])

@@ -12,7 +12,7 @@ from enliven.modeling.possessed.solving import solve_again
 from enliven.motion.layers.copying import copy_motion
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.workspace.puppet_commands import find_side_offset
+from enliven_viewer.studio.editor.framing import find_side_offset
 
 Chain = tuple[str, tuple[int, ...]]
 """The id of a shape and a chain of its joints, from the root to the end."""
@@ -112,7 +112,7 @@ class MotionClipboard:
             )
             return
 
-        offset = find_side_offset(self.editor, [target])
+        offset = find_side_offset(self.editor.lens, [target])
 
         def work() -> _SolvedMesh:
             solved_project, moved = transfer_performance(project, source, name, time=time, notes=notes)

@@ -1,4 +1,4 @@
-"""The actions of the View menu: playback, display options, text size and theme, and the camera."""
+"""The actions of the View menu: bones, text size and theme, and the camera."""
 
 from __future__ import annotations
 
@@ -11,56 +11,6 @@ from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.theme import is_light
-
-
-def make_playing_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of playback and of display options."""
-    editor = c.editor
-    yield Action("view.play", "View", "Play or stop", ("space",), c.play, is_on=lambda: editor.playing)
-    yield Action("view.frame_back", "View", "One frame back", ("left",), lambda: c.step(-1))
-    yield Action("view.frame_on", "View", "One frame forward", ("right",), lambda: c.step(1))
-    yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
-    yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
-    about = "The loop begins here; recordings too."
-    yield Action(
-        "view.in_point",
-        "View",
-        "In point here",
-        ("alt+i",),
-        lambda: editor.mark(0),
-        about=about,
-        apart=True,
-    )
-    about = "The loop goes back to the in point from here; recordings end here."
-    yield Action("view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.mark(1), about=about)
-    yield Action(
-        "view.whole_loop",
-        "View",
-        "Loop the whole project",
-        ("alt+l",),
-        c.clear_range,
-        c.lacks_marked,
-        about="Removes the in and out points.",
-    )
-    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
-    yield Action(
-        "view.outline",
-        "View",
-        "Outline of the previous key pose",
-        ("o",),
-        c.puppets.outline,
-        is_on=lambda: editor.puppets.silhouette,
-        about="While a key pose is edited.",
-    )
-    yield Action(
-        "view.crossing",
-        "View",
-        "Faces that cross",
-        ("w",),
-        c.puppets.warn,
-        is_on=lambda: editor.puppets.warn,
-        about="Faces that pass through one another are red while a key pose is edited.",
-    )
 
 
 def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
@@ -118,8 +68,9 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
 
 
 def make_camera_actions(c: Commands) -> Iterator[Action]:
-    """Yields the actions of the camera."""
+    """Yields the actions of the bones and of the camera."""
     editor, right = c.editor, np.pi / 2
+    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
     yield Action(
         "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
     )

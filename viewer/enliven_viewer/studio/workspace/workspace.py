@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from enliven.document import Project, Puppet
+from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
@@ -15,17 +14,14 @@ from enliven_viewer.studio.actions.shortcut_capture import ShortcutCapture
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.example_edits import find_layer_number
+from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.features.registry import register_features
 from enliven_viewer.studio.motions import read_library
-from enliven_viewer.studio.numbers.selection_transform import SelectionTransform
 from enliven_viewer.studio.outliner.actions import make_outliner_actions
 from enliven_viewer.studio.outliner.outliner import Outliner
 from enliven_viewer.studio.perform.actions import make_perform_actions
 from enliven_viewer.studio.perform.session import PerformSession
-from enliven_viewer.studio.performer.performer_view import PerformerView
 from enliven_viewer.studio.start.tour import Tour
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
@@ -56,8 +52,6 @@ _BACKGROUND_READ_BYTES = 6_000_000
 """File size in bytes above which a file is read in the background. Smaller files open within half a
 second.
 """
-_FRAMING_MARGIN = 1.35
-"""Framing factor when the camera moves to a puppet: 1 fills the view, larger values leave a margin."""
 
 
 class Workspace(App):
@@ -66,7 +60,6 @@ class Workspace(App):
     Attributes:
         commands: the functions behind the studio's own actions.
         outliner: the tree of all objects.
-        selection_transform: position and size of the selection. typing: unfinished text in their fields.
         depth: the tracker for opened depth recordings.
         asking: the open dialogue, or empty.
         browser: the state of a file dialogue.
@@ -75,7 +68,6 @@ class Workspace(App):
             preferences.
         history_shown: whether the history list is open. history_seen: its length and step when it was last
             drawn.
-        shown_layer: the character and layer last shown in the panel at the right.
         starting: whether the start page is shown while the project is empty. tour: the running tour.
         caption: the caption of a scripted session; empty without one.
         pressed: the key that a scripted session is pressing.
@@ -91,29 +83,24 @@ class Workspace(App):
         self.commands = Commands(editor)
         self.file_types += FILE_TYPES
         self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
-        self.timeline = self.add_state(TimelineInput(editor))
         self.perform = self.add_state(PerformSession(editor, folder))
         self.actions.add(*make_perform_actions(self.perform))
         self.actions.workspace = lambda: self.perform.keys_of
-        self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*make_outliner_actions(self.outliner))
-        self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: (
-            self.actions.press(key, workspace_only=True)
-            or any(handle(key) for handle in self.key_handlers)
-            or self.timeline.rows.type(key)
+            self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
         self.puppets = editor.puppets
-        self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
+        self.add_state(CoverageCache())
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
+        self.transport_sections.append(self._draw_tracking)
         self.store.recording = self.perform.recording
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
         self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
         self.history_shown, self.history_seen = False, (0, 0)
-        self.shown_layer: tuple[str, int] | None = None
         self.ended = self.starting = False
         self.compared: tuple[Difference, ...] | None = None
         self.tour: Tour | None = None
@@ -335,59 +322,11 @@ class Workspace(App):
         """Closes the dialogue and drops the waiting command."""
         self.asking, self._after, self._wanted = "", "", None
 
-    def edit_pose(self, number: int) -> None:
-        """Edits a key pose.
+    def _draw_tracking(self) -> None:
+        # Imported when a window draws, because a workspace without one needs no ImGui.
+        from enliven_viewer.studio.workspace.tracking_progress import draw_tracking_progress
 
-        Moves the playhead to its time, and activates the puppet tool and the second view.
-        """
-        puppet = self.puppets.puppet
-        if puppet is not None and 0 <= number < len(puppet.poses):
-            self._go_to(puppet, puppet.poses[number].take, puppet.poses[number].time)
-            self.puppets.edit_pose(number)
-            self._bring_into_view()
-
-    def begin_pose(self, take: str, seconds: float) -> None:
-        """Adds a key pose at a time of a take, and edits it."""
-        clip, puppet = self.editor.project.takes[take], self.puppets.puppet
-        frame = min(max(round(seconds / clip.step), 0), len(clip.turns) - 1)
-        if puppet is not None:
-            self._go_to(puppet, take, frame * clip.step)
-            self.puppets.begin_pose(take, frame * clip.step)
-            self._bring_into_view()
-
-    def _go_to(self, puppet: Puppet, take: str, seconds: float) -> None:
-        """Moves the playhead to a time of a take where the puppet plays it.
-
-        The second view shows that take.
-        """
-        if self.input.tool.name != "puppet":
-            self.input.take("puppet")
-        self.puppets.accept()
-        number = find_layer_number(puppet, self.editor.selection.layer, take)
-        if number is not None:
-            self.editor.select(layer=number)
-            length = self.editor.project.takes[take].duration
-            self.editor.scrub(puppet.layers[number].time_of(seconds, length))
-        self.performer.show(take)
-
-    def _bring_into_view(self) -> None:
-        """Moves the camera to the puppet if the puppet is not completely visible: it may have walked away."""
-        editor, standing = self.editor, self.puppets.stage_puppet
-        if standing is None:
-            return
-        pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
-        if not ((pixels >= 0) & (pixels <= editor.size)).all():
-            box = standing.vertices.min(0), standing.vertices.max(0)
-            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), margin=_FRAMING_MARGIN)
-
-    def attempt(self, command: Callable[[], object]) -> bool:
-        """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
-        try:
-            command()
-        except EnlivenError as error:
-            self.editor.toasts.complain(error)
-            return False
-        return True
+        draw_tracking_progress(self, self.depth)
 
     @property
     def export_suffix(self) -> str:

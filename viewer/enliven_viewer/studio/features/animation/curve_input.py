@@ -15,6 +15,7 @@ from enliven.arrays import Float
 from enliven.document import Project
 from enliven.errors import EnlivenError
 from enliven_viewer.language import later
+from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.editor.editor import Edit, Editor
 from enliven_viewer.studio.features.animation.channels import (
     LAYER_KEY_ATTRIBUTES,
@@ -36,7 +37,7 @@ from enliven_viewer.studio.features.animation.key_edits import (
     remove_curve_key,
     set_interpolation,
 )
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.viewport.lane_groups import find_lane_layers
 
 GROUP_NAMES = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups of channels, in the order of their buttons."""
@@ -81,8 +82,8 @@ class CurveInput:
         chosen: number of the key that was clicked last, or None.
     """
 
-    def __init__(self, editor: Editor, timeline: TimelineInput) -> None:
-        self.editor, self.timeline = editor, timeline
+    def __init__(self, editor: Editor, axis: TimeAxis) -> None:
+        self.editor, self.axis = editor, axis
         self.on, self.group, self.height = False, "keys", 160.0
         self.chosen: int | None = None
         self._scale: Scale | None = None
@@ -111,8 +112,8 @@ class CurveInput:
     @property
     def times(self) -> Float:
         """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
-        layout = self.timeline.layout
-        return np.linspace(layout.start, layout.start + layout.visible_s, _CURVE_SAMPLES)
+        axis = self.axis.scale
+        return np.linspace(axis.start, axis.start + axis.visible_s, _CURVE_SAMPLES)
 
     def refresh(self) -> None:
         """Takes finished curves from the background thread, and starts sampling if they are outdated.
@@ -123,10 +124,10 @@ class CurveInput:
         if subject is None:
             return
         self._take()
-        layout, project = self.timeline.layout, self.editor.project
+        axis, project = self.axis.scale, self.editor.project
         if self.editor.chosen() is not None:
             project = self.editor.solving.shown(project, subject.character)[0]
-        request = _CurveRequest(project, subject, layout.start, layout.visible_s)
+        request = _CurveRequest(project, subject, axis.start, axis.visible_s)
         if self._work is None and not request.same(self._known[0] if self._known else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
             self._work = (request, self._pool.submit(sample_groups, project, subject, self.times))
@@ -138,8 +139,8 @@ class CurveInput:
             return {}
         is_current = self._known is not None and self._known[0].subject == subject
         groups = dict(self._known[1]) if self._known is not None and is_current else {}
-        layout = self.timeline.layout
-        request = _CurveRequest(project, subject, layout.start, layout.visible_s)
+        axis = self.axis.scale
+        request = _CurveRequest(project, subject, axis.start, axis.visible_s)
         if self._keys is None or not request.same(self._keys[0]):
             self._keys = (request, make_key_groups(project, subject, self.times))
         groups.update(self._keys[1])
@@ -212,9 +213,9 @@ class CurveInput:
         group = self.shown_group()
         if group is None:
             return None
-        layout, scale = self.timeline.layout, self.scale(group)
+        axis, scale = self.axis.scale, self.scale(group)
         near = [
-            (float(np.hypot(layout.x(dot.time) - x, scale.y(dot.value) - y)), dot.number, dot.axis, dot)
+            (float(np.hypot(axis.x(dot.time) - x, scale.y(dot.value) - y)), dot.number, dot.axis, dot)
             for dot in group.dots
         ]
         best = min(near, default=None, key=lambda candidate: candidate[:3])
@@ -227,7 +228,7 @@ class CurveInput:
         if dot is not None and group is not None:
             self._held = (dot, x, y, self.scale(group))
         elif group is not None:
-            self.editor.scrub(self.timeline.layout.time(x))
+            self.editor.scrub(self.axis.scale.time(x))
 
     def drag(self, x: float, y: float) -> None:
         """Handles pointer movement: previews the move of the held key."""
@@ -258,7 +259,7 @@ class CurveInput:
             return
         if self.dot_at(x, y) is not None:
             return
-        name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
+        name, time, value = group.name, self.axis.scale.time(x), self.scale(group).value(y)
         self._warn(subject, name, time, value)
         self.editor.edit(
             "set key", lambda p: add_curve_key(p, subject, self._find_lane(subject), name, time, value)
@@ -299,17 +300,13 @@ class CurveInput:
             )
 
     def _find_lane(self, subject: CurveSubject) -> tuple[int, ...]:
-        """Returns the numbers of the layers that share a timeline bar with the object's layer.
+        """Returns the numbers of the layers that share a lane with the object's layer.
 
         That layer comes first.
         """
         number = find_layer_number(self.editor.project, subject) or 0
-        bars = self.timeline.layout.bars()
-        layers_of_bar = (
-            bar.layers for bar in bars if bar.character.id == subject.character and number in bar.layers
-        )
-        rest = tuple(layer for layer in next(layers_of_bar, ()) if layer != number)
-        return (number, *rest)
+        layers = find_lane_layers(self.editor.project, subject.character, number)
+        return (number, *(layer for layer in layers if layer != number))
 
     def _warn(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
@@ -320,8 +317,8 @@ class CurveInput:
         """Returns the time and the value to which the pointer drags the held key."""
         assert self._held is not None
         dot, from_x, from_y, scale = self._held
-        layout = self.timeline.layout
-        time = dot.time + layout.time(x) - layout.time(from_x)
+        axis = self.axis.scale
+        time = dot.time + axis.time(x) - axis.time(from_x)
         value = dot.value + scale.value(y) - scale.value(from_y)
         # A drag along one axis keeps the value on the other axis.
         return (

@@ -16,12 +16,12 @@ from enliven_viewer.studio.app.style import (
     push_colours,
     use_small_text,
 )
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH
 from enliven_viewer.studio.features.animation.channels import LAYER_KEY_ATTRIBUTES, CurveDot, CurveGroup
 from enliven_viewer.studio.features.animation.curve_input import CurveInput
 from enliven_viewer.studio.features.animation.curve_scale import Scale
 from enliven_viewer.studio.features.animation.key_edits import KEY_ATTRIBUTES
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.timeline.layout import LABEL_WIDTH
 from enliven_viewer.theme import ACCENT, AXIS_COLOURS, DARK, INK, LINE, QUIET, Colour
 
 _GROUP_LABELS = {
@@ -96,7 +96,7 @@ def _draw_values(curves: CurveInput, shown: CurveGroup) -> None:
 
 
 def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVec2, size: ImVec2) -> None:
-    draw_list, layout = imgui.get_window_draw_list(), curves.timeline.layout
+    draw_list, axis = imgui.get_window_draw_list(), curves.axis.scale
     left, right = origin.x + LABEL_WIDTH - 12, origin.x + size.x
     draw_list.push_clip_rect(ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), True)
     draw_list.add_rect_filled(
@@ -110,18 +110,18 @@ def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVe
             draw_list.add_text(
                 ImVec2(left + 5, y - 13), pack_colour(QUIET, 0.8), _format_value(value, group.unit)
             )
-        for time, numbered in layout.ticks():
+        for time, numbered in axis.ticks():
             if numbered:
-                x = origin.x + layout.x(time)
+                x = origin.x + axis.x(time)
                 draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(LINE, 0.8))
     for number in range(len(group.channels)):
         _draw_channel(curves, group, number, scale, origin)
     for dot in group.dots:
-        position = ImVec2(origin.x + layout.x(dot.time), origin.y + scale.y(dot.value))
+        position = ImVec2(origin.x + axis.x(dot.time), origin.y + scale.y(dot.value))
         _draw_diamond(
             draw_list, position, _find_channel_colour(group, dot.axis), chosen=dot.number == curves.chosen
         )
-    x = origin.x + layout.x(curves.editor.time)
+    x = origin.x + axis.x(curves.editor.time)
     draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(ACCENT), 1.5)
     if group.name in LAYER_KEY_ATTRIBUTES and not group.dots:
         advice = tr("Double-click: adds a key, so that it changes over time.")
@@ -134,14 +134,14 @@ def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVe
 
 def _draw_channel(curves: CurveInput, group: CurveGroup, number: int, scale: Scale, origin: ImVec2) -> None:
     """Draws a channel, with gaps where its values are not finite."""
-    draw_list, layout, tint = (
+    draw_list, axis, tint = (
         imgui.get_window_draw_list(),
-        curves.timeline.layout,
+        curves.axis.scale,
         pack_colour(_find_channel_colour(group, number)),
     )
     values, xs = (
         group.values[:, number],
-        layout.x(0.0) + layout.track * curves.sample_times() / layout.visible_s,
+        axis.x(0.0) + axis.track * curves.sample_times() / axis.visible_s,
     )
     ys = scale.height * (scale.high - values) / (scale.high - scale.low)
     points: list[ImVec2Like] = []
@@ -157,7 +157,7 @@ def _draw_channel(curves: CurveInput, group: CurveGroup, number: int, scale: Sca
 def _handle_pointer(curves: CurveInput, origin: ImVec2, group: CurveGroup) -> None:
     """Passes pointer input over the curves to the curve editor."""
     io, pointer = imgui.get_io(), imgui.get_mouse_pos()
-    x, y, timeline = pointer.x - origin.x, pointer.y - origin.y, curves.timeline
+    x, y, axis = pointer.x - origin.x, pointer.y - origin.y, curves.axis
     if imgui.is_item_hovered():
         dot = curves.dot_at(x, y)
         if dot is not None:
@@ -173,11 +173,11 @@ def _handle_pointer(curves: CurveInput, origin: ImVec2, group: CurveGroup) -> No
             imgui.open_popup(_MENU_ID)
         if imgui.is_mouse_dragging(2, 0.0):
             curves.pan(io.mouse_delta.y)
-            timeline.pan(-io.mouse_delta.x)
+            axis.pan(-io.mouse_delta.x)
         if io.key_ctrl and io.mouse_wheel:
-            timeline.zoom(io.mouse_wheel, x)
+            axis.zoom(io.mouse_wheel, x)
         elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
-            timeline.pan(-_PAN_PER_NOTCH * (io.mouse_wheel_h or io.mouse_wheel))
+            axis.pan(-_PAN_PER_NOTCH * (io.mouse_wheel_h or io.mouse_wheel))
         elif io.mouse_wheel:
             curves.zoom(io.mouse_wheel, y)
     if curves.busy and imgui.is_mouse_down(0):

@@ -9,13 +9,12 @@ from enliven_viewer.studio.features.animation.curve_input import CurveInput
 from enliven_viewer.studio.features.animation.ghost_pass import GhostPass
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 
 
 def register(app: App) -> None:
     """Registers curves, ghosts and trails."""
     ghosts = app.add_state(Ghosts(app.editor))
-    curves = app.add_state(CurveInput(app.editor, app.state(TimelineInput)))
+    curves = app.add_state(CurveInput(app.editor, app.time_axis))
 
     def draw_curve_panel(area: Area) -> None:
         # Imported when a window draws, because a workspace without one needs no ImGui.

@@ -7,18 +7,17 @@ from enliven_viewer.studio.app.contributions import FileType
 from enliven_viewer.studio.features.sound.actions import make_sound_actions
 from enliven_viewer.studio.features.sound.player import SoundPlayer
 from enliven_viewer.studio.features.sound.sound_reader import SOUND_SUFFIXES, add_sound, read_sound
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
 
 
 def register(app: App) -> None:
     """Registers sound."""
-    player, timeline = app.add_state(SoundPlayer(app.editor)), app.state(TimelineInput)
+    player = app.add_state(SoundPlayer(app.editor))
 
     def draw_ruler(left: float, top: float) -> None:
         # Imported when a window draws, because a workspace without one needs no ImGui.
         from enliven_viewer.studio.features.sound.waveform import draw_sounds
 
-        draw_sounds(timeline, (left, top), is_on=player.is_on)
+        draw_sounds(app.time_axis, (left, top), is_on=player.is_on)
 
     app.actions.add(*make_sound_actions(player))
     app.file_types.append(FileType(SOUND_SUFFIXES, read_sound, add_sound))

@@ -8,8 +8,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.arrays import Float32
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.app.style import pack_colour, use_small_text
-from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT
-from enliven_viewer.studio.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT, TimeAxis
 from enliven_viewer.theme import ACCENT, INK
 
 _WAVEFORM_LINE_WIDTH = 2.0
@@ -31,18 +30,18 @@ def compute_envelope(sound: Sound, begin: float, end: float, columns: int) -> Fl
     return loud
 
 
-def draw_sounds(timeline: TimelineInput, origin: tuple[float, float], *, is_on: bool) -> None:
+def draw_sounds(axis: TimeAxis, origin: tuple[float, float], *, is_on: bool) -> None:
     """Draws the waveform of the sounds along the ruler, with their names at the left. Muted ones are pale."""
     left, top = origin
-    draw_list, layout = imgui.get_window_draw_list(), timeline.layout
-    first, last = LABEL_WIDTH, timeline.width
+    draw_list, sounds = imgui.get_window_draw_list(), axis.editor.project.sounds
+    first, last, scale = LABEL_WIDTH, axis.width, axis.scale
     count = int((last - first) / _WAVEFORM_LINE_WIDTH)
-    if not layout.project.sounds or count < 1:
+    if not sounds or count < 1:
         return
     middle, tint = top + RULER_HEIGHT / 2, pack_colour(ACCENT, 0.5 if is_on else 0.2)
-    for sound in layout.project.sounds.values():
+    for sound in sounds.values():
         loud = compute_envelope(
-            sound, layout.time(first), layout.time(first + count * _WAVEFORM_LINE_WIDTH), count
+            sound, scale.time(first), scale.time(first + count * _WAVEFORM_LINE_WIDTH), count
         )
         for column in np.flatnonzero(loud):
             x, height = (
@@ -53,5 +52,5 @@ def draw_sounds(timeline: TimelineInput, origin: tuple[float, float], *, is_on: 
                 ImVec2(x, middle - height), ImVec2(x, middle + height), tint, _WAVEFORM_LINE_WIDTH
             )
     with use_small_text():
-        name = f"\uf001  {', '.join(layout.project.sounds)}"
+        name = f"\uf001  {', '.join(sounds)}"
         draw_list.add_text(ImVec2(left + 8, top + 5), pack_colour(INK, 0.9), name)

@@ -15,6 +15,7 @@ from enliven_viewer.studio.app.style import (
     use_small_text,
 )
 from enliven_viewer.studio.outliner.outliner import Outliner
+from enliven_viewer.studio.outliner.takes import delete_take_row
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.tools.map import MapTool
@@ -139,7 +140,7 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     elif row.kind == TAKE:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
-            workspace.commands.takes.delete_row(row.id)
+            delete_take_row(workspace.editor, row.id)
         tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)

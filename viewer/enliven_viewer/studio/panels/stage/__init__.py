@@ -1,1 +1,1 @@
-"""The panels of the stage: workspaces, the Perform panel, text over the view, and the growing clip."""
+"""The panels of the stage: workspaces, the Perform panel, and text over the view."""

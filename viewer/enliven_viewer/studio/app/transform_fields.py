@@ -1,0 +1,98 @@
+"""Draws the numbers of the selection: position, size, rotation, and the start of its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from imgui_bundle import imgui
+
+from enliven.modeling.edits import change_layers
+from enliven_viewer.language import tr
+from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.style import push_colours, use_small_text
+from enliven_viewer.studio.numbers.quantity import ANGLE, LENGTH, TIME, Quantity
+from enliven_viewer.theme import QUIET
+
+_AXES = ("x", "y", "z")
+_LABEL_WIDTH = 46.0
+"""Width in pixels of the labels at the left of the fields."""
+_FIELD_WIDTH = 67.0
+"""Width of a field in pixels: "-12.345 m", three of them side by side."""
+
+
+def draw_numbers(app: App) -> None:
+    """Draws the fields of the selection."""
+    figures = app.selection_transform
+    place, height = figures.place, figures.height
+    if place is None or height is None:
+        return
+    _draw_label(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
+    for axis, name in enumerate(_AXES):
+        imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
+        coordinate = float(place[axis])
+        number_field(
+            app, f"place {name}", coordinate, LENGTH, lambda to, axis=axis: figures.move_to(axis, to)
+        )
+    _draw_label(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
+    for axis, name in enumerate(_AXES):
+        imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
+        number_field(app, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
+    _draw_label(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
+    imgui.same_line(_LABEL_WIDTH + 12)
+    more = {"percent": height / 100.0}
+    number_field(app, "tall", height, LENGTH, figures.set_height, **more)
+    _draw_start_time(app)
+
+
+def _draw_start_time(app: App) -> None:
+    """Draws the start time of the selected layer."""
+    editor = app.editor
+    character, number = editor.chosen(), editor.selection.layer
+    if character is None or number is None or editor.selection.several:
+        return
+    name, numbers = character.id, [number]
+
+    def change(seconds: float) -> None:
+        editor.edit("change offset", lambda project: change_layers(project, name, numbers, offset=seconds))
+
+    imgui.same_line()
+    _draw_label(tr("Begins"), tr("When the chosen motion begins on the timeline"))
+    imgui.same_line()
+    number_field(app, "begins", character.playing[number].offset, TIME, change)
+
+
+def _draw_label(text: str, tip: str) -> None:
+    imgui.align_text_to_frame_padding()
+    with use_small_text(), push_colours(QUIET, imgui.Col_.text):
+        imgui.text_unformatted(text)
+    tooltip(tip)
+
+
+def number_field(
+    app: App,
+    key: str,
+    value: float,
+    quantity: Quantity,
+    change: Callable[[float], object],
+    **more: float,
+) -> None:
+    """Draws a numeric field with units and arithmetic.
+
+    ``change`` gets the value on Enter, Tab, or a click elsewhere.
+
+    Args:
+        more: further units that may be typed.
+    """
+    shown, typing = quantity.write(value), app.typing
+    imgui.set_next_item_width(_FIELD_WIDTH)
+    flags = imgui.InputTextFlags_.auto_select_all
+    with use_small_text():
+        typed = imgui.input_text(f"##{key}", typing.get(key, shown), flags)[1]
+    app.remember(key)
+    if imgui.is_item_active():
+        typing[key] = typed
+    elif key in typing:
+        wanted = typing.pop(key)
+        if wanted.strip() not in ("", shown):
+            app.attempt(lambda: change(quantity.read(wanted, **more)))

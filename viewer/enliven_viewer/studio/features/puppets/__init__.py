@@ -1,0 +1,1 @@
+"""Puppets in the studio: the tool that poses them, the view of their performer, key poses and settings."""

@@ -1,0 +1,189 @@
+"""Commands on the selected puppet, and the command that makes a puppet from a shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from enliven.arrays import Float
+from enliven.document import Project, Puppet, RigBase, unused
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
+from enliven.modeling.puppet.baking import bake_puppet
+from enliven.modeling.puppet.edits import make_puppet
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor.framing import find_side_offset
+from enliven_viewer.studio.outliner.actions import require_single_shape
+
+
+class PuppetCommands:
+    """Commands that apply only to puppets."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+
+    def make(self) -> bool:
+        """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
+        chosen = self._find_selected_mesh()
+        if chosen is None:
+            return False
+        name, mesh = chosen
+        upright, place = place_on_floor(mesh)
+        new_place = place + find_side_offset(self.editor.lens, [self.editor.project.characters[name]])
+
+        puppet_name = unused(f"{name} puppet", self.editor.project.characters)
+
+        def change(project: Project) -> Project:
+            return move_character(make_puppet(project, upright, puppet_name), puppet_name, new_place)
+
+        if not self.editor.edit(later("make a puppet of {0}", name), change):
+            return False
+        self.editor.choose(puppet_name)
+        self.editor.toasts.say(
+            tr("{0} stays; its puppet stands next to it", name), tr("K puts control points on it.")
+        )
+        return True
+
+    def outline(self) -> None:
+        """Switches the silhouette of the previous key pose, which is shown while a key pose is edited."""
+        puppets = self.editor.puppets
+        puppets.silhouette = not puppets.silhouette
+        self.editor.toasts.say(
+            tr("The previous key pose is outlined")
+            if puppets.silhouette
+            else tr("The previous key pose is no longer outlined")
+        )
+
+    def warn(self) -> None:
+        """Switches the display of self-intersecting faces, which are marked while a key pose is edited."""
+        puppets = self.editor.puppets
+        puppets.warn = not puppets.warn
+        self.editor.toasts.say(
+            tr("Faces that pass through one another are red")
+            if puppets.warn
+            else tr("Faces that pass through one another are not shown")
+        )
+
+    def bake(self) -> bool:
+        """Bakes the puppet into a possessed mesh with the same motion, which can be merged with others."""
+        puppet, editor = self.editor.puppets.puppet, self.editor
+        if puppet is None:
+            return False
+        project = editor.project
+        editor.background.begin(
+            tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
+        )
+        return True
+
+    def _put_baked(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
+        """Returns the function that puts a baked puppet into the project.
+
+        It refuses a puppet that has changed meanwhile.
+        """
+
+        def put(baked: tuple[Project, str, object]) -> None:
+            baked_project, name, error = baked
+            shape = baked_project.characters[name]
+
+            def change(project: Project) -> Project:
+                if project.characters.get(puppet.id) is not puppet:
+                    problem = tr("it was changed while it was baked")
+                    raise InputError(problem, where=puppet.where, remedy=tr("Bake it again."))
+                streams = [baked_project.streams[stream] for stream in shape.needed()["streams"]]
+                return project.without(puppet.id).with_streams(*streams).with_characters(shape)
+
+            if self.editor.edit(later("bake {0}", puppet.id), change):
+                self.editor.choose(name)
+                self.editor.toasts.say(
+                    tr("{0} is a possessed character now", name), tr("It is {0}. Ctrl+Z goes back.", error)
+                )
+
+        return put
+
+    def lacks_mesh(self) -> str:
+        """Returns why making a puppet is unavailable; empty if it is available."""
+        return "" if self._find_solid() else "No shape with a surface is chosen. Click one first."
+
+    def lacks_examples(self) -> str:
+        """Returns why baking a puppet is unavailable; empty if it is available."""
+        puppet = self.editor.puppets.puppet
+        if puppet is None:
+            return "No puppet is chosen. Click one first."
+        return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
+
+    def _find_solid(self) -> RigBase | None:
+        """Returns the selected character if it has a surface and is not a puppet."""
+        chosen = self.editor.chosen()
+        solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
+        return chosen if solid and chosen is not self.editor.puppets.puppet else None
+
+    def _find_selected_mesh(self) -> tuple[str, Mesh] | None:
+        """Returns the selected character's id and its mesh in the current pose."""
+        editor, chosen = self.editor, self._find_solid()
+        if chosen is None or chosen.mesh is None:
+            return None
+        seen = vertices_of(editor.project, chosen.id, editor.time)
+        return chosen.id, replace(chosen.mesh, vertices=seen)
+
+
+def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
+    """Returns the mesh moved to the origin and standing on the floor, and (3,) metres, its previous position.
+
+    Raises:
+        InputError: if the mesh has no faces.
+    """
+    if not len(mesh.faces):
+        raise InputError(
+            tr("it has no surface"), where=f"mesh {mesh.name!r}", remedy=tr("Open a mesh with faces.")
+        )
+    place = foot_of(mesh.vertices)
+    return replace(mesh, vertices=mesh.vertices - place), place
+
+
+def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
+    """Yields the actions that make and bake a puppet."""
+    make = Action(
+        "shape.puppet",
+        "Shape",
+        "Make a puppet of it",
+        ("ctrl+p",),
+        commands.make,
+        commands.lacks_mesh,
+        about="A copy that acts by examples: control points and key poses.",
+    )
+    bake = Action(
+        "shape.bake",
+        "Shape",
+        "Bake the puppet",
+        (),
+        commands.bake,
+        commands.lacks_examples,
+        about="Turns it into a possessed character, which can be cut and merged.",
+    )
+    yield from (require_single_shape(action, commands.editor) for action in (make, bake))
+
+
+def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
+    """Yields the actions of marks that are shown while a key pose is edited."""
+    puppets = commands.editor.puppets
+    yield Action(
+        "view.outline",
+        "View",
+        "Outline of the previous key pose",
+        ("o",),
+        commands.outline,
+        is_on=lambda: puppets.silhouette,
+        about="While a key pose is edited.",
+    )
+    yield Action(
+        "view.crossing",
+        "View",
+        "Faces that cross",
+        ("w",),
+        commands.warn,
+        is_on=lambda: puppets.warn,
+        about="Faces that pass through one another are red while a key pose is edited.",
+    )

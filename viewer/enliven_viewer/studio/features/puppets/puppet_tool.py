@@ -1,0 +1,240 @@
+"""The puppet tool: a click on a mesh adds a control point; dragging control points makes key poses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_viewer.language import tr
+from enliven_viewer.render.camera import TURN_PER_PIXEL
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.puppets.gizmo import Gizmo
+from enliven_viewer.studio.features.puppets.point_marks import find_suggestion_at
+from enliven_viewer.studio.features.puppets.point_suggestions import PointSuggestions
+from enliven_viewer.studio.features.puppets.puppet_marks import PointDrag, make_marks, make_tool_picture
+from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
+from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
+from enliven_viewer.studio.viewport.overlay import Overlay, Point
+from enliven_viewer.studio.viewport.picking import joint_at, surface_at
+from enliven_viewer.studio.viewport.ray import vertex_hit
+
+_MAX_CLICK_MOVEMENT_PX = 4.0
+"""Maximum pointer movement of a click, in pixels."""
+_MAX_HOVER_FACES = 1_000_000
+"""Number of faces above which the hovered vertex is not searched, since that would be slow."""
+_NUDGE_STEPS: dict[str, tuple[float, float]] = {
+    "left": (-1.0, 0.0),
+    "right": (1.0, 0.0),
+    "up": (0.0, 1.0),
+    "down": (0.0, -1.0),
+}
+"""Steps to the right and up for each arrow key, in pixels of the view."""
+
+
+class PuppetTool(Tool):
+    """Adds, selects and drags control points of a puppet."""
+
+    name, label, key, icon = "puppet", "Pose puppet", "k", "\uf25a"
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self.puppets = editor.puppets
+        self.suggested = PointSuggestions()
+        self.hovered_part = ""
+        self.hovered_point: int | None = None
+        self.hovered_vertex: int | None = None
+        self._drag: PointDrag | None = None
+        self._click: Pointer | None = None
+        self._last: Point = (0.0, 0.0)
+        self._turning = False
+        self._fresh: int | None = None
+
+    @property
+    def hint(self) -> str:
+        puppets, puppet = self.puppets, self.puppets.puppet
+        if self._drag is not None:
+            return "Let go to keep it; Shift goes in steps, Esc drops it."
+        if puppet is None:
+            return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
+        if puppets.posing:
+            name = tr("key pose {0}", puppets.number + 1) if puppets.number is not None else ""
+            return tr(
+                "Drag control points for {0}. Enter keeps it; R resets a point, Delete removes it.", name
+            )
+        if not puppet.points:
+            return "Click the mesh where you want to hold it: the ends of its limbs, its feet, its head."
+        return "Drag a control point to make a key pose of this moment; click the mesh for another one."
+
+    @property
+    def warning(self) -> str:
+        """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
+        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.shaping else ""
+
+    @property
+    def held(self) -> PointDrag | None:
+        """Returns the current drag of a control point; None for none."""
+        return self._drag
+
+    def hover(self, pointer: Pointer) -> None:
+        standing = self.puppets.stage_puppet
+        self.hovered_part, self.hovered_point, self.hovered_vertex = "", None, None
+        if standing is None:
+            return
+        lens = self.editor.lens
+        manipulator = self.manipulator()
+        if manipulator is not None:
+            self.hovered_part = manipulator.at(pointer.at)
+        if self.hovered_part:
+            return
+        hit = joint_at([standing], lens, pointer.at, self.editor.settings.reach)
+        self.hovered_point = None if hit is None else hit.handle
+        if hit is None and len(standing.character.mesh.faces) <= _MAX_HOVER_FACES:
+            self.hovered_vertex = self._vertex_at(standing, pointer)
+
+    def press(self, pointer: Pointer) -> bool:
+        self.hover(pointer)
+        puppets, standing = self.puppets, self.puppets.stage_puppet
+        self._last, self._turning = pointer.at, False
+        if standing is not None and self.hovered_part and puppets.point is not None:
+            self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
+        elif standing is not None and self.hovered_point is not None:
+            self._fresh = None
+            self.editor.choose(standing.id, self.hovered_point)
+            self._drag = PointDrag(self.editor, standing, self.hovered_point, "view", pointer.at)
+        else:
+            self._click = pointer
+        self.editor.playing = False
+        return True
+
+    def drag(self, pointer: Pointer) -> None:
+        if self._drag is not None:
+            self._drag.drag(pointer)
+        elif self._turning or (self._click is not None and self._is_far(pointer, self._click)):
+            # A drag that begins on or next to the mesh orbits the camera, as in an empty scene.
+            self._click, self._turning = None, True
+            across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
+            self.editor.camera.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
+        self._last = pointer.at
+
+    def release(self, pointer: Pointer) -> None:
+        drag, click = self._drag, self._click
+        self._drag = self._click = None
+        self._turning = False
+        if drag is not None:
+            drag.drop()
+        elif click is not None:
+            self._handle_click(click)
+        self.hover(pointer)
+
+    def type(self, key: str) -> bool:
+        puppets = self.puppets
+        if key == "escape":
+            return self._step_back()
+        if key == "enter" and puppets.posing:
+            puppets.accept()
+            return True
+        if puppets.point is None:
+            return False
+        if key in ("delete", "backspace"):
+            return puppets.remove_point() or True
+        if key == "r":
+            return puppets.reset_point() or True
+        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.posing:
+            return self._nudge(key.removeprefix("shift+"), 10.0 if key.startswith("shift+") else 1.0)
+        return False
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._drag = self._click = None
+        self.puppets.clear_drag()
+        self.puppets.accept()
+
+    def overlay(self) -> Overlay:
+        standing = self.puppets.stage_puppet
+        if standing is None:
+            return Overlay()
+        return Overlay(make_marks(self, standing, self.editor.lens))
+
+    def picture(self) -> ToolPicture:
+        standing = self.puppets.stage_puppet
+        return EMPTY_PICTURE if standing is None else make_tool_picture(self, standing, self.editor.lens)
+
+    def manipulator(self) -> Gizmo | None:
+        """Returns the gizmo at the selected control point.
+
+        Returns None during playback, or right after a point was added.
+
+        Right after a click the gizmo would be in the way of the next click on the mesh.
+        """
+        standing, point = self.puppets.stage_puppet, self.puppets.point
+        if point == self._fresh and not self.puppets.posing:
+            return None
+        if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
+            return None
+        return Gizmo(standing.handles[point], self.editor.lens)
+
+    def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
+        """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
+        lens = self.editor.lens
+        ghost = find_suggestion_at(standing, self.suggested.of(standing.character), lens, pointer.at)
+        if ghost is not None:
+            return ghost
+        hit = surface_at(self.puppets.stage_puppets, lens, pointer.at)
+        if hit is None or hit.character != standing.id:
+            return None
+        place = lens.view.eye + hit.depth * lens.ray(pointer.at)
+        return vertex_hit(standing.vertices, standing.character.mesh.faces[hit.face], place)
+
+    def _is_far(self, pointer: Pointer, start: Pointer) -> bool:
+        return float(np.hypot(*np.subtract(pointer.at, start.at))) > _MAX_CLICK_MOVEMENT_PX
+
+    def _handle_click(self, pointer: Pointer) -> None:
+        """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
+        standing = self.puppets.stage_puppet
+        vertex = self._vertex_at(standing, pointer) if standing is not None else None
+        if vertex is not None:
+            self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
+            return
+        hit = surface_at(
+            [character for character in self.editor.pickable_characters if character.has_own_tool],
+            self.editor.lens,
+            pointer.at,
+        )
+        if hit is not None:
+            self.puppets.accept()
+        elif self.puppets.point is not None:
+            self.editor.select(handle=None)
+        elif standing is None:
+            # The artist can make a puppet of the character under the pointer.
+            hit = self.character_at(pointer)
+        if hit is not None:
+            self.editor.choose(hit.character)
+
+    def _step_back(self) -> bool:
+        """Handles Escape, one step at a time.
+
+        It first cancels the drag, then deselects the control point, then leaves the key pose.
+        """
+        puppets = self.puppets
+        if self._drag is not None or self._click is not None:
+            self._drag = self._click = None
+            puppets.clear_drag()
+            return True
+        if puppets.point is not None:
+            self.editor.select(handle=None)
+            return True
+        if puppets.posing:
+            puppets.accept()
+            return True
+        return False
+
+    def _nudge(self, key: str, pixels: float) -> bool:
+        manipulator, standing = self.manipulator(), self.puppets.stage_puppet
+        if manipulator is None or standing is None:
+            return False
+        lens = self.editor.lens
+        right: Float = np.asarray(lens.view.camera_from_world[0, :3])
+        across, up = _NUDGE_STEPS[key]
+        offset = (across * right + up * lens.up) * pixels * manipulator.pixel
+        self.puppets.nudge(standing.direction_to_mesh(offset))
+        return True

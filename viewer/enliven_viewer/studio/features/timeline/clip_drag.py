@@ -1,0 +1,101 @@
+"""Drags of timeline clips: move, slip, trim, stretch, or blend with the next clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven.document import Segment
+from enliven.modeling.edits import (
+    blend_clips,
+    move_clip,
+    slip_clip,
+    stretch_clip,
+    trim_clip,
+)
+from enliven_viewer.language import later
+from enliven_viewer.studio.editor.editor import Edit
+from enliven_viewer.studio.features.timeline.layout import Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.features.timeline.snapping import snap_offset, snap_times
+
+_EDIT_TITLES = {
+    "bar": later("move clip"),
+    "slip": later("slip clip"),
+    "begin": later("trim clip"),
+    "edge": later("trim clip"),
+    "blend": later("blend clips"),
+    "stretch": later("change speed"),
+    "stretch begin": later("change speed"),
+}
+"""The name of each kind of drag in the history."""
+
+
+@dataclass(frozen=True)
+class ClipDrag:
+    """A drag of one clip, with the state at its start.
+
+    Attributes:
+        handle: the grabbed part of the timeline.
+        how: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
+        lane, layout: the lane and the layout at the start of the drag.
+        playhead: position of the playhead in seconds.
+        frame: duration of a frame in seconds; 0 disables snapping.
+    """
+
+    handle: LaneHandle
+    how: str
+    lane: Lane
+    layout: TimelineLayout
+    playhead: float
+    frame: float
+
+    @staticmethod
+    def of(
+        layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
+    ) -> ClipDrag | None:
+        """Returns the drag that starts at a handle; None if the handle is not part of a clip."""
+        changed = {"bar": "slip"} if alt else {}
+        changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
+        kind = changed.get(handle.kind, handle.kind)
+        lanes = (bar for bar in layout.bars() if bar.character.id == handle.character)
+        lane = next((bar for bar in lanes if bar.layers == handle.layers), None)
+        is_clip_handle = kind in _EDIT_TITLES and lane is not None
+        return (
+            ClipDrag(handle, kind, lane, layout, playhead, frame)
+            if is_clip_handle and lane is not None
+            else None
+        )
+
+    @property
+    def word(self) -> str:
+        """Returns the name of the edit in the history."""
+        return _EDIT_TITLES[self.how]
+
+    @property
+    def clip(self) -> Segment:
+        """Returns the clip at the start of the drag."""
+        return self.lane.clips[self.handle.item]
+
+    def edit(self, moved: float) -> tuple[Edit, float | None]:
+        """Returns the edit for a pointer movement of some seconds, and the time that it snaps to."""
+        name, numbers, item, clip = self.handle.character, self.handle.layers, self.handle.item, self.clip
+        if self.how == "slip":
+            return lambda p: slip_clip(p, name, numbers, item, -moved * clip.speed), None
+        if self.how == "blend":
+            overlap = clip.end - self.lane.clips[item + 1].begin
+            return lambda p: blend_clips(p, name, numbers, item, max(overlap + 2.0 * moved, 0.0)), None
+        if self.how == "bar":
+            snap_offset_s, stuck = self._snap(clip.begin + moved, clip.end + moved)
+            delay = moved + snap_offset_s
+            return lambda p: move_clip(p, name, numbers, item, delay), stuck
+        dragged_end = clip.begin if self.how in ("begin", "stretch begin") else clip.end
+        snap_offset_s, stuck = self._snap(dragged_end + moved)
+        dragged_end += moved + snap_offset_s
+        end = {"begin" if self.how in ("begin", "stretch begin") else "end": dragged_end}
+        change = stretch_clip if self.how.startswith("stretch") else trim_clip
+        return lambda p: change(p, name, numbers, item, **end), stuck
+
+    def _snap(self, *times: float) -> tuple[float, float | None]:
+        if self.frame <= 0.0:
+            return 0.0, None
+        places = snap_times(self.layout, self.playhead, self.handle)
+        return snap_offset(self.layout, times, places, self.frame)

@@ -1,0 +1,263 @@
+"""The layout of the timeline: ruler, lanes grouped by character, clips, and hit testing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Protocol
+
+from enliven.document import LayerBase, Marker, Project, RigBase, Segment
+from enliven_viewer.language import tr
+from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT, TimeScale
+from enliven_viewer.studio.features.timeline.lane_names import make_lane_name
+from enliven_viewer.studio.viewport.lane_groups import group_layers
+
+LANE_HEIGHT = 28.0
+"""Height of a lane in pixels: thumbnails with a line of text over them."""
+HEAD_HEIGHT = 20.0
+"""Height, in pixels, of the row with a character's name above its lanes."""
+LANE_GAP = 3.0
+"""Gap between two lanes in pixels."""
+EDGE_GRAB_DISTANCE = 7.0
+"""Distance in pixels from a clip's end within which a drag trims it, or changes its speed with Ctrl."""
+MUTE_ICON_WIDTH = 22.0
+"""Width in pixels of an icon at the left of a label: mute (eye), lock, or fold."""
+SOLO_BUTTON_WIDTH = 20.0
+"""Width in pixels of the solo button at the right of a character's label."""
+TAKES_BUTTON_WIDTH = 34.0
+"""Width in pixels of the take number at the right of a label; a click opens the alternatives."""
+SPAN_BAND_HEIGHT = 8.0
+"""Height in pixels of the band on the ruler that shows the recording range."""
+MARKER_GRAB_DISTANCE = 6.0
+"""Distance in pixels from a marker on the ruler within which it can be grabbed."""
+
+
+@dataclass(frozen=True)
+class LaneHandle:
+    """The part of the timeline under the pointer.
+
+    Attributes:
+        kind: "ruler"; "marker"; "from", "to" and "marked" for the ends and the middle of the marked span. On
+            a lane: "bar", "begin" and "edge" for a clip and its ends, "blend", "mute", "lock", "takes" (opens
+            its alternatives) and "label". On a character's row: "fold", "solo" and "name". Otherwise
+            "nothing", or a kind of the details row.
+        character, layers: the character and the layers that the part belongs to.
+        item: number of the clip, or of the mark in a details row.
+        seconds: time in the layer's take at the pixel.
+        name: name of the marker.
+    """
+
+    kind: str
+    character: str = ""
+    layers: tuple[int, ...] = ()
+    item: int = 0
+    seconds: float = 0.0
+    name: str = ""
+
+    @property
+    def number(self) -> int:
+        """Returns the first of the layers."""
+        return self.layers[0]
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A row of the timeline: a bar, details of a layer, or a character's name.
+
+    Its left and right are the first and last pixel of its clips. Layers of a character that play one take in
+    the same way share a bar, because an imported animation has a layer for every bone.
+
+    Attributes:
+        clips: the clips of a bar, in seconds of the project.
+    """
+
+    kind: str
+    character: RigBase
+    layers: tuple[int, ...]
+    top: float
+    height: float
+    left: float
+    right: float
+    clips: tuple[Segment, ...] = ()
+
+    @property
+    def layer(self) -> LayerBase:
+        """Returns the first of its layers."""
+        return self.character.playing[self.layers[0]]
+
+    @property
+    def label(self) -> str:
+        """Returns the limb that moves and its take, or the take and the number of layers that play it."""
+        if len(self.layers) > 1:
+            return tr("{0}  ({1} bones)", self.layer.take, len(self.layers))
+        return make_lane_name(self.character, self.layer)
+
+
+class Details(Protocol):
+    """Provides the rows below the bars of a rig's layers."""
+
+    def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
+        """Returns the kinds and heights in pixels of the rows below a layer's bar."""
+
+    def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
+        """Returns the kind and number of the mark at a pixel of such a row; "nothing" if there is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimelineLayout(TimeScale):
+    """The layout of a project's timeline in an area with its top left corner at 0, 0.
+
+    Attributes:
+        project: the project with the shown layers.
+        scrolled: vertical scroll offset of the lanes in pixels.
+        details: the rows that rigs show below their bars.
+        folded: the characters with all lanes collapsed into one row.
+        opened: groups of alternatives that show a lane for every take. Other groups show only the audible
+            take.
+        marked: start and end of recordings in seconds, or None.
+    """
+
+    project: Project
+    scrolled: float = 0.0
+    details: Details | None = None
+    folded: frozenset[str] = frozenset()
+    opened: frozenset[str] = frozenset()
+    marked: tuple[float, float] | None = None
+
+    @property
+    def height(self) -> float:
+        """Returns the total height of ruler and lanes in pixels."""
+        lanes = self.lanes()
+        return lanes[-1].top + lanes[-1].height + LANE_GAP + self.scrolled if lanes else RULER_HEIGHT
+
+    def x_of(self, lane: Lane, second: float) -> float:
+        """Returns the x coordinate of a time in a lane's take."""
+        return self.x(lane.layer.time_of(second, self.project.length_of(lane.layer)))
+
+    def second(self, lane: Lane, x: float) -> float:
+        """Returns the time in a lane's take at an x coordinate, clamped to the take."""
+        once = replace(lane.layer, loop=False)
+        return once.played(self.time(x), self.project.length_of(once))[0]
+
+    def lanes(self) -> tuple[Lane, ...]:
+        """Returns all rows from the top: a bar for each layer, and the details of its rig below it."""
+        return self._lanes
+
+    @cached_property
+    def _lanes(self) -> tuple[Lane, ...]:
+        top, lanes = RULER_HEIGHT - self.scrolled, list[Lane]()
+        shared = group_layers(self.project, self.opened)
+        named, before = len({name for name, _ in shared}) > 1, ""
+        for name, numbers in shared:
+            character = self.project.characters[name]
+            layer = character.playing[numbers[0]]
+            if named and name != before:
+                every = tuple(number for other, some in shared if other == name for number in some)
+                lanes.append(Lane("head", character, every, top, HEAD_HEIGHT, LABEL_WIDTH, LABEL_WIDTH))
+                top, before = top + HEAD_HEIGHT + 1.0, name
+            if named and name in self.folded:
+                continue
+            clips = layer.clips(self.project.length_of(layer))
+            span = self.x(clips[0].begin), self.x(clips[-1].end)
+            rows = self.details.rows(character, numbers[0]) if self.details is not None else ()
+            for kind, height in (("bar", LANE_HEIGHT), *rows):
+                lanes.append(Lane(kind, character, numbers, top, height, *span, clips))
+                top += height + 1.0
+            top += LANE_GAP - 1.0
+        return tuple(lanes)
+
+    def bars(self) -> tuple[Lane, ...]:
+        """Returns the lanes that are bars, from the top."""
+        return tuple(lane for lane in self.lanes() if lane.kind == "bar")
+
+    def markers(self) -> tuple[tuple[Marker, float], ...]:
+        """Returns every marker with its x coordinate, in order of time."""
+        ordered = sorted(self.project.markers.values(), key=lambda marker: marker.seconds)
+        return tuple((marker, self.x(marker.seconds)) for marker in ordered)
+
+    def takes(self, lane: Lane) -> tuple[int, int]:
+        """Returns a lane's number among its alternatives, from 1, and their number on its character."""
+        layer = lane.layer
+        alternatives = [
+            alternative
+            for alternative in lane.character.playing
+            if alternative.alternatives == layer.alternatives
+        ]
+        names = list(dict.fromkeys(alternative.recorded for alternative in alternatives))
+        return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
+
+    def handle_at(self, x: float, y: float) -> LaneHandle:
+        """Returns the part of the timeline under a pixel (hit test)."""
+        if y < RULER_HEIGHT:
+            return self._find_ruler_handle(x, y)
+        for lane in self.lanes():
+            if lane.top <= y < lane.top + lane.height:
+                kind, item = self._find_lane_handle(lane, x)
+                if kind != "nothing":
+                    second = 0.0 if lane.kind in ("bar", "head") else self.second(lane, x)
+                    return LaneHandle(kind, lane.character.id, lane.layers, item, second)
+        return LaneHandle("ruler") if x >= LABEL_WIDTH - END_MARGIN else LaneHandle("nothing")
+
+    def _find_ruler_handle(self, x: float, y: float) -> LaneHandle:
+        near_markers = [
+            (abs(at - x), marker.id) for marker, at in self.markers() if abs(at - x) <= MARKER_GRAB_DISTANCE
+        ]
+        if near_markers:
+            return LaneHandle("marker", name=min(near_markers)[1])
+        if self.marked is not None:
+            low, high = (self.x(end) for end in self.marked)
+            distance, kind = min((abs(high - x), "to"), (abs(low - x), "from"))
+            if distance <= EDGE_GRAB_DISTANCE:
+                return LaneHandle(kind)
+            if low < x < high and y >= RULER_HEIGHT - SPAN_BAND_HEIGHT:
+                return LaneHandle("marked")
+        return LaneHandle("ruler") if x >= LABEL_WIDTH - END_MARGIN else LaneHandle("nothing")
+
+    def _find_lane_handle(self, lane: Lane, x: float) -> tuple[str, int]:
+        """Returns the kind and number of the part at a pixel of a lane."""
+        if lane.kind == "head":
+            if x >= LABEL_WIDTH - END_MARGIN:
+                return "nothing", 0
+            return (
+                "fold"
+                if x < MUTE_ICON_WIDTH
+                else "solo"
+                if x >= LABEL_WIDTH - END_MARGIN - SOLO_BUTTON_WIDTH
+                else "name"
+            ), 0
+        if lane.kind != "bar" and self.details is not None:
+            return self.details.at(self, lane, x)
+        if x < LABEL_WIDTH - END_MARGIN:
+            if x >= LABEL_WIDTH - END_MARGIN - TAKES_BUTTON_WIDTH and self.takes(lane)[1] > 1:
+                return "takes", 0
+            return ("mute" if x < MUTE_ICON_WIDTH else "lock" if x < 2 * MUTE_ICON_WIDTH else "label"), 0
+        return self._find_clip_handle(lane, x)
+
+    def _find_clip_handle(self, lane: Lane, x: float) -> tuple[str, int]:
+        """Returns the clip, or the clip end, at a pixel of a bar.
+
+        A narrow clip offers only its end and its middle.
+        """
+        ends = [(self.x(clip.begin), self.x(clip.end)) for clip in lane.clips]
+        for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
+            if (
+                right - left > 2 * EDGE_GRAB_DISTANCE
+                and left + EDGE_GRAB_DISTANCE < x < right - EDGE_GRAB_DISTANCE
+            ):
+                return "blend", k
+        near_ends = [(abs(right - x), 0, k) for k, (_, right) in enumerate(ends)]
+        near_ends += [
+            (abs(left - x), 1, k)
+            for k, (left, right) in enumerate(ends)
+            if right - left > 3 * EDGE_GRAB_DISTANCE
+        ]
+        distance, side, number = min(near_ends)
+        if distance <= EDGE_GRAB_DISTANCE:
+            # If two clips touch, the side of the pointer decides which of them is trimmed.
+            return ("begin" if side else "edge"), number
+        inside = [k for k, (left, right) in enumerate(ends) if left <= x <= right]
+        if not inside and lane.layer.loop and x >= lane.left:
+            inside = [len(ends) - 1]
+        return ("bar", inside[-1]) if inside else ("nothing", 0)

@@ -1,0 +1,51 @@
+"""The actions of the transport: playback, frames, and the in and out points of loops and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from enliven_viewer.studio.actions.action import Action
+from enliven_viewer.studio.editor.editor import Editor
+
+
+def make_transport_actions(editor: Editor) -> Iterator[Action]:
+    """Yields the actions of the transport."""
+
+    def play() -> None:
+        editor.playing = not editor.playing
+
+    def step(count: int) -> None:
+        editor.scrub(editor.time + count * editor.settings.frame_step)
+
+    def clear_range() -> None:
+        editor.marked = None
+
+    def lacks_range() -> str:
+        return "" if editor.marked else "No in or out point is set. Alt+I and Alt+O set them."
+
+    yield Action("view.play", "View", "Play or stop", ("space",), play, is_on=lambda: editor.playing)
+    yield Action("view.frame_back", "View", "One frame back", ("left",), lambda: step(-1))
+    yield Action("view.frame_on", "View", "One frame forward", ("right",), lambda: step(1))
+    yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
+    yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
+    about = "The loop begins here; recordings too."
+    yield Action(
+        "view.in_point",
+        "View",
+        "In point here",
+        ("alt+i",),
+        lambda: editor.mark(0),
+        about=about,
+        apart=True,
+    )
+    about = "The loop goes back to the in point from here; recordings end here."
+    yield Action("view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.mark(1), about=about)
+    yield Action(
+        "view.whole_loop",
+        "View",
+        "Loop the whole project",
+        ("alt+l",),
+        clear_range,
+        lacks_range,
+        about="Removes the in and out points.",
+    )

@@ -1,1 +1,0 @@
-"""The timeline's lanes: their layout, and the edits that a drag on them makes."""
