@@ -30,7 +30,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.keys.client import ClientKeys
 from enliven.keys.key_files import KeyPair, KeyStore, PairedViewer, fingerprint
 from enliven.keys.pairing import CODE_LIFETIME_S, MAX_TRIES_PER_CODE, Introduction, ViewerExchange
-from enliven.keys.roles import ROLES, Role, includes
+from enliven.keys.roles import ROLES, Role, role_includes
 from enliven.wire import (
     MAX_STREAM_BYTES,
     NEEDED_ROLES,
@@ -182,13 +182,15 @@ def test_watchers_change_nothing_by_any_request(locked: Locked, kind: type[Ask])
 @pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
 @pytest.mark.parametrize("role", ROLES)
 def test_each_role_may_send_its_requests_and_no_others(role: Role, kind: type[Ask]) -> None:
-    may = includes(role, NEEDED_ROLES[kind])
+    may = role_includes(role, NEEDED_ROLES[kind])
     assert bool(refusal_of(kind, role, "127.0.0.1")) == (not may)
     assert bool(refusal_of(kind, None, "127.0.0.1")) == (NEEDED_ROLES[kind] is not None)
 
 
 def test_roles_have_the_rights_that_the_page_states() -> None:
-    assert includes(NEEDED_ROLES[Possess], "perform") and includes(NEEDED_ROLES[RemoveCharacter], "edit")
+    assert role_includes(NEEDED_ROLES[Possess], "perform") and role_includes(
+        NEEDED_ROLES[RemoveCharacter], "edit"
+    )
     assert NEEDED_ROLES[Listen] == "operate" and NEEDED_ROLES[Hello] == "watch"
 
 

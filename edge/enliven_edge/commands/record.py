@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import plain_console, say
+from enliven.commands.terminal import plain_console, print_line
 from enliven.errors import InputError
 from enliven_edge.commands.progress import frame_progress, interruptible
 
@@ -74,9 +74,9 @@ def record(
             progress.update(task, count=count)
     size = sum(path.stat().st_size for path in recorder.paths if path.exists())
     names = ", ".join(str(path) for path in recorder.paths)
-    say(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
+    print_line(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
     if recorder.lost:
-        say(f"Note: {recorder.lost} messages are missing because the disk was full.")
+        print_line(f"Note: {recorder.lost} messages are missing because the disk was full.")
     if recorder.failure is not None:
         raise recorder.failure
 

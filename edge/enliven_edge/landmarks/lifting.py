@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body, Joint
@@ -179,7 +179,7 @@ class Lifter:
     def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
         """Returns (N, 2) the coordinates x/z and y/z of pixels, and (N,) whether each is inside the image."""
         if camera != self._camera:
-            self._camera, self._rays = camera, rays(camera)
+            self._camera, self._rays = camera, pixel_rays(camera)
         size = np.array([camera.width, camera.height])
         is_inside = np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(1))
         pinhole = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]

@@ -135,7 +135,7 @@ class Access:
             self._store.add_viewer(PairedViewer(viewer.public, viewer.name, role))
         except EnlivenError as error:
             raise PairingError(str(error)) from None
-        self.desk.succeed()
+        self.desk.finish_pairing()
         self.refresh(now=True)
         log.info("%s is paired, with the role %s: %s", viewer.name, role, fingerprint(viewer.public))
         return Paired(exchange.introduce(Introduction(self._keys.public, self._name, role)))

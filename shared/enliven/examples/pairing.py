@@ -1,7 +1,7 @@
 """Suggests a performer's joint for each control point. The criteria are side, height and amount of motion.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
-guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers moving joints
+guess_joints(clip.skeleton, puppet.rest, motion=measure_joint_motion(clip))     # prefers moving joints
 
 Skeleton and mesh are compared from the front (+Z, left at +X), each scaled to its own width and height. A
 mesh that is deeper than wide is assumed to face +X. Ends of limbs are preferred to the joints between them.
@@ -67,7 +67,7 @@ _SAME_END_COST = 5.0
 _CROSSED_SIDES_COST = 100.0
 """Cost of a side joint for a point in the middle, and of a middle joint for two mirror images."""
 _CACHED_TAKES = 16
-"""Number of takes in the least-recently-used cache of :func:`joint_motion`."""
+"""Number of takes in the least-recently-used cache of :func:`measure_joint_motion`."""
 _HAND_FRACTION = 0.35
 """Fraction of a limb, from its end, that is its hand or foot."""
 
@@ -96,7 +96,7 @@ class JointMotion:
     shares: Mapping[str, float]
 
 
-def joint_motion(clip: Clip) -> JointMotion:
+def measure_joint_motion(clip: Clip) -> JointMotion:
     """Measures how much each joint moves in a take, or returns the cached result."""
     return _take_motion(IdentityKey(clip))
 

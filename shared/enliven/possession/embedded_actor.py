@@ -241,7 +241,7 @@ class EmbeddedActor(Actor):
             observed = ObservedPoints(moved_body.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
             rehearsal.perform([moved_body], (i + 1) * _STEP_NS, {0: observed})
             if rehearsal._solver is not None:
-                rehearsal._solver.renew()
+                rehearsal._solver.start_next_matrix()
 
     @property
     def _is_stationary(self) -> bool:

@@ -17,7 +17,7 @@ from statistics import NormalDist
 import numpy as np
 
 from enliven.arrays import Float, Int32, UInt8, UInt16
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.kernels import njit
 from enliven_synthesis.body.rotations import round_to_grid
 from enliven_synthesis.sensor.faults import cast_shadow, compute_slants, mark_edges, measure, sample_surfaces
@@ -45,7 +45,7 @@ class DepthNoise:
     def __init__(self, profile: SensorProfile, intrinsics: Intrinsics, seed: int = 0) -> None:
         self._profile, self._seed = profile, seed
         self._shape = (intrinsics.height, intrinsics.width)
-        self._ray = rays(intrinsics)
+        self._ray = pixel_rays(intrinsics)
         scale = intrinsics.width / profile.camera.width
         n, f, r = profile.noise, profile.faults, profile.range
         self._blob = max(2, round(3 * scale))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 from enliven.arrays import Bool, Float, Float32, UInt8
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven_edge.tracking.estimator.labels import NOBODY
 from enliven_synthesis.body.body_sdf import PIECES, BodyAnatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
@@ -74,7 +74,7 @@ class PersonRenderer:
             intrinsics = Intrinsics(*dataclasses.astuple(scaled)[:6])
             noise = DepthNoise(profile, intrinsics, seed)
             self._cameras.append(
-                (intrinsics, rays(intrinsics), DepthRenderer(intrinsics), noise, profile.range)
+                (intrinsics, pixel_rays(intrinsics), DepthRenderer(intrinsics), noise, profile.range)
             )
 
     def render_person(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from enliven.arrays import Float
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.profile import SensorProfile, load_profile
 
@@ -126,7 +126,7 @@ def test_depth_out_of_range_is_not_reported() -> None:
 
 
 def test_a_floor_seen_at_a_grazing_angle_is_lost() -> None:
-    ray = rays(CAMERA)
+    ray = pixel_rays(CAMERA)
     with np.errstate(divide="ignore"):
         floor = np.where(ray[..., 1] > 0, 0.35 / ray[..., 1], np.inf)  # 35 cm below the camera
     profile = _profile("kinect1", grazing=80.0, edge=0.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import body, horse, man, snake, spider, turned_body
 
-from enliven.document.skeleton import Skeleton, skeleton_of
+from enliven.document.skeleton import Skeleton, skeleton_from_links
 from enliven.skeletons.anatomy import anatomy_of
 from enliven.skeletons.facing import facing_of, rotate_about_y, side_of
 
@@ -117,7 +117,7 @@ def test_parts_do_not_depend_on_size_place_heading_or_order(seed, angle, scale):
         at = moved.positions * scale + random.normal(size=3) * [1, 0, 1]
         order = [0, *(1 + random.permutation(len(skeleton) - 1))]
         links = [(order.index(int(p)), order.index(j)) for j, p in enumerate(skeleton.parents) if p >= 0]
-        shuffled, _ = skeleton_of([skeleton.names[j] for j in order], links, at[order])
+        shuffled, _ = skeleton_from_links([skeleton.names[j] for j in order], links, at[order])
         before, after = anatomy_of(skeleton), anatomy_of(shuffled)
 
         def told(anatomy, skeleton):

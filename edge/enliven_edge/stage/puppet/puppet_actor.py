@@ -9,12 +9,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints.observed import ObservedPoints
-from enliven.document import Pose, Project, Puppet, character_of_puppet
+from enliven.document import Pose, Project, Puppet, character_from_puppet
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_examples import examples_of, reference_performer
+from enliven.examples.puppet_examples import examples_from_key_poses, reference_performer
 from enliven.examples.puppet_motion import State, pose_of_state
-from enliven.examples.travel import travel_of
+from enliven.examples.travel import find_travel
 from enliven.person import MIRROR, Body, parse_parts
 from enliven.possession import Actor, Cues, Mode, PoseBlend, make_cues
 from enliven.rotation import rotate
@@ -46,14 +46,14 @@ class PuppetActor(Actor):
     def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
         self.settings = settings or PuppetSettings()
         self._project, self._puppet = project, puppet
-        self._examples = examples_of(project, puppet)
+        self._examples = examples_from_key_poses(project, puppet)
         self._retargeting = Retargeting(reference_performer(project, puppet), self._examples.joints)
-        self.character = character_of_puppet(puppet)
+        self.character = character_from_puppet(puppet)
         self.holds: list[ControlPointHold] = []
         can_walk = self.settings.place == "walks"
         feet = [k for k, point in enumerate(puppet.points) if point.foot]
         sides = [side_of_foot(self._retargeting.joints[k]) for k in feet]
-        self._travel = travel_of(project, puppet)
+        self._travel = find_travel(project, puppet)
         how = (1.0 / self.settings.rate, puppet.locomotion, sides, self._travel if can_walk else None)
         locomotion = Locomotion(puppet.rest, feet, *how)
         mapping = ExampleMap(self._examples, puppet.examples)

@@ -153,13 +153,13 @@ def _joined_net_edges(net: SurfaceNet) -> csr_matrix:
     points."""
     count, edges = len(net.points), net.graph.edges
     graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
-    joints = joined_shells(net.points, connected_components(graph, directed=False)[1])
+    joints = shell_connections(net.points, connected_components(graph, directed=False)[1])
     lengths = np.linalg.norm(net.points[joints[:, 0]] - net.points[joints[:, 1]], axis=1)
     graph = graph + csr_matrix((np.maximum(lengths, 1e-12), (joints[:, 0], joints[:, 1])), (count, count))
     return csr_matrix(graph + graph.T)
 
 
-def joined_shells(points: Float, label: Int) -> Int:
+def shell_connections(points: Float, label: Int) -> Int:
     """Returns (S - 1, 2) the shortest pairs of points that join S shells into one component.
 
     Every shell except the largest is linked to its nearest point on another shell, until all are one

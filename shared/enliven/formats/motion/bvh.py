@@ -359,11 +359,11 @@ def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
             if kind == "p":
                 offsets[:, j, axis] = values
             else:
-                rotations[:, j] = rotations[:, j] @ about(axis, np.radians(values))
+                rotations[:, j] = rotations[:, j] @ axis_rotations(axis, np.radians(values))
     return offsets, rotations
 
 
-def about(axis: int, angles: Float) -> Float:
+def axis_rotations(axis: int, angles: Float) -> Float:
     """Returns (F, 3, 3) rotations by (F,) radians about the X (0), Y (1) or Z (2) axis."""
     second_axis, third_axis = (axis + 1) % 3, (axis + 2) % 3
     turned = np.zeros((len(angles), 3, 3))

@@ -19,7 +19,7 @@ import scipy
 from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import frame_at, missing
+from enliven.examples.puppet_examples import find_nearest_frame, missing
 from enliven.examples.puppet_motion import in_world, motion_of
 from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import unite_meshes
@@ -111,7 +111,9 @@ class _Side:
         self.seen = in_world(puppet, self.state, self.local)
         self.puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
         takes = project.takes
-        self.keys = [(pose.take, frame_at(takes[pose.take], pose.time)) for pose in self.puppet.poses]
+        self.keys = [
+            (pose.take, find_nearest_frame(takes[pose.take], pose.time)) for pose in self.puppet.poses
+        ]
         self.was = np.zeros((0, *puppet.mesh.vertices.shape))
 
     @property

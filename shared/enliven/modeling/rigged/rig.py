@@ -18,7 +18,7 @@ from enliven.document import (
     Ref,
     Shape,
     character_of,
-    keyed_clip,
+    clip_from_keys,
     unused,
 )
 from enliven.modeling.mesh.meshes import posed_vertices
@@ -85,7 +85,7 @@ class ShapeRig(RigEdits):
     def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
         """Adds a layer of rotations as the innermost layer of the bone's last span."""
         bone = shape.skeleton.names[handle]
-        clip = keyed_clip(unused(f"{bone} keys", project.takes), bone, [key])
+        clip = clip_from_keys(unused(f"{bone} keys", project.takes), bone, [key])
         name = unused(f"{bone} keys", project.layer_names)
         *others, last = shape.spans[handle]
         spans = list(shape.spans)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Shape, Skeleton, skeleton_of, still_shape
+from enliven.document import Shape, Skeleton, skeleton_from_links, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.meshes.planar import triangulate_loops
@@ -128,7 +128,7 @@ def _build_skeleton(
     number."""
     positions = np.asarray(plane.origin) + places @ axes[:2]
     numbers = [str(i) for i in range(len(places))]
-    tree, _ = skeleton_of(numbers, links, positions, root_of(places, radii, links))
+    tree, _ = skeleton_from_links(numbers, links, positions, root_of(places, radii, links))
     names, branch = ["root"], [""]
     letters = 0
     for j in range(1, len(tree)):

@@ -105,7 +105,7 @@ def _is_own_clip(skeleton: Skeleton, take: Clip) -> bool:
     is_same_skeleton = skeleton.names == take_skeleton.names and np.array_equal(
         skeleton.parents, take_skeleton.parents
     )
-    return is_same_skeleton and take.deforms
+    return is_same_skeleton and take.has_deformation
 
 
 def clear_chain(
