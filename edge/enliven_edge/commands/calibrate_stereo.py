@@ -96,12 +96,12 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     """Solves the calibration, prints its quality, and writes it if it is good enough or the user accepts
     it."""
     from enliven_edge.sensors.stereo.calibration import save_calibration
-    from enliven_edge.sensors.stereo.calibration_quality import judge
+    from enliven_edge.sensors.stereo.calibration_quality import rate_solution
     from enliven_edge.sensors.stereo.stereo_solver import solve
 
     sightings, size = _find_boards(board, folder)
     solution = solve(board, sightings, size)
-    judgement = judge(board, solution)
+    judgement = rate_solution(board, solution)
     _print_quality(judgement)
     calibration = solution.calibration
     if calibration is None or not (judgement.usable or accept_doubt):

@@ -56,11 +56,11 @@ def record(
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven_edge.recording.parts import PartedRecorder
-    from enliven_edge.recording.settings import RecordingSettings, with_options
+    from enliven_edge.recording.settings import RecordingSettings, settings_with_options
     from enliven_edge.sensors import open_reopening, sensor_opener, sensor_options
 
     console = plain_console()
-    settings = with_options(RecordingSettings(), part_minutes, keep_free)
+    settings = settings_with_options(RecordingSettings(), part_minutes, keep_free)
     with (
         open_reopening(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         PartedRecorder(output, compression_level=level, overwrite=overwrite, settings=settings) as recorder,

@@ -154,7 +154,7 @@ def _describe_sensor(
     import numpy as np
 
     from enliven.camera import pixel_rays, unproject_depth
-    from enliven_edge.tracking.frame.reduction import survey
+    from enliven_edge.tracking.frame.reduction import measure_depth_image
     from enliven_edge.tracking.scene.floor import world_from_floor
 
     last = frames[-1]
@@ -162,7 +162,7 @@ def _describe_sensor(
     facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
-    known_fraction = statistics.median(survey(frame.depth).known_fraction for frame in frames)
+    known_fraction = statistics.median(measure_depth_image(frame.depth).known_fraction for frame in frames)
     facts.append(("depth", f"known in {100 * known_fraction:.0f} % of the image"))
     metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
     if len(metres):

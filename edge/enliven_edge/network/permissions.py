@@ -11,7 +11,7 @@ HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge
 """Advice for a viewer that is not paired."""
 
 
-def refusal_of(kind: type[Ask], role: Role | None, address: str) -> str:
+def refusal_reason(kind: type[Ask], role: Role | None, address: str) -> str:
     """Returns why a viewer may not send a request. Empty if it may.
 
     Args:

@@ -146,7 +146,7 @@ def retarget(
 
 def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
-    from enliven.mapping.alternatives import next_best
+    from enliven.mapping.alternatives import find_better_mapping
     from enliven.mapping.automatic_mapping import idle_limbs
     from enliven.mapping.plan_file import write_plan
     from enliven.mapping.softening import limb_name
@@ -172,7 +172,7 @@ def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Pa
         print_line(f"enliven: {message}", err=True)
     if not faults:
         return
-    alternative = next_best(retargeted, result.rig.shape, quality)
+    alternative = find_better_mapping(retargeted, result.rig.shape, quality)
     if alternative is None:
         message = "no other mapping does better: give those joints less weight (--write-map)"
         print_line(f"enliven: {message}", err=True)

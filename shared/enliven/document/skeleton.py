@@ -31,8 +31,8 @@ class Skeleton:
         positions: (N, 3) float64 metres at rest.
 
     Raises:
-        InputError: if the arrays do not fit together. :func:`skeleton_from_links` sorts joints that are only out
-            of order.
+        InputError: if the arrays do not fit together. :func:`skeleton_from_links` sorts joints that are only
+            out of order.
     """
 
     names: tuple[str, ...]

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
 from enliven.exporters.vrm.humanoid import humanoid_from_skeleton
-from enliven.person import BODY_NAMES, Body, HumanPose, J, body_of_human
+from enliven.person import BODY_NAMES, Body, HumanPose, J, body_from_human_pose
 from enliven.rotation import conjugate, from_matrix, multiply, nearest_rotation
 
 
@@ -36,6 +36,6 @@ def bodies_from_performance(performance: Performance, id: int) -> list[Body]:
     world = multiply(rotations[:, [bone.turned_by for bone in chosen_bones]], conjugate(t_pose))
     places = joints[:, [bone.joint for bone in chosen_bones]]
     return [
-        body_of_human(HumanPose(performance.name, tuple(names), place, rotation), id)
+        body_from_human_pose(HumanPose(performance.name, tuple(names), place, rotation), id)
         for place, rotation in zip(places, world, strict=True)
     ]

@@ -36,7 +36,7 @@ def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
     return _reduced_positions(skeleton.positions, _neighbour_lists(len(skeleton), links), root)
 
 
-def abstract(
+def abstract_joint_tree(
     positions: Float | Sequence[Sequence[float]],
     links: Iterable[tuple[int, int]],
     root: int | None = None,

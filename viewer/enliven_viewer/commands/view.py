@@ -127,11 +127,11 @@ def list_network_edges(local: str) -> bool:
 
     The window then lists them with their camera images, and a click connects.
     """
-    from enliven.peers.announcement import lacks_discovery
+    from enliven.peers.announcement import missing_discovery_reason
     from enliven.peers.edge_browser import answers_locally, describe_edge, find_edges
     from enliven.wire import parse_endpoint
 
-    if answers_locally(parse_endpoint(local)) or lacks_discovery():
+    if answers_locally(parse_endpoint(local)) or missing_discovery_reason():
         return False
     try:
         edges = find_edges(_SEARCH_S)

@@ -43,7 +43,7 @@ def find_likely_lags(
     score = np.where(common_samples >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
     if settings.clock_range and known is not None:
         score = np.where(np.abs(lags - known) <= settings.clock_range, score, -np.inf)
-    candidates = [] if known is None or not _overlap(a, b, known, settings) else [known]
+    candidates = [] if known is None or not _overlap_range(a, b, known, settings) else [known]
     while len(candidates) < _MAX_CANDIDATES and np.isfinite(score).any():
         best = int(np.argmax(score))
         candidates.append(float(lags[best]))
@@ -51,7 +51,7 @@ def find_likely_lags(
     return candidates
 
 
-def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettings) -> bool:
+def _overlap_range(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettings) -> bool:
     start, stop = max(a.times[0], b.times[0] + lag), min(a.times[-1], b.times[-1] + lag)
     return bool(stop - start >= settings.overlap)
 

@@ -209,7 +209,7 @@ def nearest_pixel(v, u, nearest):
     return row, column
 
 
-def observe(
+def observe_person(
     z: Float, surface: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
 ) -> Observation:
     """Returns the observation of the masked person.

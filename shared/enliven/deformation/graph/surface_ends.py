@@ -21,7 +21,7 @@ from enliven.deformation.graph.geodesic_kernels import nearest_sources
 from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes import Mesh, submesh
+from enliven.meshes import Mesh, extract_submesh
 from enliven.union_find import root_of
 
 _NET_NODE_COUNT = 200
@@ -74,7 +74,7 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
     if not mesh.area > 0:
         raise InputError("the mesh has no area", where=mesh.name, remedy="Give a mesh with faces.")
     # The submesh excludes vertices without a face.
-    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
+    surface = extract_submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
     links = _joined_net_edges(net)
     from_sources = _sample_far_points(links, _PATH_SOURCE_COUNT)

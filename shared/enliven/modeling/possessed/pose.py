@@ -52,7 +52,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
     return _apply_layers((linear, positions), over, np.arange(len(positions)))
 
 
-def within_layer(
+def evaluate_layer(
     project: Project, shape: GraphShape, number: int, node: int, time: float
 ) -> tuple[Float, Float, float]:
     """Evaluates a layer on top of a shape at a time, for one of the shape's nodes.
@@ -98,7 +98,7 @@ class _LayerMotion:
     apart: Float
 
 
-def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
+def compose_with_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
     """Applies a motion of the rest pose before the motion with linear maps (N, 3, 3) and positions (N, 3)."""
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
@@ -106,7 +106,7 @@ def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[F
 def _apply_layers(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
     """Returns the maps and positions of some nodes with the layers on top applied."""
     for layer in over:
-        base = over_base(base, layer.linear[nodes], layer.apart[nodes])
+        base = compose_with_base(base, layer.linear[nodes], layer.apart[nodes])
     return base
 
 

@@ -41,7 +41,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
         InputError: if no key pose has that number, or for the reasons of :func:`add_key_pose`.
     """
     puppet = project.puppet(puppet_id)
-    old = _pose_numbered(puppet, number)
+    old = _find_key_pose(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
     pose = _checked_pose(project, puppet, replace(old, **changes), number)
     return _checked_to_differ(project, _with_pose(puppet, number, pose))
@@ -54,7 +54,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
         InputError: if there is none with that number.
     """
     puppet = project.puppet(puppet_id)
-    _pose_numbered(puppet, number)
+    _find_key_pose(puppet, number)
     return project.with_characters(
         puppet.with_changes(poses=puppet.poses[:number] + puppet.poses[number + 1 :])
     )
@@ -70,7 +70,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
             image.
     """
     puppet = project.puppet(puppet_id)
-    pose = _pose_numbered(puppet, number)
+    pose = _find_key_pose(puppet, number)
     plane = puppet.symmetry or plane_of_symmetry(puppet.mesh)
     if plane is None:
         remedy = "Set a plane of symmetry first."
@@ -107,7 +107,7 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
     return changed
 
 
-def _pose_numbered(puppet: Puppet, number: int) -> KeyPose:
+def _find_key_pose(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
         remedy = f"It has {len(puppet.poses)}."
         raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)

@@ -157,7 +157,7 @@ def extend_to_leaf(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     return tuple(chain)
 
 
-def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
+def chain_between(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
     """Returns the chain from ``start`` to ``end``. If ``extend`` is True, it continues along the longest
     branch below ``end``.
     """
