@@ -48,7 +48,7 @@ class CameraPreview:
         pose_rows = place[:3].ravel().tolist()
         if not isinstance(frame, DepthFrame):
             return CameraMessage(pose_rows, _DEFAULT_INTRINSICS)
-        camera, image = frame.intrinsics, nearness(frame.depth)
+        camera, image = frame.intrinsics, encode_nearness(frame.depth)
         centre_x = (camera.width - 1 - camera.cx if mirrored else camera.cx) / camera.height
         intrinsics = [
             camera.fx / camera.height,
@@ -60,7 +60,7 @@ class CameraPreview:
         return CameraMessage(pose_rows, intrinsics, image.shape[1], image.shape[0], image.tobytes())
 
 
-def nearness(depth: UInt16) -> np.ndarray:
+def encode_nearness(depth: UInt16) -> np.ndarray:
     """Returns an (h, w) uint8 image of a subsampled depth image: 255 near, 1 far, 0 unknown."""
     step = max(-(-depth.shape[0] // _MAX_HEIGHT_PX), -(-depth.shape[1] // (2 * _MAX_HEIGHT_PX - 16)))
     subsampled = depth[::step, ::step]

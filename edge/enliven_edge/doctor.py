@@ -37,8 +37,8 @@ def _check_recording() -> Check:
 
 def _list_crash_reports() -> Check:
     """Lists the stored crash reports. Stored reports are not a failed check."""
-    reports = crash_reports.reports()
-    detail = "\n".join([f"{len(reports)} kept in {crash_reports.folder()}", *map(str, reports)])
+    reports = crash_reports.stored_reports()
+    detail = "\n".join([f"{len(reports)} kept in {crash_reports.reports_folder()}", *map(str, reports)])
     return Check("crash reports", True, detail if reports else "none kept")
 
 

@@ -67,7 +67,7 @@ class Scans:
         self._number = 0
         self._is_starting = self._is_ending = False
         self._name = ""
-        stage.places.watch(self._reserved)
+        stage.places.watch(self._reserved_ids)
 
     @property
     def is_active(self) -> bool:
@@ -143,7 +143,7 @@ class Scans:
         named = msgspec.structs.replace(order, name=name)
         self._beginning = _ScanLoader(self._number, named, self._create_cast())
 
-    def _reserved(self) -> Iterator[tuple[str, Peer | None]]:
+    def _reserved_ids(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the id that the scan will have on the stage, so that its place is reserved."""
         done = self._scan is not None and self._scan.phase == "done"
         if (self._scan is not None or self._beginning is not None) and not done:

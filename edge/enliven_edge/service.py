@@ -210,7 +210,7 @@ class Edge:
         self.health.judge(frame, bodies, place, state)
         condition = self.sensor.condition()
         if place is not None and state is not None:
-            self.health.judge_device(condition, place, state.floor_known)
+            self.health.check_device(condition, place, state.floor_known)
             tracker.down = None if condition is None else condition.down
         self._report_health()
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)

@@ -17,7 +17,7 @@ from enliven.formats.project.file import project_of
 from enliven.possession import Actor, EmbeddedActor
 from enliven.wire import PutCharacter, check_character
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage.character_setup import actor_of, prepare_character
+from enliven_edge.stage.character_setup import create_stage_actor, prepare_character
 
 _MAX_UNPACKED_BYTES = 256 * 1024 * 1024
 """Maximum bytes of an uploaded character after decompression: a million vertices, and a puppet's takes."""
@@ -117,7 +117,9 @@ def _graph_actor(upload: Upload) -> Actor:
         )
 
     if unedited is not None:
-        return actor_of(prepare())  # Do not store a mesh that is being edited, because it soon changes again.
+        return create_stage_actor(
+            prepare()
+        )  # Do not store a mesh that is being edited, because it soon changes again.
     return _stored_actor(upload, prepare, nodes, upload.order.fit)
 
 
@@ -126,7 +128,7 @@ def _stored_actor(
 ) -> EmbeddedActor:
     """Returns the actor of a mesh from the store of prepared characters, or prepares and stores it."""
     inputs = (upload.digest, upload.order.id, upload.character.kind, fit, nodes, upload.settings.actor)
-    return actor_of(prepare_once(key_of("upload", *inputs), prepare))
+    return create_stage_actor(prepare_once(key_of("upload", *inputs), prepare))
 
 
 def _rig_actor(upload: Upload) -> Actor:

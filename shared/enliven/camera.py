@@ -69,7 +69,7 @@ class Intrinsics:
         )
 
 
-def rays(intrinsics: Intrinsics) -> Float:
+def pixel_rays(intrinsics: Intrinsics) -> Float:
     """Returns (H, W, 2) the (x/z, y/z) of every pixel's ray in the camera frame, without distortion.
 
     The distortion is inverted by fixed-point iteration, which converges for the mild lenses of depth cameras.
@@ -82,18 +82,18 @@ def rays(intrinsics: Intrinsics) -> Float:
         return distorted
     ideal = distorted.copy()
     for _ in range(12):
-        ideal += distorted - _distort(ideal, intrinsics)
+        ideal += distorted - _apply_lens_distortion(ideal, intrinsics)
     return ideal
 
 
-def unproject(depth_mm: AnyArray, ray: Float) -> Float:
+def unproject_depth(depth_mm: AnyArray, ray: Float) -> Float:
     """Returns (H, W, 3) camera-frame points in metres from (H, W) depth in millimetres.
 
     Pixels of 0 mm (unknown) become the origin.
 
     Args:
         depth_mm: (H, W) depth along the optical axis, 0 if unknown.
-        ray: (H, W, 2) from :func:`rays`.
+        ray: (H, W, 2) from :func:`pixel_rays`.
     """
     z = depth_mm.astype(np.float64) * 1e-3
     return np.stack([ray[..., 0] * z, ray[..., 1] * z, z], -1)
@@ -102,13 +102,13 @@ def unproject(depth_mm: AnyArray, ray: Float) -> Float:
 def project(points: Float, intrinsics: Intrinsics) -> Float:
     """Returns (..., 2) pixel coordinates of (..., 3) camera-frame points with z > 0."""
     ideal = points[..., :2] / points[..., 2:]
-    distorted = _distort(ideal, intrinsics) if any(intrinsics.distortion) else ideal
+    distorted = _apply_lens_distortion(ideal, intrinsics) if any(intrinsics.distortion) else ideal
     focal = np.array([intrinsics.fx, intrinsics.fy])
     centre = np.array([intrinsics.cx, intrinsics.cy])
     return np.asarray(distorted * focal + centre)
 
 
-def _distort(ideal: Float, intrinsics: Intrinsics) -> Float:
+def _apply_lens_distortion(ideal: Float, intrinsics: Intrinsics) -> Float:
     """Applies Brown-Conrady distortion to (..., 2) ideal normalised coordinates."""
     k1, k2, p1, p2, k3 = intrinsics.distortion
     x, y = ideal[..., 0], ideal[..., 1]

@@ -670,7 +670,7 @@ class ReferencedFiles:
         try:
             return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
         except ValueError:
-            raise self._wrong(uri, "cannot be decoded", "Export the model again.") from None
+            raise self._reference_error(uri, "cannot be decoded", "Export the model again.") from None
 
     def file(self, name: str) -> bytes:
         """Returns the bytes of a file by its name, relative to the folder.
@@ -683,21 +683,21 @@ class ReferencedFiles:
             folder = self._path.parent.resolve()
             target = (folder / name).resolve()
             if not target.is_relative_to(folder):
-                raise self._wrong(name, "lies outside of its folder", _SAME_FOLDER_ADVICE)
+                raise self._reference_error(name, "lies outside of its folder", _SAME_FOLDER_ADVICE)
             if (recorded := _recorded_references.get()) is not None:
                 recorded.append(target)
             data = read_file(target, self._left)
         except InputError as error:
             if error.where == str(self._path):
                 raise
-            raise self._wrong(name, f"cannot be read ({error.what})", _SAME_FOLDER_ADVICE) from None
+            raise self._reference_error(name, f"cannot be read ({error.what})", _SAME_FOLDER_ADVICE) from None
         except (OSError, ValueError, RuntimeError) as error:
             # The path is a loop of symbolic links, or the name is invalid.
-            raise self._wrong(
+            raise self._reference_error(
                 name, f"cannot be read ({plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
             ) from None
         self._left -= len(data)
         return data
 
-    def _wrong(self, name: str, problem: str, remedy: str) -> InputError:
+    def _reference_error(self, name: str, problem: str, remedy: str) -> InputError:
         return InputError(f"its part {name[:80]!r} {problem}", where=str(self._path), remedy=remedy)

@@ -155,7 +155,7 @@ def swing(a: AnyArray, b: AnyArray) -> Float:
     cross = np.cross(a, b)
     length = np.linalg.norm(cross, axis=-1, keepdims=True)
     safe = length > 1e-12
-    axis = np.where(safe, cross / np.where(safe, length, 1.0), _perpendicular(a))
+    axis = np.where(safe, cross / np.where(safe, length, 1.0), _perpendicular_unit(a))
     return normalized(np.concatenate([cosine, axis * sine], -1))
 
 
@@ -166,7 +166,7 @@ def unit(vectors: AnyArray) -> Float:
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
-def _perpendicular(a: Float) -> Float:
+def _perpendicular_unit(a: Float) -> Float:
     """Returns (..., 3) a unit vector perpendicular to each unit vector of ``a`` (..., 3)."""
     smallest = np.abs(a).argmin(-1)
     axis = np.cross(a, np.eye(3)[smallest])

@@ -33,7 +33,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
+from enliven.modeling.skinning.heat_diffusion import bone_heat, bone_segments
 
 BONES = 30
 
@@ -121,7 +121,7 @@ def one_bone(mesh: Mesh) -> SkinWeights:
 def heat_figures() -> Iterator[Figure]:
     mesh, skeleton = limb(), chain()
     ours = least(lambda: bone_heat(mesh, skeleton))
-    segments, _ = segments_of(skeleton)
+    segments, _ = bone_segments(skeleton)
     plain = least(lambda: plain_heat(mesh, segments), 0.5)
     yield Figure("modeling.bone_heat_ms_10k", 1e3 * ours, "ms", "plain SciPy, without sight", plain / ours)
     handles = np.array([np.linalg.norm(mesh.vertices - s.mean(0), axis=1).argmin() for s in segments])

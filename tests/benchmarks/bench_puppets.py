@@ -20,7 +20,7 @@ from figure import Figure
 from enliven.arrays import Float
 from enliven.document.character import Pose
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_examples import examples_of
+from enliven.examples.puppet_examples import examples_from_key_poses
 from enliven.person.body import Body
 from enliven.samples.shipped import cactus_project
 from enliven.wire.convert import pose_to_message
@@ -54,7 +54,7 @@ def figures() -> Iterator[Figure]:
     poses, bodies_seen, _ = runs[0]
     took = np.min([run[2] for run in runs], axis=0)
     frame = float(np.median(took[30:]))
-    mapping = ExampleMap(examples_of(project, puppet), puppet.examples)
+    mapping = ExampleMap(examples_from_key_poses(project, puppet), puppet.examples)
     samples = actor.settings.rate / RATE
     theirs = samples * _plain(mapping, bodies_seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT)
     yield Figure("puppets.frame_ms", 1000 * frame, "ms", "scipy spsolve", theirs / frame)

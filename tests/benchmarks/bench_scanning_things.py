@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, ScanState
-from enliven.scanning.decimation import distances
+from enliven.scanning.decimation import distance_bounds
 from enliven.scanning.objects.surface_points import sample_surface
 from enliven.scanning.rigid import pose_difference
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
@@ -50,7 +50,7 @@ def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
     low, high = truth.bounds
     inside = ((whole.vertices > low - [0.05, -0.02, 0.05]) & (whole.vertices < high + 0.05)).all(1)
     inner = whole.with_faces(inside[whole.faces].all(1))
-    error = distances(truth, sample_surface(inner, 20_000).points)
+    error = distance_bounds(truth, sample_surface(inner, 20_000).points)
     yield Figure(f"scanning.surface_mm_{name}", 1e3 * float(error.mean()), "mm")
     yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     is_near = (

@@ -17,7 +17,7 @@ from figure import Figure
 from scipy.spatial import cKDTree
 
 from enliven.meshes import Mesh
-from enliven.scanning.decimation import distances
+from enliven.scanning.decimation import distance_bounds
 from enliven.scanning.objects.moved_scanner import MovedScanner, object_tracking_settings
 from enliven.scanning.objects.moved_step import ObjectState
 from enliven.scanning.objects.registration import align_from_starts
@@ -80,7 +80,7 @@ def _mesh(name: str, made: Mesh) -> Iterator[Figure]:
         grid, sample_surface(made, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
     )
     made = replace(made, vertices=made.vertices @ pose[:3, :3].T + pose[:3, 3])
-    error = distances(truth, sample_surface(made, 20_000).points)
+    error = distance_bounds(truth, sample_surface(made, 20_000).points)
     yield Figure(f"scanning.surface_mm_{name}", 1e3 * float(error.mean()), "mm")
     yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     yield Figure(f"scanning.too_much_{name}", float((error > NEAR).mean()), "of the mesh, hands and the like")

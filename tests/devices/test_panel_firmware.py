@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.controls.panel_protocol import Decoder, Lamps, PanelKeys, encode, lamps_body
+from enliven_edge.controls.panel_protocol import Decoder, Lamps, PanelKeys, encode, lamps_message_body
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -37,7 +37,7 @@ def lit(board: MatchList, milliseconds: int = 400, edge: Lamps | None = None) ->
     before = {name: board.lamp(name)[0] for name in LAMPS}
     for _ in range(milliseconds // 200):
         if edge is not None:
-            board.feed(encode(lamps_body(edge)))
+            board.feed(encode(lamps_message_body(edge)))
         board.run(200)
     return {name: (board.lamp(name)[0] - before[name]) * 1000.0 / milliseconds for name in LAMPS}
 
@@ -188,7 +188,7 @@ def test_message_after_noise_is_heard(board, noise, steady):
     for start in range(0, len(noise), 40):
         board.feed(noise[start : start + 40])
         board.run(15)
-    board.feed(encode(lamps_body(Lamps(locked="steady" if steady else "off"))))
+    board.feed(encode(lamps_message_body(Lamps(locked="steady" if steady else "off"))))
     board.run(15)
     assert lit(board, 200)["locked"] == pytest.approx(float(steady), abs=0.01)
 

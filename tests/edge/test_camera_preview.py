@@ -9,7 +9,7 @@ from enliven.camera import Intrinsics
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body
 from enliven.rotation import from_rotation_vector
-from enliven_edge.camera_preview import CameraPreview, nearness
+from enliven_edge.camera_preview import CameraPreview, encode_nearness
 from enliven_viewer.studio.perform.preview_placement import find_aspect, project_bodies
 from enliven_viewer.studio.picture.preview_textures import draw_depth_image
 
@@ -85,7 +85,7 @@ def test_body_sensor_publishes_only_its_pose() -> None:
 def test_any_image_becomes_a_small_picture(size) -> None:
     depth = np.random.default_rng(0).integers(0, 9000, size).astype(np.uint16)
     depth[0, 0], depth[0, -1] = 0, 65535
-    small = nearness(depth)
+    small = encode_nearness(depth)
     assert small[0, 0] == 0 and max(small.shape) <= 128 and small.shape[0] <= 72
     preview = CameraPreview().create_message(
         DepthFrame(depth, Intrinsics(size[1], size[0], 300, 300, 5, 5), 0, "s"), tilted()

@@ -14,7 +14,7 @@ from cage import Cage, CageRig, Swing
 
 from enliven.arrays import Float
 from enliven.document import Pose, PoseStream, Project, unused
-from enliven.modeling.possessed.even_steps import between, even_times
+from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly
 from enliven.person import Body, Joint
 from enliven.possession import Actor, Cues, make_cues
 from enliven.takes.performed import RECORDERS, PerformedCharacter
@@ -73,7 +73,7 @@ class CageActor(Actor):
 def add_swing(project: Project, cage: Cage, motion: PerformedCharacter) -> Project | None:
     """Adds the recorded motion of the corners as a layer."""
     poses, seconds, grid = even_times(motion.character, motion.poses, motion.begin)
-    corners = between(np.array([pose.positions for pose in poses], np.float64), seconds, grid)
+    corners = interpolate_linearly(np.array([pose.positions for pose in poses], np.float64), seconds, grid)
     offsets = (corners - corners[0]) @ np.linalg.inv(cage.linear).T
     name = unused(f"{motion.performed.name} on {cage.id}", project.streams)
     linear = np.tile(np.eye(3), (len(grid), 4, 1, 1))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.examples.puppet_examples import examples_of
+from enliven.examples.puppet_examples import examples_from_key_poses
 from enliven.examples.puppet_motion import motion_of
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
@@ -106,7 +106,7 @@ def test_the_surface_follows_and_stays_whole(name):
 
 def test_a_walk_is_shown_mirrored_left_to_right():
     project = project_of("trex")
-    examples = examples_of(project, next(iter(project.puppets.values())))
+    examples = examples_from_key_poses(project, next(iter(project.puppets.values())))
     assert len(examples) == 4
     plane = plane_of_symmetry(next(iter(project.puppets.values())).mesh)
     assert plane is not None

@@ -11,7 +11,7 @@ import pytest
 
 from enliven.cli import run
 from enliven.example_sessions.session import read_session
-from enliven.examples.puppet_examples import examples_of
+from enliven.examples.puppet_examples import examples_from_key_poses
 from enliven.examples.puppet_motion import motion_of
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -57,7 +57,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
     read = read_session(session)
     posed = read.project.puppets[file.stem]
     motion = motion_of(read.project, posed, 0)
-    reached = examples_of(read.project, posed).targets
+    reached = examples_from_key_poses(read.project, posed).targets
     # Weights stay within bounds, so nothing moves far beyond the key poses.
     room = 1.5 * np.ptp(reached, axis=0).max() + 0.05
     assert (motion.places.min(0) > reached.min(0) - room).all()

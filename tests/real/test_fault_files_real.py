@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project
 from enliven.meshes import load_mesh, load_upright
-from enliven.modeling.mesh.solids import Solid, solid_of
+from enliven.modeling.mesh.solids import Solid, solid_from_mesh
 from enliven.recording import Recording
 from enliven.rotation import rotate
 from enliven.takes.files import read_take
@@ -115,8 +115,8 @@ def test_flipped_meshes_are_possessed_as_the_clean_one(tmp_path) -> None:
 def test_flipped_meshes_merge_to_one_shell(name: str) -> None:
     mesh, other = load_mesh(FAULTS / name).mesh, load_mesh(FAULTS / "latin1_comment.obj").mesh
     first, second = (
-        solid_of(mesh),
-        solid_of(replace(other, vertices=other.vertices + np.array([0.05, 0.02, 0.0]))),
+        solid_from_mesh(mesh),
+        solid_from_mesh(replace(other, vertices=other.vertices + np.array([0.05, 0.02, 0.0]))),
     )
     assert isinstance(first, Solid) and isinstance(second, Solid), "neither has a face that is wound wrongly"
     assert len((first.manifold + second.manifold).decompose()) == 1

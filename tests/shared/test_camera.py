@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.camera import Intrinsics, project, rays, unproject, world_from_level_camera
+from enliven.camera import Intrinsics, pixel_rays, project, unproject_depth, world_from_level_camera
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 
@@ -18,7 +18,7 @@ LENS = st.tuples(
 @settings(max_examples=30, deadline=None)
 def test_projecting_undoes_unprojecting(lens, millimetres):
     camera = Intrinsics(80, 60, 70.0, 71.0, 39.0, 31.0, (*lens, 0.0))
-    points = unproject(np.full((60, 80), millimetres, np.uint16), rays(camera))
+    points = unproject_depth(np.full((60, 80), millimetres, np.uint16), pixel_rays(camera))
     u, v = np.meshgrid(np.arange(80), np.arange(60))
     np.testing.assert_allclose(project(points, camera), np.stack([u, v], -1), atol=1e-6)
 

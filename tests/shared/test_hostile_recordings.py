@@ -14,7 +14,7 @@ from bounded import bounded
 
 from enliven.document.project import Project
 from enliven.errors import InputError
-from enliven.formats.npy import array_of
+from enliven.formats.npy import read_npy
 from enliven.formats.project.file import project_bytes, project_of, read_project
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
@@ -176,7 +176,7 @@ def test_arrays_come_back_as_they_were_written(order, shape, kind):
     values = np.asarray(np.arange(np.prod(shape, dtype=int)).reshape(shape) % 2, kind, order=order)
     out = io.BytesIO()
     np.save(out, values)
-    again = array_of(out.getvalue())
+    again = read_npy(out.getvalue())
     assert again.dtype == values.dtype and again.flags.writeable
     np.testing.assert_array_equal(again, values)
 

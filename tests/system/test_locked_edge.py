@@ -30,7 +30,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.keys.client import ClientKeys
 from enliven.keys.key_files import KeyPair, KeyStore, PairedViewer, fingerprint
 from enliven.keys.pairing import CODE_LIFETIME_S, MAX_TRIES_PER_CODE, Introduction, ViewerExchange
-from enliven.keys.roles import ROLES, Role, includes
+from enliven.keys.roles import ROLES, Role, role_includes
 from enliven.wire import (
     MAX_STREAM_BYTES,
     NEEDED_ROLES,
@@ -66,7 +66,7 @@ from enliven.wire import (
     unpack_control,
 )
 from enliven_edge.network.access import Access, open_access
-from enliven_edge.network.permissions import refusal_of
+from enliven_edge.network.permissions import refusal_reason
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.network.server import ZmtpServer
 from enliven_edge.orders import create_handlers
@@ -154,7 +154,9 @@ def test_a_request_that_the_table_lacks_needs_the_highest_role() -> None:
     class Explode(Order, frozen=True):
         pass
 
-    assert refusal_of(Explode, "edit", "127.0.0.1") and not refusal_of(Explode, "operate", "127.0.0.1")
+    assert refusal_reason(Explode, "edit", "127.0.0.1") and not refusal_reason(
+        Explode, "operate", "127.0.0.1"
+    )
 
 
 @pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
@@ -182,13 +184,15 @@ def test_watchers_change_nothing_by_any_request(locked: Locked, kind: type[Ask])
 @pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
 @pytest.mark.parametrize("role", ROLES)
 def test_each_role_may_send_its_requests_and_no_others(role: Role, kind: type[Ask]) -> None:
-    may = includes(role, NEEDED_ROLES[kind])
-    assert bool(refusal_of(kind, role, "127.0.0.1")) == (not may)
-    assert bool(refusal_of(kind, None, "127.0.0.1")) == (NEEDED_ROLES[kind] is not None)
+    may = role_includes(role, NEEDED_ROLES[kind])
+    assert bool(refusal_reason(kind, role, "127.0.0.1")) == (not may)
+    assert bool(refusal_reason(kind, None, "127.0.0.1")) == (NEEDED_ROLES[kind] is not None)
 
 
 def test_roles_have_the_rights_that_the_page_states() -> None:
-    assert includes(NEEDED_ROLES[Possess], "perform") and includes(NEEDED_ROLES[RemoveCharacter], "edit")
+    assert role_includes(NEEDED_ROLES[Possess], "perform") and role_includes(
+        NEEDED_ROLES[RemoveCharacter], "edit"
+    )
     assert NEEDED_ROLES[Listen] == "operate" and NEEDED_ROLES[Hello] == "watch"
 
 
@@ -557,8 +561,8 @@ def test_a_damaged_file_of_a_viewer_locks_out_that_viewer_only(
     path = locked.store.folder / "viewers" / f"{fingerprint(locked.keys['edit'].public)}.toml"
     path.write_text(path.read_text().replace("edit", "king"))
     locked.access.refresh(now=True)
-    assert locked.access.role_of(locked.keys["edit"].public) is None and "not admitted" in caplog.text
-    assert locked.access.role_of(locked.keys["watch"].public) == "watch"
+    assert locked.access.viewer_role(locked.keys["edit"].public) is None and "not admitted" in caplog.text
+    assert locked.access.viewer_role(locked.keys["watch"].public) == "watch"
 
 
 @pytest.mark.slow

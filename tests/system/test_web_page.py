@@ -21,7 +21,7 @@ from web_pictures import SIZE, Compared, compare_drawn, lower_camera, unlit, vie
 
 from enliven import cactus_project, export
 from enliven.document import Character, Pose, SkinWeights
-from enliven.document.puppet import character_of_puppet
+from enliven.document.puppet import character_from_puppet
 from enliven.exporters import performance_of
 from enliven.meshes import MeshMaterials, Texture
 from enliven.person import Body
@@ -100,7 +100,7 @@ def textured_ball() -> tuple[Character, Pose]:
 
 def bent_cactus() -> tuple[Character, Pose]:
     """Returns the cactus, which control points move, with one point lifted."""
-    character = character_of_puppet(cactus_project().puppet("cactus"))
+    character = character_from_puppet(cactus_project().puppet("cactus"))
     pose = character.rest_pose()
     positions = pose.positions.copy()
     positions[1:] += np.float32([0.08, 0.05, 0.0]) * (character.pivots[1:, 1:2] > 0.8)

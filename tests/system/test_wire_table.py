@@ -28,7 +28,7 @@ from enliven.wire.requests import Done, Listen, Lock, Refused
 from enliven.wire.streams import BodiesMessage
 from enliven_edge.network.handlers import Handler, execute
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.network.permissions import refusal_of
+from enliven_edge.network.permissions import refusal_reason
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
@@ -150,7 +150,7 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
 def test_some_requests_are_for_viewers_of_the_same_machine(
     address: str, kind: type[Order], told: str
 ) -> None:
-    reason = refusal_of(kind, "operate", address)
+    reason = refusal_reason(kind, "operate", address)
     assert told in reason if told else not reason
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import progress_lines, say
+from enliven.commands.terminal import print_line, progress_lines
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.progress import interruptible
@@ -89,9 +89,9 @@ def calibrate(
         collectors = _create_collectors(sensors, scenes, edge_settings, seconds)
         calibration = _collect_and_calibrate(collectors, edge_settings)
     for pair in calibration.pairs:
-        say(_describe_pair(pair))
+        print_line(_describe_pair(pair))
     if len(calibration.sensors) > 2:
-        say(
+        print_line(
             f"error around the loop of sensors: {calibration.loop_cm:.1f} cm "
             f"and {calibration.loop_deg:.1f} deg"
         )
@@ -166,7 +166,7 @@ def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSetti
         for collector in collectors:
             collector.stop()
             if collector.failure:
-                say(f"{collector.name}: {collector.failure}", err=True)
+                print_line(f"{collector.name}: {collector.failure}", err=True)
         progress.update(task, description="Comparing what the sensors saw")
         return calibrated([c.stream() for c in collectors], edge_settings.calibration)
 
@@ -213,4 +213,4 @@ def _write(calibration: Calibration, collectors: list[Collector], output: Path, 
     ]
     backup = save_space(output, space, remarks)
     backup_note = f" (the previous file is now {backup})" if backup else ""
-    say(f"{output} holds the places of {len(space.sensors)} sensors{backup_note}")
+    print_line(f"{output} holds the places of {len(space.sensors)} sensors{backup_note}")

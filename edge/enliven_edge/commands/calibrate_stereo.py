@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import facts_table, plain_console, say
+from enliven.commands.terminal import facts_table, plain_console, print_line
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
@@ -87,19 +87,21 @@ def _write_board(board: CalibrationBoard, path: Path) -> None:
         path.write_bytes(board.pdf())
     except OSError as error:
         raise ResourceError(f"it cannot be written ({error.strerror or error})", where=str(path)) from None
-    say(f"{path}: print it at 100 %, glue it to something flat, measure a square and give it as --square")
+    print_line(
+        f"{path}: print it at 100 %, glue it to something flat, measure a square and give it as --square"
+    )
 
 
 def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt: bool) -> None:
     """Solves the calibration, prints its quality, and writes it if it is good enough or the user accepts
     it."""
     from enliven_edge.sensors.stereo.calibration import save_calibration
-    from enliven_edge.sensors.stereo.calibration_quality import judge
+    from enliven_edge.sensors.stereo.calibration_quality import rate_solution
     from enliven_edge.sensors.stereo.stereo_solver import solve
 
     sightings, size = _find_boards(board, folder)
     solution = solve(board, sightings, size)
-    judgement = judge(board, solution)
+    judgement = rate_solution(board, solution)
     _print_quality(judgement)
     calibration = solution.calibration
     if calibration is None or not (judgement.usable or accept_doubt):
@@ -114,7 +116,7 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     today = datetime.date.today().isoformat()
     comments = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
     save_calibration(output, calibration, [*comments, *facts])
-    say(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
+    print_line(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
 
 
 def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
@@ -173,7 +175,7 @@ def _record_pairs(
                     Image.fromarray(image.image).save(folder / f"{side}-{len(selector.kept):03}.png")
             status = rejection or f"{len(selector.kept)} of {pairs} kept"
             if status != last_message:
-                say(status)
+                print_line(status)
             last_message = status
     finally:
         images.close()

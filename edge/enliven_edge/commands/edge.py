@@ -155,7 +155,7 @@ def edge(
     from enliven_edge.network.access import open_access
     from enliven_edge.network.tcp_listener import raise_descriptor_limit
     from enliven_edge.physics.settings import PhysicsSettings
-    from enliven_edge.recording.settings import with_options
+    from enliven_edge.recording.settings import settings_with_options
     from enliven_edge.settings import characters_from_options
 
     edge_settings = _load_edge_settings(
@@ -170,7 +170,7 @@ def edge(
         edge_settings = dataclasses.replace(
             edge_settings, physics=dataclasses.replace(edge_settings.physics, world=world)
         )
-    recording_settings = with_options(edge_settings.recording, part_minutes, keep_free)
+    recording_settings = settings_with_options(edge_settings.recording, part_minutes, keep_free)
     edge_settings = dataclasses.replace(edge_settings, recording=recording_settings)
     edge_settings = dataclasses.replace(edge_settings, outputs=outputs_of(out or [], edge_settings.outputs))
     characters = characters_from_options(mesh or [], drive or [], parts or [], edge_settings.characters)

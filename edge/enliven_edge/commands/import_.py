@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from enliven.commands.terminal import plain_console, plain_text, say
+from enliven.commands.terminal import plain_console, plain_text, print_line
 from enliven.errors import InputError
 from enliven_edge.commands.image_options import LensOption, UnitsOption
 from enliven_edge.commands.progress import write_recording
@@ -82,9 +82,9 @@ def import_recording(
         console=console,
     )
     size = output.stat().st_size / 1e6
-    say(f"{output}: {contents.summary} ({chosen_reader.name}, {size:.1f} MB)")
+    print_line(f"{output}: {contents.summary} ({chosen_reader.name}, {size:.1f} MB)")
     for note in notes:
-        say(f"Note: {note}.")
+        print_line(f"Note: {note}.")
 
 
 def _reader_table() -> Table:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import track
 
-from enliven.commands.terminal import facts_table, plain_console, say
+from enliven.commands.terminal import facts_table, plain_console, print_line
 from enliven.errors import InputError
 from enliven.files import require_folder, write_picture
 
@@ -67,7 +67,7 @@ def inspect(
     else:
         rate, count = _measure_rate(source, count), min(count, frames or count)
         _write_film(source, log, output, sheet, width, (rate, rate / slow), count)
-        say(f"{output}: {count} frames at {rate / slow:.3g} a second")
+        print_line(f"{output}: {count} frames at {rate / slow:.3g} a second")
     plain_console().print(facts_table(log.facts()))
 
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Self
 
-from enliven.commands.terminal import progress_lines, say
+from enliven.commands.terminal import print_line, progress_lines
 from enliven.document import unused
 from enliven.kernel_cache.compiling import on_compilation
 from enliven.kernel_cache.store import user_folder
@@ -122,7 +122,7 @@ def _show_steps(first_step: str, total: int) -> Iterator[Callable[[str], None]]:
 @functools.cache
 def _print_wait_note() -> None:
     """Prints that kernels are being compiled, once per process."""
-    say("enliven edge: compiling kernels; this takes a minute or two, once on this machine", err=True)
+    print_line("enliven edge: compiling kernels; this takes a minute or two, once on this machine", err=True)
 
 
 def _print_note_once(compiled: int) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import plain_console, say
+from enliven.commands.terminal import plain_console, print_line
 from enliven.errors import InputError
 from enliven_edge.commands.progress import frame_progress, interruptible
 
@@ -56,11 +56,11 @@ def record(
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven_edge.recording.parts import PartedRecorder
-    from enliven_edge.recording.settings import RecordingSettings, with_options
+    from enliven_edge.recording.settings import RecordingSettings, settings_with_options
     from enliven_edge.sensors import open_reopening, sensor_opener, sensor_options
 
     console = plain_console()
-    settings = with_options(RecordingSettings(), part_minutes, keep_free)
+    settings = settings_with_options(RecordingSettings(), part_minutes, keep_free)
     with (
         open_reopening(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         PartedRecorder(output, compression_level=level, overwrite=overwrite, settings=settings) as recorder,
@@ -74,9 +74,9 @@ def record(
             progress.update(task, count=count)
     size = sum(path.stat().st_size for path in recorder.paths if path.exists())
     names = ", ".join(str(path) for path in recorder.paths)
-    say(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
+    print_line(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
     if recorder.lost:
-        say(f"Note: {recorder.lost} messages are missing because the disk was full.")
+        print_line(f"Note: {recorder.lost} messages are missing because the disk was full.")
     if recorder.failure is not None:
         raise recorder.failure
 

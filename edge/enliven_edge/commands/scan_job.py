@@ -11,7 +11,7 @@ from threading import Event
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.commands.terminal import plain_console, say
+from enliven.commands.terminal import plain_console, print_line
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.scanning import (
@@ -163,13 +163,13 @@ class ScanJob:
         )
         summary = f"{len(scan_result.mesh.faces)} triangles{reduction_note}, {size} cm, "
         summary += f"of {self.scan_log.frames} frames"
-        say(f"{output}: {summary}, {self.scan_log.now}")
+        print_line(f"{output}: {summary}, {self.scan_log.now}")
         if scan_result.cut_note:
-            say(scan_result.cut_note[:1].upper() + scan_result.cut_note[1:])
+            print_line(scan_result.cut_note[:1].upper() + scan_result.cut_note[1:])
         if scan_result.mesh.colours is None:
             self._notes.append("The camera gave no colours, so the mesh has none.")
         for sentence in (*self.scan_log.advice(self.scanner), *self._notes):
-            say(f"Note: {sentence}")
+            print_line(f"Note: {sentence}")
 
     def _scan(self) -> int:
         """Fuses all images. Returns the number of images that come from an earlier scan."""

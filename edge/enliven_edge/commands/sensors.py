@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import facts_table, plain_console, say
+from enliven.commands.terminal import facts_table, plain_console, print_line
 from enliven.errors import InputError, ResourceError
 from enliven.files import write_picture
 
@@ -85,7 +85,7 @@ def sensors(
         typer.echo(encode_image(_draw_picture(frames[-1]), protocol, console.width), nl=False, color=True)
     if output is not None:
         _write_picture_file(frames[-1], output, [f"{label}: {value}" for label, value in facts[:4]])
-        say(f"{output}: its depth, near is bright")
+        print_line(f"{output}: its depth, near is bright")
 
 
 def _list_sensors(console: Console) -> None:
@@ -133,7 +133,7 @@ def _read_frames(sensor: Sensor, seconds: float) -> list[DepthFrame]:
         except (SensorFault, InputError) as error:
             if not sensor.recorded:
                 raise
-            say(f"enliven: {error}", err=True)
+            print_line(f"enliven: {error}", err=True)
             continue
         if frame is None:
             break
@@ -153,8 +153,8 @@ def _describe_sensor(
     """Returns facts about a sensor for the user, as pairs of label and value."""
     import numpy as np
 
-    from enliven.camera import rays, unproject
-    from enliven_edge.tracking.frame.reduction import survey
+    from enliven.camera import pixel_rays, unproject_depth
+    from enliven_edge.tracking.frame.reduction import measure_depth_image
     from enliven_edge.tracking.scene.floor import world_from_floor
 
     last = frames[-1]
@@ -162,13 +162,13 @@ def _describe_sensor(
     facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
-    known_fraction = statistics.median(survey(frame.depth).known_fraction for frame in frames)
+    known_fraction = statistics.median(measure_depth_image(frame.depth).known_fraction for frame in frames)
     facts.append(("depth", f"known in {100 * known_fraction:.0f} % of the image"))
     metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
     if len(metres):
         near, far = np.percentile(metres, (1, 99))
         facts.append(("distances", f"{near:.2f} to {far:.2f} m"))
-    points = unproject(last.depth, rays(last.intrinsics)).reshape(-1, 3)
+    points = unproject_depth(last.depth, pixel_rays(last.intrinsics)).reshape(-1, 3)
     level_from_camera = world_from_floor(points[points[:, 2] > 0])
     down = None if level_from_camera is None else -level_from_camera[1, :3]
     if level_from_camera is None or down is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import plain_console, say
+from enliven.commands.terminal import plain_console, print_line
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.image_options import LensOption, UnitsOption
@@ -66,9 +66,9 @@ def track(
         console=plain_console(),
         overwrite=overwrite,
     )
-    say(f"{output}: {contents.summary}")
+    print_line(f"{output}: {contents.summary}")
     if not contents.seen:
-        say("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
+        print_line("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
 
 
 def _is_recording(path: Path) -> bool:
@@ -109,7 +109,7 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
     reader = find_reader(paths)
 
     def note(sentence: str) -> None:
-        say(f"Note: {sentence}.")
+        print_line(f"Note: {sentence}.")
 
     options = ImportOptions(lens=parse_lens(lens), units_per_metre=units_per_metre, note=note)
     frames = iter(reader.read(paths, options))
@@ -117,12 +117,12 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
     if not isinstance(first, DepthFrame):
         raise _no_depth_error(path)
     camera = first.intrinsics
-    say(
+    print_line(
         f"Read as {reader.name}, sensor {first.sensor}: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
         f"cx {camera.cx:.1f}, cy {camera.cy:.1f} pixels at {camera.width}x{camera.height}."
     )
     if reader.note:
-        say(f"Note: {reader.note}.")
+        print_line(f"Note: {reader.note}.")
     return chain([first], frames), len(paths)
 
 

@@ -82,7 +82,7 @@ _PRINTABLE = re.compile(rb"[\x20-\x7e]*")
 """The characters of a body: printable ASCII."""
 
 
-def lamps_body(lamps: Lamps) -> str:
+def lamps_message_body(lamps: Lamps) -> str:
     """Returns the body of a message that sets the lamps: L and one pattern character for each lamp."""
     return "L" + "".join(_CODES[pattern] for pattern in astuple(lamps))
 

@@ -12,7 +12,7 @@ from enliven_edge.controls.panel_protocol import (
     Lamps,
     PanelKeys,
     encode,
-    lamps_body,
+    lamps_message_body,
 )
 from enliven_edge.controls.serial_pedal import SerialPedal
 from enliven_edge.controls.settings import ControlSettings
@@ -87,7 +87,7 @@ class SerialPanel(SerialPedal):
     def _send_lamps(self) -> None:
         """Sends the lamps if they changed or a heartbeat is due. Requests a greeting that was missed."""
         now = time.monotonic()
-        body = lamps_body(self._lamps) if self.answers else GREETING_REQUEST
+        body = lamps_message_body(self._lamps) if self.answers else GREETING_REQUEST
         if self.answers and now - self._lamps_set_at > _STALE_AFTER_S:
             return
         if body != self._said or now - self._said_at >= _MESSAGE_INTERVAL_S:

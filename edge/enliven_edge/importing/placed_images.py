@@ -51,8 +51,8 @@ class RealSenseReader(Reader):
             camera = _find_camera(
                 entry, *png_size(path), where=f"{path.parent / _REPOSITORY}, device {device}"
             )
-            sensor = options.device or f"{_model(entry)}-{entry.get('Serial', device)}"
-            unit = units.setdefault(device, detect_unit(path, options, _model(entry)))
+            sensor = options.device or f"{_sensor_name(entry)}-{entry.get('Serial', device)}"
+            unit = units.setdefault(device, detect_unit(path, options, _sensor_name(entry)))
             yield DepthFrame(read_millimetres(path, unit), camera, time_ns, sensor)
 
 
@@ -61,7 +61,7 @@ def _find_images(paths: Sequence[Path]) -> list[Path]:
     return sorted((path for path in image_paths if path.stem.split("_")[2] == "depth"), key=natural_order)
 
 
-def _model(entry: dict[str, Any]) -> str:
+def _sensor_name(entry: dict[str, Any]) -> str:
     """Returns the sensor name of a model, such as "realsense-d415" for "Intel RealSense D415"."""
     return "-".join(str(entry.get("Type", "RealSense")).lower().split()[-2:])
 

@@ -46,7 +46,7 @@ class Inspector:
             stand, state = self._tracker.world_from_camera, self._tracker.state
             self._health.judge(frame, self.bodies, stand, state)
             if stand is not None and state is not None:
-                self._health.judge_device(condition, stand, state.floor_known)
+                self._health.check_device(condition, stand, state.floor_known)
         scale = self._width / frame.intrinsics.width
         picture = depth_picture(frame.depth, *self._smooth_span(frame))
         if self._tracker.owner is not None and self.bodies:
@@ -56,7 +56,7 @@ class Inspector:
         mount = self._tracker.world_from_camera
         if mount is not None:
             picture = draw_bodies(picture, self.bodies, frame.intrinsics, mount, scale)
-        return add_caption(picture, self._caption(frame))
+        return add_caption(picture, self._caption_lines(frame))
 
     def _smooth_span(self, frame: DepthFrame) -> tuple[float, float]:
         now = depth_span(frame.depth)
@@ -65,7 +65,7 @@ class Inspector:
         self._span = k * previous[0] + (1 - k) * now[0], k * previous[1] + (1 - k) * now[1]
         return self._span
 
-    def _caption(self, frame: DepthFrame) -> list[str]:
+    def _caption_lines(self, frame: DepthFrame) -> list[str]:
         """Returns the text lines of an image: the current problems, the most severe first, then time and
         people.
         """

@@ -97,13 +97,13 @@ def draw_bodies(
                     [*uv[a], *uv[b]], fill=confidence_colour(confidence), width=max(1, round(2 * scale))
                 )
         for j in np.flatnonzero(is_visible):
-            _dot(draw, uv[j], 3.0 * scale, float(body.confidence[j]))
+            _draw_joint(draw, uv[j], 3.0 * scale, float(body.confidence[j]))
         if is_visible[3]:
             draw.text((uv[3, 0] + 8 * scale, uv[3, 1] - 18 * scale), str(body.id), fill=(255, 255, 255))
     return np.asarray(image)
 
 
-def _dot(draw: ImageDraw.ImageDraw, centre: AnyArray, radius: float, confidence: float) -> None:
+def _draw_joint(draw: ImageDraw.ImageDraw, centre: AnyArray, radius: float, confidence: float) -> None:
     """Draws a joint: filled if it is observed, a ring if it is estimated."""
     box = [centre[0] - radius, centre[1] - radius, centre[0] + radius, centre[1] + radius]
     if confidence >= _MIN_CONFIDENCE:

@@ -237,7 +237,7 @@ class StageKeeper(Closeable):
         )
         if fingerprint != self._fingerprint:
             self._fingerprint = fingerprint
-            self._writer.set_state(self._capture(edge), self._scanned(edge))
+            self._writer.set_state(self._capture(edge), self._scanned_characters(edge))
 
     def _capture(self, edge: KeptEdge) -> StageState:
         """Returns the current state. Scanned characters are added by the writer."""
@@ -258,7 +258,7 @@ class StageKeeper(Closeable):
             world=edge.physics.world,
         )
 
-    def _scanned(self, edge: KeptEdge) -> dict[str, Character]:
+    def _scanned_characters(self, edge: KeptEdge) -> dict[str, Character]:
         """Returns the characters that were made by scans, by id."""
         other_names = edge.uploads.orders.keys() | self._initial.keys()
         return {name: actor.character for name, actor in edge.stage.actors.items() if name not in other_names}
@@ -281,7 +281,7 @@ class _StageWriter:
 
     def __init__(self, folder: StageFolder, written: StageState) -> None:
         self._folder, self._written = folder, written
-        self._state, self._scanned = written, dict[str, Character]()
+        self._state, self._scanned_characters = written, dict[str, Character]()
         self._data: dict[str, bytes] = {}
         self._scan_entries: dict[str, tuple[Character, KeptCharacter]] = {}
         self._changed, self._ended = threading.Condition(), False
@@ -297,7 +297,7 @@ class _StageWriter:
     def set_state(self, state: StageState, scanned: dict[str, Character]) -> None:
         """Sets the newest state. The writer writes it if it differs from the written one."""
         with self._changed:
-            self._state, self._scanned = state, scanned
+            self._state, self._scanned_characters = state, scanned
             self._changed.notify()
 
     def close(self) -> None:
@@ -313,7 +313,7 @@ class _StageWriter:
             with self._changed:
                 while self._state is written_state and not self._ended:
                     self._changed.wait()
-                state, scanned, ended = self._state, self._scanned, self._ended
+                state, scanned, ended = self._state, self._scanned_characters, self._ended
                 data = dict(self._data)
             wait_s = _WRITE_INTERVAL_S
             try:
@@ -335,14 +335,14 @@ class _StageWriter:
             self._folder.write_character(digest, content)
             with self._changed:
                 self._data.pop(digest, None)
-        state = self._with_scanned(state, scanned)
+        state = self._write_scanned_characters(state, scanned)
         if state == self._written:
             return
         self._folder.write(state)
         self._written = state
         self._folder.delete_characters_except({kept.digest for kept in state.characters})
 
-    def _with_scanned(self, state: StageState, scanned: Mapping[str, Character]) -> StageState:
+    def _write_scanned_characters(self, state: StageState, scanned: Mapping[str, Character]) -> StageState:
         """Writes the data of scanned characters, and returns the state with their entries."""
         entries = {}
         for name, character in scanned.items():

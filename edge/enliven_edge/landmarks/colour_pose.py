@@ -186,7 +186,7 @@ class MonocularPoseEstimator:
 
     def bodies(self, colour: UInt8, time_ns: int) -> list[Body]:
         """Returns the bodies in an (h, w, 3) uint8 sRGB image."""
-        camera = pinhole(colour.shape[1], colour.shape[0], self._view)
+        camera = pinhole_camera(colour.shape[1], colour.shape[0], self._view)
         return self._eye.bodies(colour, camera, self._mount, time_ns)
 
     def close(self) -> None:
@@ -204,7 +204,7 @@ def check_view(view: float) -> None:
         raise InputError(f"the field of view is {view} degrees", where="camera", remedy="Give 10 to 170.")
 
 
-def pinhole(width: int, height: int, view: float) -> Intrinsics:
+def pinhole_camera(width: int, height: int, view: float) -> Intrinsics:
     """Returns a pinhole camera with a horizontal field of view of ``view`` radians."""
     focal = 0.5 * width / math.tan(0.5 * view)
     return Intrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))

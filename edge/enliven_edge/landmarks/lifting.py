@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import ANKLE_ABOVE_SOLE, HEAD_ABOVE_JOINT, Body, Joint
@@ -33,7 +33,7 @@ SKIN_TO_JOINT_M = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
 """(20,) metres from the visible skin to the joint behind it."""
 
 
-def _weights() -> Float:
+def _joint_weights() -> Float:
     """Returns (20, 33) the weight of each landmark in a joint. Every row sums to 1."""
     weights = np.zeros((len(Joint), len(NAMES)))
 
@@ -59,7 +59,7 @@ def _weights() -> Float:
     return weights
 
 
-WEIGHTS = _weights()
+WEIGHTS = _joint_weights()
 _NEEDED_LANDMARKS = np.abs(WEIGHTS) > 0.15
 """(20, 33) True for the landmarks that a joint needs."""
 
@@ -126,7 +126,7 @@ class Lifter:
         posture = self._place_joints(
             landmarks, _to_depth(landmarks.points, frame.colour.shape, camera), camera
         )
-        ray, is_inside = self._ray(pixels, camera)
+        ray, is_inside = self._pixel_ray_coordinates(pixels, camera)
         first = self._measure_depth(frame, pixels, posture[:, 2], is_inside, np.inf)
         usable = np.isfinite(first) & (visibility >= _MIN_VISIBILITY)
         if usable.sum() >= _MIN_MEDIAN_SAMPLES:
@@ -153,7 +153,7 @@ class Lifter:
         posture = self._place_joints(landmarks, landmarks.points, camera)
         bones = Body(person, posture, np.ones(20)).height - _HEIGHT_BEYOND_BONES_M
         posture = posture * ((self.settings.body_height - _HEIGHT_BEYOND_BONES_M) / max(bones, 0.1))
-        _, is_inside = self._ray(joints_from_landmarks(landmarks.points), camera)
+        _, is_inside = self._pixel_ray_coordinates(joints_from_landmarks(landmarks.points), camera)
         visibility = joint_visibility(landmarks.visibility)
         confidence = np.where(
             is_inside & (visibility >= _MIN_VISIBILITY), visibility * _CONFIDENCE_WITHOUT_DEPTH, 0.0
@@ -163,7 +163,7 @@ class Lifter:
     def _place_joints(self, landmarks: Landmarks, points: Float, camera: Intrinsics) -> Float:
         """Returns (20, 3) joints in the camera frame that project onto the landmarks, at the landmarks'
         scale."""
-        ray, is_inside = self._ray(points, camera)
+        ray, is_inside = self._pixel_ray_coordinates(points, camera)
         weight = landmarks.visibility * np.where(is_inside, 1.0, 0.2)
         x, y, z = landmarks.offsets.T
         # The perspective equations (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz) are linear in t.
@@ -176,10 +176,10 @@ class Lifter:
         place[2] = max(place[2], 0.3 - float(z.min()))
         return joints_from_landmarks(landmarks.offsets) + place
 
-    def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
+    def _pixel_ray_coordinates(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
         """Returns (N, 2) the coordinates x/z and y/z of pixels, and (N,) whether each is inside the image."""
         if camera != self._camera:
-            self._camera, self._rays = camera, rays(camera)
+            self._camera, self._rays = camera, pixel_rays(camera)
         size = np.array([camera.width, camera.height])
         is_inside = np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(1))
         pinhole = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]

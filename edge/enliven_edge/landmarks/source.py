@@ -149,7 +149,7 @@ class MediaPipeSource(LandmarkSource):
         assert self._worker.stdin is not None and self._worker.stdout is not None
         self._in, self._out = self._worker.stdin, self._worker.stdout
         if self._out.readline() != b"ready\n":
-            raise self._failure()
+            raise self._process_error()
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
         height, width = colour.shape[:2]
@@ -160,10 +160,10 @@ class MediaPipeSource(LandmarkSource):
             self._in.flush()
             count = struct.unpack("<I", self._read_exactly(4))[0]
             if count > _MAX_PEOPLE:
-                raise self._failure()
+                raise self._process_error()
             people = [self._read_exactly(_PERSON_BYTES) for _ in range(count)]
         except (BrokenPipeError, ValueError):
-            raise self._failure() from None
+            raise self._process_error() from None
         return [_parse_person(person) for person in people]
 
     def close(self) -> None:
@@ -176,10 +176,10 @@ class MediaPipeSource(LandmarkSource):
     def _read_exactly(self, count: int) -> bytes:
         data = self._out.read(count)
         if len(data) != count:
-            raise self._failure()
+            raise self._process_error()
         return data
 
-    def _failure(self) -> ResourceError:
+    def _process_error(self) -> ResourceError:
         """Returns an error with the last line of output of the process, which explains why it ended."""
         self._worker.kill()
         self._worker.wait()

@@ -55,7 +55,7 @@ class Access:
         # Imported here, because an edge without keys does not need libsodium.
         from enliven.keys.curve import CurveServer
 
-        self.curve = CurveServer(keys, lambda public: self.role_of(public) is not None)
+        self.curve = CurveServer(keys, lambda public: self.viewer_role(public) is not None)
         self.desk = PairingDesk(_log_code)
         self.open_s = open_s
         self.refresh(now=True)
@@ -66,7 +66,7 @@ class Access:
         if self.open_s:
             self.desk.open_for(self.open_s)
 
-    def role_of(self, public: bytes | None) -> Role | None:
+    def viewer_role(self, public: bytes | None) -> Role | None:
         """Returns the role of a viewer by its public key. None: it is not paired."""
         if public is None:
             return None
@@ -102,7 +102,7 @@ class Access:
         for server in servers:
             for peer in list(server.connections):
                 channel = peer.session.channel
-                if channel is not None and channel.ready and self.role_of(channel.client) is None:
+                if channel is not None and channel.ready and self.viewer_role(channel.client) is None:
                     server.drop(peer)
 
     def answer(self, request: PairingRequest, peer: Connection) -> PairingAnswer:
@@ -135,13 +135,13 @@ class Access:
             self._store.add_viewer(PairedViewer(viewer.public, viewer.name, role))
         except EnlivenError as error:
             raise PairingError(str(error)) from None
-        self.desk.succeed()
+        self.desk.finish_pairing()
         self.refresh(now=True)
         log.info("%s is paired, with the role %s: %s", viewer.name, role, fingerprint(viewer.public))
         return Paired(exchange.introduce(Introduction(self._keys.public, self._name, role)))
 
 
-def role_of_peer(access: Access | None, peer: Connection, without_keys: Role) -> Role | None:
+def peer_role(access: Access | None, peer: Connection, without_keys: Role) -> Role | None:
     """Returns the role of a connected peer. None: it is not paired.
 
     Args:
@@ -151,7 +151,7 @@ def role_of_peer(access: Access | None, peer: Connection, without_keys: Role) ->
     if access is None:
         return without_keys
     channel = peer.session.channel
-    return None if channel is None else access.role_of(channel.client)
+    return None if channel is None else access.viewer_role(channel.client)
 
 
 def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | None:

@@ -80,7 +80,7 @@ class CommandQueue:
             start = time.perf_counter()
             execute(self._waiting[peer].popleft())
             duration = time.perf_counter() - start
-            peer.charge(duration)
+            peer.add_cost(duration)
             self._budgets[budget] = max(
                 self._budgets[budget] - duration, -_MAX_DEBT_FRAMES * self._shares[budget]
             )

@@ -79,7 +79,7 @@ class Connection:
         """Seconds of the edge's time that the connection recently used."""
         return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _COST_HALF_LIFE_S)
 
-    def charge(self, seconds: float) -> None:
+    def add_cost(self, seconds: float) -> None:
         """Adds to the cost."""
         self._cost, self._weighed = self.cost + seconds, time.monotonic()
 
@@ -124,7 +124,9 @@ class Connection:
                 self.last_progress_at = time.monotonic()
             # Reserve the message's count now, since counts must rise in the order of sending.
             count = channel.reserve()
-            self._outbox.append(_sealer().submit(lambda: make_frame(channel.seal(first + rest, 0, count))))
+            self._outbox.append(
+                _encryption_thread().submit(lambda: make_frame(channel.seal(first + rest, 0, count)))
+            )
             self.unsent_bytes += len(first) + len(rest) + _SEAL_OVERHEAD
 
     def flush(self, until: float) -> None:
@@ -166,6 +168,6 @@ class Connection:
 
 
 @cache
-def _sealer() -> ThreadPoolExecutor:
+def _encryption_thread() -> ThreadPoolExecutor:
     """Returns the thread that encrypts long messages of all connections."""
     return ThreadPoolExecutor(1, "sealer")

@@ -28,7 +28,7 @@ class Handler:
             newest is carried out. The subject None means that every order counts.
 
     Which viewers may send an order is in the table of requests, see
-    :func:`~enliven_edge.network.permissions.refusal_of`.
+    :func:`~enliven_edge.network.permissions.refusal_reason`.
     """
 
     do: Callable[..., Answer | None]

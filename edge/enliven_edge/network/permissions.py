@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import ipaddress
 
-from enliven.keys.roles import ROLES, Role, includes
+from enliven.keys.roles import ROLES, Role, role_includes
 from enliven.wire import NEEDED_ROLES, THIS_MACHINE_ONLY, Ask
 
 HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge shows."
 """Advice for a viewer that is not paired."""
 
 
-def refusal_of(kind: type[Ask], role: Role | None, address: str) -> str:
+def refusal_reason(kind: type[Ask], role: Role | None, address: str) -> str:
     """Returns why a viewer may not send a request. Empty if it may.
 
     Args:
@@ -20,7 +20,7 @@ def refusal_of(kind: type[Ask], role: Role | None, address: str) -> str:
         address: the viewer's address, without the port.
     """
     needed = NEEDED_ROLES.get(kind, ROLES[-1])
-    if not includes(role, needed):
+    if not role_includes(role, needed):
         if role is None:
             return f"this edge answers paired viewers only. {HOW_TO_PAIR}"
         return (

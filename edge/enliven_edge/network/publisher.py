@@ -46,11 +46,11 @@ from enliven.wire import (
     pack_checked,
     pack_payload,
 )
-from enliven_edge.network.access import Access, role_of_peer
+from enliven_edge.network.access import Access, peer_role
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command, ControlSocket
 from enliven_edge.network.name_lock import NameLock
-from enliven_edge.network.permissions import refusal_of
+from enliven_edge.network.permissions import refusal_reason
 from enliven_edge.network.server import ZmtpServer
 from enliven_edge.network.subscribers import Subscribers
 from enliven_edge.network.tcp_listener import check_open
@@ -118,7 +118,9 @@ class Publisher(Closeable):
             stack.pop_all()
         shown_host = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
         self.endpoint = Endpoint(shown_host, self._streams.port, self._server.port)
-        self._control = ControlSocket(self._server, self._answer, self._refusal, rate, budget_ms * 1e-3)
+        self._control = ControlSocket(
+            self._server, self._answer, self._refusal_reason, rate, budget_ms * 1e-3
+        )
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
         self._last_removed_revision = 0
         self._packed: dict[str, bytes] = {}
@@ -293,9 +295,9 @@ class Publisher(Closeable):
         if not listening and time.monotonic() - self._last_heartbeat_at >= _MIN_HEARTBEAT_INTERVAL_S:
             self.send_heartbeat()
 
-    def _refusal(self, kind: type[Ask], peer: Connection) -> str:
+    def _refusal_reason(self, kind: type[Ask], peer: Connection) -> str:
         """Returns why a peer may not send a request. Empty: it may."""
-        return refusal_of(kind, role_of_peer(self._access, peer, "operate"), peer.address)
+        return refusal_reason(kind, peer_role(self._access, peer, "operate"), peer.address)
 
     def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:
         """Returns the reply to a request that is not a command."""
@@ -307,7 +309,7 @@ class Publisher(Closeable):
                     self._status,
                     revisions[-MAX_CHARACTERS:],
                     list(self._latest.values())[-MAX_LATCHED_MESSAGES:],
-                    role_of_peer(self._access, peer, "operate") or "",
+                    peer_role(self._access, peer, "operate") or "",
                 )
             case GetState():
                 refusal = Refused(f"there is no character {request.character!r}")

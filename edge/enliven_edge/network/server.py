@@ -220,7 +220,7 @@ class ZmtpServer:
         except OSError:
             self.drop(connection)
         finally:
-            connection.charge(time.monotonic() - start)
+            connection.add_cost(time.monotonic() - start)
 
     def _queue_answers(self, connection: Connection) -> None:
         """Queues the session's own messages, such as the greeting."""
@@ -244,7 +244,7 @@ class ZmtpServer:
         for connection in sorted(self._unsent, key=lambda c: c.cost):
             start = time.monotonic()
             self._push(connection, until)
-            connection.charge(time.monotonic() - start)
+            connection.add_cost(time.monotonic() - start)
             if time.monotonic() >= until:
                 return
 

@@ -77,12 +77,12 @@ class StandingDetector:
                 return ground
             path = ways[body.id] = [*self._way.get(body.id, ()), (ground, time_ns)]
             if self.patience and (time_ns - path[0][1]) * 1e-9 >= self.patience:
-                return _middle([place for place, _ in path])
+                return _mean_place([place for place, _ in path])
         self._since, self._way = grounds, ways
         return None
 
 
-def _middle(places: list[WorldGround]) -> WorldGround:
+def _mean_place(places: list[WorldGround]) -> WorldGround:
     """Returns the mean position and the mean heading of several places."""
     ahead = np.mean([(np.sin(place.yaw), np.cos(place.yaw)) for place in places], axis=0)
     return WorldGround(np.mean([place.at for place in places], axis=0), float(np.arctan2(*ahead)))
@@ -96,7 +96,7 @@ def ground_under(body: Body) -> WorldGround | None:
     return WorldGround(np.array([float(hip[0]), 0.0, float(hip[2])]), body_yaw(body))
 
 
-def _radii() -> Float:
+def _joint_radii() -> Float:
     """Returns (20,) the radius in metres around each joint of a person 1.75 m tall."""
     radii = np.full(len(Joint), 0.07)
     radii[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13
@@ -107,7 +107,7 @@ def _radii() -> Float:
     return radii
 
 
-_RADII = _radii()
+_RADII = _joint_radii()
 _SPHERE_FRACTIONS = np.array([1 / 3, 2 / 3])
 """Relative positions of a bone's two spheres along its length."""
 

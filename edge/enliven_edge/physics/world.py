@@ -207,7 +207,7 @@ class World:
         """Builds the engine's model for at least ``spheres`` spheres. Moving props keep their motion."""
         count = -(-spheres // _SPHERE_BATCH) * _SPHERE_BATCH
         before = getattr(self, "_data", None)
-        self._model = _model(self.props, count, self.settings)
+        self._model = _engine_model(self.props, count, self.settings)
         self._data = mujoco.MjData(self._model)
         if before is not None:
             self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
@@ -241,7 +241,7 @@ def _pad_rows(rows: Float, count: int, fill: Float) -> Float:
     return np.concatenate([rows, np.tile(fill, (count - len(rows), 1))])
 
 
-def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
+def _engine_model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
     """Returns the engine's model: a floor, the props and the spheres."""
     spec = mujoco.MjSpec()
     option = spec.option

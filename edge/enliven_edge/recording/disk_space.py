@@ -45,7 +45,7 @@ def name_expression(pattern: Path) -> re.Pattern[str]:
     return re.compile(rf"{stem}(-\d+)?(-part\d+)?{re.escape(pattern.suffix)}")
 
 
-def own_parts(pattern: Path) -> list[Path]:
+def recorded_parts(pattern: Path) -> list[Path]:
     """Returns the files that enliven recorded with this name pattern, the oldest first.
 
     Links, folders, and files of other programs are left out, whatever their names are.
@@ -75,7 +75,7 @@ def _is_own(path: Path) -> bool:
 class DiskSpaceGuard(Closeable):
     """Deletes the oldest parts of a recording when the disk has too little free space.
 
-    Only files that :func:`own_parts` returns are deleted, and no file in :attr:`in_use`.
+    Only files that :func:`recorded_parts` returns are deleted, and no file in :attr:`in_use`.
 
     Args:
         pattern: path of the recording, with placeholders.
@@ -105,7 +105,7 @@ class DiskSpaceGuard(Closeable):
         """Deletes parts until there is enough space."""
         try:
             missing_bytes = self._keep_free_bytes - self._free_bytes(self._pattern.parent)
-            for path in own_parts(self._pattern) if missing_bytes > 0 else ():
+            for path in recorded_parts(self._pattern) if missing_bytes > 0 else ():
                 if missing_bytes <= 0:
                     break
                 if path in self.in_use or abs(time.time() - path.stat().st_mtime) < _MIN_AGE_S:

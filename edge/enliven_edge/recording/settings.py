@@ -35,7 +35,7 @@ class RecordingSettings:
     )
 
 
-def with_options(
+def settings_with_options(
     settings: RecordingSettings, part_minutes: float | None, keep_free: float | None
 ) -> RecordingSettings:
     """Returns the settings with the options of a command line. None keeps the setting.

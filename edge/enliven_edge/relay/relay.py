@@ -35,10 +35,10 @@ from enliven.wire import (
     StatusMessage,
     pack_stream,
 )
-from enliven_edge.network.access import Access, role_of_peer
+from enliven_edge.network.access import Access, peer_role
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import ControlSocket
-from enliven_edge.network.permissions import refusal_of
+from enliven_edge.network.permissions import refusal_reason
 from enliven_edge.network.server import ZmtpServer
 from enliven_edge.network.subscribers import Subscribers
 from enliven_edge.network.tcp_listener import check_open
@@ -106,7 +106,7 @@ class Relay(Closeable):
             "127.0.0.1" if wire.host in ("0.0.0.0", "*", "") else "::1" if wire.host == "::" else wire.host
         )
         self.endpoint = Endpoint(shown_host, self._streams.port, self._server.port)
-        self._control = ControlSocket(self._server, self._answer, self._refusal, wire.rate, _BUDGET_S)
+        self._control = ControlSocket(self._server, self._answer, self._refusal_reason, wire.rate, _BUDGET_S)
         self._last_heartbeat_at = 0.0
         try:
             self._upstream = Upstream(edge, wire.name)
@@ -160,12 +160,12 @@ class Relay(Closeable):
             f"Connect to the edge itself to control characters: {self._upstream.endpoint}"
         )[:400]
 
-    def _refusal(self, kind: type[Ask], peer: Connection) -> str:
+    def _refusal_reason(self, kind: type[Ask], peer: Connection) -> str:
         """Returns why a viewer may not send a request. Empty: it may."""
-        role = role_of_peer(self._access, peer, "watch")
+        role = peer_role(self._access, peer, "watch")
         if role is not None and issubclass(kind, Order):
             return self._watch_only
-        return refusal_of(kind, role, peer.address)
+        return refusal_reason(kind, role, peer.address)
 
     def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:
         """Returns the answer to a question."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.camera import rays
+from enliven.camera import pixel_rays
 from enliven.frames import DepthFrame
 from enliven.person import Body, Joint
 
@@ -25,7 +25,7 @@ to three metres.
 
 def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool:
     """Returns a mask (H, W) of the pixels just above the floor and near the visible ankles and toes."""
-    ray, z = rays(frame.intrinsics), frame.depth[..., None] * 1e-3
+    ray, z = pixel_rays(frame.intrinsics), frame.depth[..., None] * 1e-3
     rows = np.flatnonzero((frame.depth > 0).any(1))
     turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]
     points = np.concatenate([ray[rows] * z[rows], z[rows]], -1) @ turn.T + place

@@ -69,11 +69,11 @@ def _describe_choice(scanner: Scanner) -> list[str]:
     parts = find_parts(mesh, ground, find_focus([pose for _, pose in scanner.poses]), cut)
     if len(parts) < 2:
         return []
-    sizes = [_size(level_mesh(part, ground)) for part in parts]
+    sizes = [_size_cm(level_mesh(part, ground)) for part in parts]
     size_list = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
     return [f"{len(parts)} objects stand there ({size_list} cm); number {cut.number} was taken, see --thing."]
 
 
-def _size(mesh: Mesh) -> str:
+def _size_cm(mesh: Mesh) -> str:
     """Returns width, height and depth in centimetres."""
     return " x ".join(f"{100 * side:.0f}" for side in np.ptp(mesh.bounds, axis=0))

@@ -59,7 +59,7 @@ class ScanPlacement:
             self._places, self._found = shown.places, False
             self._ground, self._ground_images = _ASSUMED_GROUND, 0
         mesh, poses = extract_surface(scanner.volumes[1]), [pose for _, pose in scanner.poses]
-        focus, ground = find_focus(poses), shown.ground or self._ground_of(scanner, mesh)
+        focus, ground = find_focus(poses), shown.ground or self._find_ground(scanner, mesh)
         if shown.alone:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
@@ -71,7 +71,7 @@ class ScanPlacement:
         if best_view.eye is not None:
             self.view = [*self._on_stage(best_view.eye), *self._on_stage(focus)]
 
-    def _ground_of(self, scanner: Scanner, mesh: Mesh) -> GroundPlane:
+    def _find_ground(self, scanner: Scanner, mesh: Mesh) -> GroundPlane:
         """Returns the floor under a room's surface, in the room's frame.
 
         The frame does not change when images are undone. So a floor that was found in more images is kept: it

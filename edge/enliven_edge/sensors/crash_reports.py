@@ -59,14 +59,14 @@ class CrashReport:
         return f"{self.path.name}, {day}: {self.what} crashed; send it to {self.whereto} and say what you did"
 
 
-def folder() -> Path:
+def reports_folder() -> Path:
     """Returns the folder of the reports."""
     return user_data_folder() / "crashes"
 
 
-def reports() -> list[CrashReport]:
+def stored_reports() -> list[CrashReport]:
     """Returns the stored reports, the newest first."""
-    return [_report_from_file(path, when) for when, _, path in _files()]
+    return [_report_from_file(path, when) for when, _, path in _report_files()]
 
 
 def keep_text(sensor: str, text: str, signal: int) -> None:
@@ -78,7 +78,7 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
         _ADDRESS.sub("", line) for line in text.splitlines() if line.startswith(("  File", "Fatal"))
     ]
     signature = hashlib.sha256("\n".join([str(signal), *stack_lines]).encode()).hexdigest()[:8]
-    path = folder() / f"{_to_file_name(sensor)}-driver-{signature}.txt"
+    path = reports_folder() / f"{_to_file_name(sensor)}-driver-{signature}.txt"
     library = _MAKERS.get(sensor, ("", ""))[0]
     with contextlib.suppress(PackageNotFoundError):
         library = f"{library} {version(library)}, " if library else ""
@@ -99,13 +99,13 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
 def keep_dump(device: str, write: Callable[[Path], None]) -> None:
     """Stores the firmware dump of an OAK, a .tar.gz that ``write`` creates at the given path."""
     now = time.strftime("%Y%m%d-%H%M%S")
-    _keep(folder() / f"oak-firmware-{_to_file_name(device)}-{now}.tar.gz", write)
+    _keep(reports_folder() / f"oak-firmware-{_to_file_name(device)}-{now}.tar.gz", write)
 
 
 def remove_old_reports() -> None:
     """Removes the oldest reports beyond the limits, including those that a library wrote into the folder."""
     total = 0
-    for number, (_, size, path) in enumerate(_files()):
+    for number, (_, size, path) in enumerate(_report_files()):
         total += size
         if number >= MAX_REPORTS or total > MAX_TOTAL_BYTES:
             with contextlib.suppress(OSError):
@@ -128,11 +128,11 @@ def _keep(path: Path, write: Callable[[Path], None]) -> None:
     remove_old_reports()
 
 
-def _files() -> list[tuple[float, int, Path]]:
+def _report_files() -> list[tuple[float, int, Path]]:
     """Returns (time, bytes, path) of each report, the newest first."""
     reports = []
     with contextlib.suppress(OSError):
-        for path in folder().rglob("*"):
+        for path in reports_folder().rglob("*"):
             with contextlib.suppress(OSError):
                 if path.is_file() and not path.is_symlink() and not path.name.startswith("."):
                     stat = path.stat()

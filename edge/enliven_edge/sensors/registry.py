@@ -26,11 +26,11 @@ def sensor_options(settings: list[str]) -> dict[str, Any]:
         key, equals, value = word.partition("=")
         if not equals or not key:
             raise InputError(f"{word!r} is not KEY=VALUE", where="--set", remedy="For example: --set speed=2")
-        options[key.strip().replace("-", "_")] = _value(value.strip())
+        options[key.strip().replace("-", "_")] = _option_value(value.strip())
     return options
 
 
-def _value(text: str) -> Any:
+def _option_value(text: str) -> Any:
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     for kind in (int, float):

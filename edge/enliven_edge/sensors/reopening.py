@@ -108,7 +108,7 @@ class ReopeningSensor(Sensor):
                         raise
                     continue
                 if self._doing != "close":
-                    raise self._failed(error) from error
+                    raise self._error_after_failure(error) from error
                 answer = None
             if self._doing == "read":
                 return self._adjust_time(answer)
@@ -222,7 +222,7 @@ class ReopeningSensor(Sensor):
                 return shift
         return max(now_ns + ahead_ns, after_ns + 1) - time_ns
 
-    def _failed(self, error: Exception) -> Exception:
+    def _error_after_failure(self, error: Exception) -> Exception:
         """Returns the error to raise after the device raised ``error``."""
         if self._doing == "read" and isinstance(error, InputError) and self._bad < BAD_FRAMES:
             self._bad += 1

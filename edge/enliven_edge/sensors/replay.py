@@ -88,7 +88,7 @@ class ReplaySensor(Sensor):
         if not self._ahead:
             return None
         entry = self._ahead[0]
-        wait = self._due(entry) - time.monotonic() if self._speed else 0.0
+        wait = self._due_time_s(entry) - time.monotonic() if self._speed else 0.0
         if timeout is not None and wait > timeout:
             time.sleep(max(timeout, 0.0))
             raise TimeoutError(f"the next frame of {self.name} is due in {wait - timeout:.3f} s")
@@ -112,7 +112,7 @@ class ReplaySensor(Sensor):
         self._file.close()
         self._made.cleanup()
 
-    def _due(self, entry: LogEntry) -> float:
+    def _due_time_s(self, entry: LogEntry) -> float:
         """Returns the monotonic time in seconds at which an entry is due."""
         if self._started is None:
             self._started = time.monotonic()

@@ -80,7 +80,7 @@ class WebcamSensor(Sensor):
         self._waiting = None
         if image is None:
             return None
-        wait = 0.0 if self._is_live else self._due(float(image.time or 0.0)) - time.monotonic()
+        wait = 0.0 if self._is_live else self._due_time_s(float(image.time or 0.0)) - time.monotonic()
         if timeout is not None and wait > timeout:
             self._waiting = image
             time.sleep(max(timeout, 0.0))
@@ -108,7 +108,7 @@ class WebcamSensor(Sensor):
                 raise ResourceError(f"the camera was lost ({error})", where=self.name) from None
             raise InputError("the film is damaged", where=self.name) from None
 
-    def _due(self, seconds: float) -> float:
+    def _due_time_s(self, seconds: float) -> float:
         """Returns the monotonic time in seconds at which a film's image is due."""
         if self._first is None:
             self._first = (time.monotonic(), seconds)

@@ -56,7 +56,7 @@ def create_actor(
     """
     settings, name = settings or ActorSettings(), name or name_of(spec)
     inputs = (up, nodes, settings, name)
-    source = _source_of(spec)
+    source = _mesh_source(spec)
     if source is None:
         prepared = _prepare_spec(spec, *inputs)
     else:
@@ -64,10 +64,10 @@ def create_actor(
         prepared = prepare_once(key, lambda: _prepare_spec(spec, *inputs), Path(spec).parent)
     for note in prepared.notes:
         log.info("%s: %s", spec, note)
-    return actor_of(prepared)
+    return create_stage_actor(prepared)
 
 
-def _source_of(spec: str) -> tuple[str, str] | None:
+def _mesh_source(spec: str) -> tuple[str, str] | None:
     """Returns the name of a shipped mesh, or digest and format of a file. None if it cannot be read."""
     if spec in SHIPPED_MESHES:
         return "sample", spec
@@ -114,12 +114,12 @@ def create_mesh_actor(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    return actor_of(
+    return create_stage_actor(
         prepare_character(mesh, name, nodes, settings, fit=fit, ends=ends, joints=joints, like=like)
     )
 
 
-def actor_of(prepared: PreparedCharacter) -> EmbeddedActor:
+def create_stage_actor(prepared: PreparedCharacter) -> EmbeddedActor:
     """Returns the actor of a prepared character. Logs doubts about the person found in the mesh."""
     character = prepared.character
     actor = EmbeddedActor(
@@ -153,7 +153,7 @@ def prepare_character(
     no_person = like is not None and like.likeness is None and _same_faces(like, mesh)
     searches_person = needs_person_search(settings) and not settings.joints and not no_person
     with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
-        person = background.submit(_person_in, mesh, settings) if searches_person else None
+        person = background.submit(_find_person, mesh, settings) if searches_person else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         search_result = None if person is None else person.result
         if no_person:
@@ -164,7 +164,7 @@ def prepare_character(
     return PreparedCharacter(character, settings, prepared.size, prepared.height, likeness)
 
 
-def _person_in(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
+def _find_person(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
     """Returns the person found in the mesh, after rounding the vertices to float32 like viewers receive
     them."""
     sent = replace(mesh, vertices=mesh.vertices.astype(np.float32).astype(np.float64))

@@ -37,7 +37,7 @@ def order_performers(bodies: Collection[Body], busy: Collection[int], place: Flo
         busy: the ids of the performers that possess other characters.
         place: (2,) metres, horizontal position of the character's middle. None if it is not known.
     """
-    return sorted(bodies, key=lambda body: (body.id in busy, _distance(body, place)))
+    return sorted(bodies, key=lambda body: (body.id in busy, _horizontal_distance(body, place)))
 
 
 def pair_nearest(
@@ -62,7 +62,7 @@ def pair_nearest(
     matched: list[tuple[str, int]] = []
     while idle and names:
         pairs = ((body, name) for name in names for body in idle)
-        body, name = min(pairs, key=lambda pair: _distance(pair[0], places.get(pair[1])))
+        body, name = min(pairs, key=lambda pair: _horizontal_distance(pair[0], places.get(pair[1])))
         matched.append((name, body.id))
         idle, names = (
             [other for other in idle if other is not body],
@@ -71,7 +71,7 @@ def pair_nearest(
     return matched
 
 
-def _distance(body: Body, place: Float | None) -> float:
+def _horizontal_distance(body: Body, place: Float | None) -> float:
     """Returns the horizontal distance in metres between a performer's hips and a place.
 
     Infinite if unknown.

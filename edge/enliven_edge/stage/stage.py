@@ -96,7 +96,7 @@ class Stage:
         Raises:
             InputError: if the character does not exist.
         """
-        self._log.removed(self._actor(character))
+        self._log.removed(self._updated_actor(character))
         del self.actors[character]
         self._places.pop(character, None)
         self._memory.forget(character)
@@ -128,7 +128,7 @@ class Stage:
         visible_surfaces = surfaces() if surfaces is not None and self.uses_surface else None
         poses = []
         for name in self.actors:
-            offered, actor = self._in_order(name), self._actor(name)
+            offered, actor = self._ordered_bodies(name), self._updated_actor(name)
             self._memory.remember_performer(name, offered)
             with self._log.frame(actor, time_ns):
                 pose = actor.perform(offered, time_ns, visible_surfaces)
@@ -163,7 +163,7 @@ class Stage:
 
     def cues(self) -> dict[str, Cues]:
         """Returns by character id the nodes that performers hold, or would hold if they possessed it now."""
-        return {name: self._actor(name).cues(self._in_order(name)) for name in self.actors}
+        return {name: self._updated_actor(name).cues(self._ordered_bodies(name)) for name in self.actors}
 
     def possess(
         self,
@@ -203,8 +203,8 @@ class Stage:
 
     def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
         """Lets a performer possess the character with this id."""
-        actor = self._actor(character)
-        present = [b for b in self._in_order(character) if body is None or b.id == body]
+        actor = self._updated_actor(character)
+        present = [b for b in self._ordered_bodies(character) if body is None or b.id == body]
         if not present:
             performer_id = "nobody is in view" if body is None else f"performer {body} is not in view"
             raise InputError(
@@ -216,7 +216,7 @@ class Stage:
 
     def idle(self, character: str) -> Body | None:
         """Returns the idle performer in view that would possess the character next, or None."""
-        return self._actor(character).next_performer(self._in_order(character))
+        return self._updated_actor(character).next_performer(self._ordered_bodies(character))
 
     def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
         """Returns the performer's id and the body parts for a command that names no performer.
@@ -224,7 +224,7 @@ class Stage:
         In mode "extend" it is the first performer in view that possesses the character already. The id is
         None if that performer is not in view.
         """
-        actor = self._actor(character)
+        actor = self._updated_actor(character)
         body, parts = actor.candidate
         present = {performer.id for performer in self._bodies}
         if mode == "extend":
@@ -284,7 +284,7 @@ class Stage:
         """Sets the viewer's direction of view. Rigged characters compare poses as they appear on the
         screen."""
         self._view = view
-        for actor in self._rigs():
+        for actor in self._rig_actors():
             actor.view = view
 
     def browse(self, character: str | None = None, step: int = 1) -> None:
@@ -307,12 +307,12 @@ class Stage:
 
     def boards(self) -> list[MatchList]:
         """Returns for each rigged character the list of matches to choose from."""
-        return [actor.board() for actor in self._rigs()]
+        return [actor.board() for actor in self._rig_actors()]
 
-    def _rigs(self) -> list[ChosenActor]:
+    def _rig_actors(self) -> list[ChosenActor]:
         return [actor for actor in self.actors.values() if isinstance(actor, ChosenActor)]
 
-    def _actor(self, character: str) -> Actor:
+    def _updated_actor(self, character: str) -> Actor:
         """Returns the actor of a character, after updating which performers are busy with others."""
         if character not in self.actors:
             names = ", ".join(self.actors) or "none"
@@ -326,14 +326,16 @@ class Stage:
     def _select_actors(self, character: str | None) -> list[Actor]:
         """Returns the actor with this id, or all. Raises InputError if the stage is empty."""
         if character is not None or not self.actors:
-            return [self._actor(character or "")]
-        return [self._actor(name) for name in self.actors]
+            return [self._updated_actor(character or "")]
+        return [self._updated_actor(name) for name in self.actors]
 
-    def _in_order(self, character: str) -> list[Body]:
+    def _ordered_bodies(self, character: str) -> list[Body]:
         """Returns the bodies in the order in which the stage offers them a character."""
         if len(self.actors) < 2:
             return self._bodies
-        return order_performers(self._bodies, self._actor(character).busy, self._places.get(character))
+        return order_performers(
+            self._bodies, self._updated_actor(character).busy, self._places.get(character)
+        )
 
     def _find_free_place(self) -> float:
         """Returns the sideways offset in metres for one more character next to the existing ones."""

@@ -36,20 +36,20 @@ def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> 
         columns: width of the terminal. An image is never wider.
     """
     encoders: dict[ImageProtocol, Callable[[UInt8], str]] = {
-        "kitty": kitty,
-        "iterm": iterm,
-        "sixel": sixel,
-        "blocks": half_blocks,
-        "blocks256": lambda each: half_blocks(each, exact=False),
+        "kitty": encode_kitty,
+        "iterm": encode_iterm,
+        "sixel": encode_sixel,
+        "blocks": encode_half_blocks,
+        "blocks256": lambda each: encode_half_blocks(each, exact=False),
     }
     return encoders[protocol](
         _downscale(picture, columns if protocol.startswith("blocks") else _MAX_WIDTH_PX)
     )
 
 
-def kitty(picture: UInt8) -> str:
+def encode_kitty(picture: UInt8) -> str:
     """Encodes an image in kitty's graphics protocol: a PNG in base64, in pieces."""
-    data = base64.standard_b64encode(_png(picture)).decode()
+    data = base64.standard_b64encode(_encode_png(picture)).decode()
     pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
     codes = []
     for number, piece in enumerate(pieces):
@@ -60,14 +60,14 @@ def kitty(picture: UInt8) -> str:
     return "".join(codes) + "\n"
 
 
-def iterm(picture: UInt8) -> str:
+def encode_iterm(picture: UInt8) -> str:
     """Encodes as iTerm2's inline image, which other terminals such as WezTerm also draw."""
-    data = _png(picture)
+    data = _encode_png(picture)
     base64_text = base64.standard_b64encode(data).decode()
     return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{base64_text}\x07\n"
 
 
-def sixel(picture: UInt8) -> str:
+def encode_sixel(picture: UInt8) -> str:
     """Encodes as sixels with at most 256 colours: six rows at a time, one pass over the row for each
     colour.
     """
@@ -85,7 +85,7 @@ def sixel(picture: UInt8) -> str:
     return "".join(codes) + "\x1b\\\n"
 
 
-def half_blocks(picture: UInt8, exact: bool = True) -> str:
+def encode_half_blocks(picture: UInt8, exact: bool = True) -> str:
     """Encodes two pixels in each character: the upper one as foreground colour, the lower one as background.
 
     Args:
@@ -93,7 +93,7 @@ def half_blocks(picture: UInt8, exact: bool = True) -> str:
     """
     if picture.shape[0] % 2:
         picture = np.vstack([picture, picture[-1:]])
-    colour = _exact if exact else _nearest
+    colour = _exact_colour if exact else _nearest_palette_colour
     lines = []
     for upper, lower in zip(picture[::2].tolist(), picture[1::2].tolist(), strict=True):
         cells = [f"\x1b[38;{colour(*u)};48;{colour(*v)}m" for u, v in zip(upper, lower, strict=True)]
@@ -102,11 +102,11 @@ def half_blocks(picture: UInt8, exact: bool = True) -> str:
     return "".join(lines)
 
 
-def _exact(red: int, green: int, blue: int) -> str:
+def _exact_colour(red: int, green: int, blue: int) -> str:
     return f"2;{red};{green};{blue}"
 
 
-def _nearest(red: int, green: int, blue: int) -> str:
+def _nearest_palette_colour(red: int, green: int, blue: int) -> str:
     """Returns the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours (16 and up)."""
     if max(red, green, blue) - min(red, green, blue) < 16:
         return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
@@ -120,11 +120,13 @@ def _sixel_band(rows: UInt8) -> str:
     sixels = []
     for colour in np.unique(rows):
         bits = (rows == colour).T @ weights
-        sixels.append(f"#{colour}" + "".join(_repeat(chr(63 + bit), n) for bit, n in _runs(bits.tolist())))
+        sixels.append(
+            f"#{colour}" + "".join(_repeat(chr(63 + bit), n) for bit, n in _run_lengths(bits.tolist()))
+        )
     return "$".join(sixels) + "-"
 
 
-def _runs(values: list[int]) -> list[tuple[int, int]]:
+def _run_lengths(values: list[int]) -> list[tuple[int, int]]:
     """Returns (value, length) of each run of equal values. A last run of 0 is left out, since it draws
     nothing.
     """
@@ -146,7 +148,7 @@ def _downscale(picture: UInt8, width: int) -> UInt8:
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.NEAREST))
 
 
-def _png(picture: UInt8) -> bytes:
+def _encode_png(picture: UInt8) -> bytes:
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "PNG")
     return file.getvalue()

@@ -156,7 +156,7 @@ class Tracker:
         Raises:
             InputError: if the sensor tracks people itself.
         """
-        self._need_depth()
+        self._require_depth()
         self._people.track_manager.lock_to(ids)
 
     @property
@@ -171,7 +171,7 @@ class Tracker:
 
     def unlock(self) -> None:
         """Admits all people as performers again. Raises InputError like :meth:`lock`."""
-        self._need_depth()
+        self._require_depth()
         self._people.track_manager.lock.open()
 
     def learn_room(self) -> None:
@@ -191,7 +191,7 @@ class Tracker:
         self._learns_again = True
         self._mounting.search_floor_again()
 
-    def _need_depth(self) -> None:
+    def _require_depth(self) -> None:
         """Raises InputError if the sensor sends no depth but bodies that it tracked itself."""
         if not self._by_depth:
             raise InputError(

@@ -94,7 +94,7 @@ class JobResult(msgspec.Struct, frozen=True):
     is_new: bool = True
 
 
-def job_of(
+def create_job(
     motion: Path, character: Path, output: Path, options: RetargetOptions, sheet: bool = False
 ) -> BatchJob:
     """Returns the job of a pair, with its digest."""
@@ -102,9 +102,9 @@ def job_of(
     mapping = Path(options.mapping) if options.mapping else None
     content = {
         "version": version("enliven"),
-        "motion": _digest_of(motion),
-        "character": _digest_of(character),
-        "mapping": _digest_of(mapping) if mapping else "",
+        "motion": _hash_with_references(motion),
+        "character": _hash_with_references(character),
+        "mapping": _hash_with_references(mapping) if mapping else "",
         "options": {key: value for key, value in values.items() if key != "mapping"},
         "format": output.suffix,
         "names": [motion.stem, character.stem],
@@ -113,7 +113,7 @@ def job_of(
     return BatchJob(str(motion), str(character), str(output), values, digest, sheet)
 
 
-def finished_result(job: BatchJob) -> JobResult | None:
+def find_finished_result(job: BatchJob) -> JobResult | None:
     """Returns the result of an earlier run, or None if it is missing or its file has changed since."""
     try:
         data = read_file(job.record, _MAX_RECORD_BYTES)
@@ -140,7 +140,7 @@ def run_job(job: BatchJob) -> JobResult:
             Path(job.motion),
             Path(job.character),
             output,
-            _options_of(job),
+            _collect_options(job),
         )
         if job.sheet:
             find_sheet_function("motion")(job.sheet_path, retargeted_file.retargeted, job.name)
@@ -149,7 +149,7 @@ def run_job(job: BatchJob) -> JobResult:
             _hash_file(output),
             faults=tuple(retargeted_file.faults),
             notes=retargeted_file.notes,
-            measures=_measures_of(retargeted_file, output),
+            measures=_collect_measures(retargeted_file, output),
             took_s=time.monotonic() - started_at,
         )
         job.record.parent.mkdir(exist_ok=True)
@@ -161,13 +161,13 @@ def run_job(job: BatchJob) -> JobResult:
     return result
 
 
-def _options_of(job: BatchJob) -> RetargetOptions:
+def _collect_options(job: BatchJob) -> RetargetOptions:
     """Returns the options of a job. They were passed to this process as plain values."""
     options = {name: value for name, value in job.options.items() if value is not None}
     return load_settings(RetargetOptions, options, where=job.name)
 
 
-def _measures_of(written: RetargetedFile, output: Path) -> dict[str, float]:
+def _collect_measures(written: RetargetedFile, output: Path) -> dict[str, float]:
     """Returns the measures of a result, for the report."""
     measures = {"seconds": written.retargeted.duration, "bytes": float(output.stat().st_size)}
     quality = written.quality
@@ -180,7 +180,7 @@ def _measures_of(written: RetargetedFile, output: Path) -> dict[str, float]:
     return measures | {name: value for name, value in optional.items() if value is not None}
 
 
-def _digest_of(path: Path) -> str:
+def _hash_with_references(path: Path) -> str:
     """Returns the hash of a file and of the files that a .gltf refers to. Uses a cache for unchanged
     files.
     """
@@ -188,11 +188,11 @@ def _digest_of(path: Path) -> str:
     if path.suffix.lower() == ".gltf":
         parts += sorted(file for file in path.parent.rglob("*") if file.is_file() and file != path)
     stamps = tuple((str(part), os.stat(part).st_size, os.stat(part).st_mtime_ns) for part in parts)
-    return _cached_digest(stamps)
+    return _cached_file_hash(stamps)
 
 
 @lru_cache(maxsize=_CACHED_DIGESTS)
-def _cached_digest(stamps: tuple[tuple[str, int, int], ...]) -> str:
+def _cached_file_hash(stamps: tuple[tuple[str, int, int], ...]) -> str:
     hashes = [_hash_file(Path(name)) for name, _, _ in stamps]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from enliven.batch.jobs import BatchJob, job_of
+from enliven.batch.jobs import BatchJob, create_job
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, find_sheet_function
 from enliven.files import require_folder
@@ -119,7 +119,7 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
         find_sheet_function("motion")
     require_folder(output / "report.html")
     return [
-        job_of(
+        create_job(
             motion,
             character,
             output / character_name / f"{motion_name}.{plan.format}",

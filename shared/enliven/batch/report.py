@@ -25,7 +25,7 @@ _COLUMNS = {
     "inside": ("self-intersection", "{:.1%}"),
 }
 """Columns of the table: title and format of each measure."""
-_STYLE = """
+_STYLE_SHEET = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 96rem; padding: 0 1rem;
        color: #222; background: #fff }
 table { border-collapse: collapse; width: 100% } th, td { text-align: left; padding: .3rem .6rem;
@@ -59,17 +59,17 @@ def write_report(path: Path, results: Sequence[JobResult], total: int, *, runnin
     page = f"""<!doctype html><html lang="en"><head><meta charset="utf-8">{refresh}
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Batch: {len(results)} of {total}</title>
-<style>{_STYLE}</style></head><body><h1>Batch retargeting</h1>
-{_summary(results, total, running)}
+<style>{_STYLE_SHEET}</style></head><body><h1>Batch retargeting</h1>
+{_format_summary(results, total, running)}
 <div class="wide"><table><thead><tr><th>motion</th><th>character</th><th>result</th><th>length</th>
 {"".join(f"<th>{title}</th>" for title, _ in _COLUMNS.values())}<th>remarks</th></tr></thead><tbody>
-{"".join(_row(result, path.parent) for result in ordered_results)}
+{"".join(_format_row(result, path.parent) for result in ordered_results)}
 </tbody></table></div></body></html>
 """
     write_file(path, page)
 
 
-def _summary(results: Sequence[JobResult], total: int, running: bool) -> str:
+def _format_summary(results: Sequence[JobResult], total: int, running: bool) -> str:
     """Returns the counts, the progress bar and the medians of all measures."""
     failed = sum(bool(result.problem) for result in results)
     faulty = sum(bool(result.faults) for result in results)
@@ -89,7 +89,7 @@ Processing time of the new ones: {spent:.0f} s.</p>
 <p>{"Medians: " + html.escape(medians) + "." if medians else ""}</p>"""
 
 
-def _row(result: JobResult, folder: Path) -> str:
+def _format_row(result: JobResult, folder: Path) -> str:
     """Returns the row of one result."""
     job, output = result.job, Path(result.job.output)
     link = urllib.parse.quote(Path(os.path.relpath(output, folder)).as_posix())
@@ -104,13 +104,13 @@ def _row(result: JobResult, folder: Path) -> str:
     ]
     numbers = "".join(f'<td class="number">{text}</td>' for text in (length, *cells))
     remarks = [
-        *_lines("failed", [result.problem] if result.problem else []),
-        *_lines("fault", result.faults),
-        *_lines("", result.notes),
+        *_format_remarks("failed", [result.problem] if result.problem else []),
+        *_format_remarks("fault", result.faults),
+        *_format_remarks("", result.notes),
     ]
     names = "".join(f"<td>{html.escape(Path(name).stem)}</td>" for name in (job.motion, job.character))
     return f"<tr>{names}<td>{file}</td>{numbers}<td>{''.join(remarks)}</td></tr>\n"
 
 
-def _lines(kind: str, sentences: Iterable[str]) -> list[str]:
+def _format_remarks(kind: str, sentences: Iterable[str]) -> list[str]:
     return [f'<div class="{kind}">{html.escape(sentence)}</div>' for sentence in sentences]

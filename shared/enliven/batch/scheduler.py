@@ -16,7 +16,7 @@ import os
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from enliven.batch.jobs import BatchJob, JobResult, finished_result, run_job
+from enliven.batch.jobs import BatchJob, JobResult, find_finished_result, run_job
 from enliven.errors import InputError, ResourceError, plain_reason
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_ATTEMPTS = 3
+_MAX_ATTEMPTS_PER_JOB = 3
 """Maximum number of attempts for a job if its worker fails for an unknown reason."""
 _MAX_WORKER_DEATHS = 10
 """Maximum number of workers that may die at one job before the job counts as the cause. Workers may also die
@@ -32,7 +32,7 @@ by chance, because memory is short or their computer is switched off.
 """
 _JOBS_PER_WORKER = 50
 """Number of jobs that wait for each worker. More would only use the scheduler's memory."""
-_CONNECT_S = 8.0
+_CONNECT_TIMEOUT_S = 8.0
 """Maximum time to connect to a scheduler, in seconds."""
 
 
@@ -84,7 +84,7 @@ def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
     """
     waiting = []
     for job in jobs:
-        earlier_result = finished_result(job)
+        earlier_result = find_finished_result(job)
         if earlier_result is None:
             waiting.append(job)
         else:
@@ -104,7 +104,11 @@ def _run_on(client: Client, jobs: Sequence[BatchJob]) -> Iterator[JobResult]:
     def submit(number: int) -> None:
         for _, job in zip(range(number), queue, strict=False):
             future = client.submit(
-                run_job, job, key=f"enliven-{job.digest}-{job.output}", retries=_ATTEMPTS - 1, pure=False
+                run_job,
+                job,
+                key=f"enliven-{job.digest}-{job.output}",
+                retries=_MAX_ATTEMPTS_PER_JOB - 1,
+                pure=False,
             )
             jobs_by_key[future.key] = job
             completed.add(future)
@@ -112,13 +116,13 @@ def _run_on(client: Client, jobs: Sequence[BatchJob]) -> Iterator[JobResult]:
     try:
         submit(limit)
         for future in completed:
-            yield _result_of(future, jobs_by_key.pop(future.key))
+            yield _result_from_future(future, jobs_by_key.pop(future.key))
             submit(1)
     finally:
         client.cancel(completed.futures)
 
 
-def _result_of(future: Any, job: BatchJob) -> JobResult:
+def _result_from_future(future: Any, job: BatchJob) -> JobResult:
     """Returns the result of a finished future. An unexpected error only fails this job."""
     error = future.exception() if future.status == "error" else None
     if error is None and future.status == "finished":
@@ -138,7 +142,7 @@ def _result_of(future: Any, job: BatchJob) -> JobResult:
 def _connect(client_type: type[Client], address: str) -> Iterator[Client]:
     """Yields a client of the scheduler at an address."""
     try:
-        client = client_type(address, timeout=_CONNECT_S)
+        client = client_type(address, timeout=_CONNECT_TIMEOUT_S)
     except (OSError, TimeoutError) as error:
         remedy = "Start it there: dask scheduler; and on each computer: dask worker ADDRESS --nthreads 1."
         raise ResourceError(f"no Dask scheduler answers ({error})", where=address, remedy=remedy) from None

@@ -91,24 +91,24 @@ def prepare_once(
     if (data := store.load(key)) is not None:
         try:
             prepared = PreparedCharacter.unpack(data)
-            if prepared.references == _digests(prepared.references, folder):
+            if prepared.references == _hash_files(prepared.references, folder):
                 return prepared
         except ValueError as error:
             log.warning("a stored character is prepared again: %s", error)
     with record_references() as paths:
         prepared = prepare()
     names = [os.path.relpath(path, folder.resolve()) for path in paths]
-    data = replace(prepared, references=_digests(names, folder)).pack()
+    data = replace(prepared, references=_hash_files(names, folder)).pack()
     store.save(key, data)
     return PreparedCharacter.unpack(data)
 
 
-def _digests(names: Iterable[str], folder: Path) -> dict[str, str]:
+def _hash_files(names: Iterable[str], folder: Path) -> dict[str, str]:
     """Returns the SHA-256 of each file of a folder, hexadecimal. "" if it cannot be read."""
-    return {name: _digest(folder / name) for name in names}
+    return {name: _hash_file(folder / name) for name in names}
 
 
-def _digest(path: Path) -> str:
+def _hash_file(path: Path) -> str:
     """Returns the SHA-256 of a file, hexadecimal. "" if it cannot be read."""
     try:
         return hashlib.sha256(read_file(path)).hexdigest()

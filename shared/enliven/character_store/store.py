@@ -28,7 +28,7 @@ MAX_FILE_BYTES = 64 << 20
 """Maximum bytes of a prepared character before compression. A larger one is prepared at each start."""
 MAX_FOLDER_BYTES = 256 << 20
 """Maximum bytes of the folder. The files that were unused for the longest time are deleted first."""
-_LEVEL = 1
+_COMPRESSION_LEVEL = 1
 """Compression level of Zstandard. Higher ones save little, and the first start waits for it."""
 _SUFFIX = ".prepared"
 """Suffix of all files of the folder."""
@@ -69,7 +69,7 @@ class CharacterStore:
         """Returns the data that was saved under a key, or None if it is missing, damaged or too large."""
         if self._folder is None:
             return None
-        path = self._path_of(key)
+        path = self._result_path(key)
         try:
             if not path.exists():
                 return None
@@ -89,15 +89,15 @@ class CharacterStore:
         if self._folder is None or len(data) > MAX_FILE_BYTES:
             return
         # The checksum finds damage, for example by a power cut.
-        packed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(data)
+        packed = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL, write_checksum=True).compress(data)
         try:
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            write_file(self._path_of(key), packed, durable=False)
+            write_file(self._result_path(key), packed, durable=False)
             self._delete_oldest()
         except (EnlivenError, OSError) as error:
             log.info("a prepared character is not kept (%s)", error)
 
-    def _path_of(self, key: str) -> Path:
+    def _result_path(self, key: str) -> Path:
         assert self._folder is not None
         return self._folder / f"{key}{_SUFFIX}"
 
@@ -125,12 +125,12 @@ def key_of(*parts: object) -> str:
     Args:
         parts: values with a ``repr`` that represents them completely.
     """
-    inputs = repr((FORMAT_VERSION, parts, _code_state(), platform.machine()))
+    inputs = repr((FORMAT_VERSION, parts, _code_version(), platform.machine()))
     return hashlib.sha256(inputs.encode()).hexdigest()
 
 
 @functools.cache
-def _code_state() -> tuple[object, ...]:
+def _code_version() -> tuple[object, ...]:
     """Returns the versions of the libraries, and name, size and time of each file of this project's packages.
 
     The files distinguish two states of a checkout with the same version. This takes some milliseconds.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import progress_lines, say
+from enliven.commands.terminal import print_line, progress_lines
 from enliven.errors import InputError
 from enliven.supervision.lifetime import block_interrupts, terminate_as_interrupt
 
@@ -61,7 +61,7 @@ def batch(
       enliven batch PLAN.toml --scheduler tcp://10.0.0.5:8786
     """
     # Heavy modules are imported only here, so that `--help` is quick.
-    from enliven.batch.jobs import finished_result
+    from enliven.batch.jobs import find_finished_result
     from enliven.batch.plan import plan_jobs
 
     chosen_plan = _chosen_plan(plan, motions, characters, output, format)
@@ -72,7 +72,7 @@ def batch(
     jobs = plan_jobs(chosen_plan)
     if dry_run:
         for job in jobs:
-            say(f"{'done' if finished_result(job) else 'to do'}: {job.name}: {job.output}")
+            print_line(f"{'done' if find_finished_result(job) else 'to do'}: {job.name}: {job.output}")
         return
     failed = _run(jobs, Path(chosen_plan.output) / "report.html", workers, scheduler)
     if failed:
@@ -117,7 +117,7 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
 
     results: list[JobResult] = []
     written_at = time.monotonic()
-    say(f"enliven: {len(jobs)} pairs; the progress is in {report}", err=True)
+    print_line(f"enliven: {len(jobs)} pairs; the progress is in {report}", err=True)
     with contextlib.ExitStack() as stack:
         stack.enter_context(terminate_as_interrupt())
         with block_interrupts():
@@ -133,7 +133,7 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
                 results.append(result)
                 display.update(task, completed=len(results))
                 if result.problem:
-                    say(f"enliven: {result.job.name}: {result.problem}", err=True)
+                    print_line(f"enliven: {result.job.name}: {result.problem}", err=True)
                 if time.monotonic() - written_at > _REPORT_INTERVAL_S:
                     write_report(report, results, len(jobs), running=True)
                     written_at = time.monotonic()
@@ -141,7 +141,7 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
             write_report(report, results, len(jobs))
     failed, earlier_count = sum(bool(r.problem) for r in results), sum(not r.is_new for r in results)
     faulty = sum(bool(r.faults) for r in results)
-    say(
+    print_line(
         f"enliven: {len(results) - failed} pairs are in {report.parent} ({earlier_count} from earlier runs), "
         f"{faulty} have visible faults, {failed} failed: {report}"
     )

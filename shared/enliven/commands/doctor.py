@@ -68,7 +68,7 @@ def doctor(
     else:
         checks = edge_checks(remote) if remote else run_all_checks()
     if as_json:
-        typer.echo(json.dumps([_json_of(check) for check in checks], indent=2))
+        typer.echo(json.dumps([_check_as_json(check) for check in checks], indent=2))
     else:
         plain_console().print(_check_table(checks))
     if not all(check.ok for check in checks):
@@ -181,6 +181,6 @@ def _check_table(checks: list[Check]) -> Table:
     return table
 
 
-def _json_of(check: Check) -> dict[str, object]:
+def _check_as_json(check: Check) -> dict[str, object]:
     """Returns a check for scripts, which know the remedy by the name "mend"."""
     return {"name": check.name, "ok": check.ok, "detail": check.detail, "mend": check.remedy}

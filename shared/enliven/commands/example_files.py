@@ -96,7 +96,9 @@ def _write_project(job: Job) -> str:
     return ""
 
 
-def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
+def export_time_span(
+    project: Project, puppet: Puppet, start: float, end: float | None
+) -> tuple[float, float]:
     """Returns the start and end time to write, in seconds. Without ``end``, it is the end of the puppet's
     motion."""
     from enliven.document import Project

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.example_files import Job, find_writer, open_puppet, span_of
-from enliven.commands.terminal import say
+from enliven.commands.example_files import Job, export_time_span, find_writer, open_puppet
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError
 from enliven.files import require_folder
 
@@ -83,7 +83,7 @@ def new(
     )
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
     puppet = puppet_project.puppets[mesh.stem]
-    say(
+    print_line(
         f"enliven: {len(puppet.points)} control points and {len(puppet.poses)} key poses are in {output}. "
         "Pose them: set the places of the control points in each."
     )
@@ -111,18 +111,18 @@ def check(
     pairs = ", ".join(
         f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in character.points
     )
-    say(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
+    print_line(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
     pose_list = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
-    say(f"enliven: {len(character.poses)} key poses: {pose_list or 'none'}")
+    print_line(f"enliven: {len(character.poses)} key poses: {pose_list or 'none'}")
     problems = [*missing(project, character), *describe_unposed(character)]
     if not character.layers:
         problems.append("Add the motion to play: [[layer]].")
     for sentence in problems:
-        say(f"enliven: {sentence}")
+        print_line(f"enliven: {sentence}")
     if missing(project, character):
         raise typer.Exit(3)
     for number in range(len(character.layers)):
-        say(f"enliven: {measure_coverage(project, character, number)}")
+        print_line(f"enliven: {measure_coverage(project, character, number)}")
         _print_result(*motion_of(project, character, number).notes)
     if problems:
         raise typer.Exit(3)
@@ -179,11 +179,13 @@ def fit(
     for number, layer in enumerate(character.layers):
         if not layer.muted:
             _print_result(*motion_of(project, character, number).notes)
-    span = span_of(project, character, start, end)
+    span = export_time_span(project, character, start, end)
     remark = write(Job(project, character, output, span, rate, morphs))
     if sheet and draw:
         draw(sheet, project, character, span)
-    say(f"enliven: {len(character.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{remark}")
+    print_line(
+        f"enliven: {len(character.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{remark}"
+    )
 
 
 def _path_from_session(session: Path, file: Path) -> str:
@@ -201,4 +203,4 @@ def _parse_axis(name: str) -> Axis:
 
 def _print_result(*notes: str) -> None:
     for note in notes:
-        say(f"enliven: {note}", err=True)
+        print_line(f"enliven: {note}", err=True)

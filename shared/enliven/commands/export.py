@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.commands.terminal import progress_lines, say
+from enliven.commands.terminal import print_line, progress_lines
 from enliven.errors import InputError
 from enliven.exporters import IN_PLACE, SCALE, UNIT, UP
 
@@ -92,10 +92,10 @@ def export(
 
     exportables, notes, sounds = find_exportables(source)
     for note in notes:
-        say(f"enliven: {note}", err=True)
+        print_line(f"enliven: {note}", err=True)
     performances, representation = [], exporter.representation(morphs)
     for exportable in _chosen_characters(exportables, exporter, character or [], source):
-        say(f"enliven: sampling {exportable.name}", err=True)
+        print_line(f"enliven: sampling {exportable.name}", err=True)
         performances.append(exportable.sample(start, end, rate, representation, exporter.keyed))
     sound_options = {"sound": mix_from(sounds, start)} if exporter.heard and sounds else {}
     _write_with_progress(exporter, output, performances, source.stem, options | sound_options)
@@ -106,7 +106,7 @@ def export(
         for performance in performances
         if performance.error is not None
     )
-    say(f"enliven: {names}, {duration_s:.2f} s, are in {output}{baked}")
+    print_line(f"enliven: {names}, {duration_s:.2f} s, are in {output}{baked}")
 
 
 def _write_with_progress(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from enliven.commands.processes import parent_is_gone, terminate_as_interrupt
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def health(
     if test_alert:
         if profile is None:
             raise InputError("--test-alert needs a profile", remedy="enliven health PROFILE --test-alert")
-        say(f"sent: {', '.join(send_test_alert(settings))}")
+        print_line(f"sent: {', '.join(send_test_alert(settings))}")
         return
     if edge:
         settings = replace(settings, edges={address: EdgeOfKiosk(address=address) for address in edge})

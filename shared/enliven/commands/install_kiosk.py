@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import EnlivenError, InputError
 
 
@@ -38,17 +38,17 @@ def install_kiosk(
     from enliven.installation.installer import Installer
     from enliven.installation.requirements import find_program
 
-    installer = Installer(root.absolute(), say)
+    installer = Installer(root.absolute(), print_line)
     if remove:
         for folder in installer.remove():
-            say(f"kept: {folder} with its recordings")
+            print_line(f"kept: {folder} with its recordings")
         return
     if profile is None:
         raise InputError("no profile is named", remedy="Type: sudo enliven install-kiosk PROFILE.toml")
     mistakes = _find_mistakes(profile, root.absolute(), dry_run)
     if mistakes:
         for mistake in mistakes:
-            say(f"enliven: {mistake}", err=True)
+            print_line(f"enliven: {mistake}", err=True)
         raise typer.Exit(mistakes[0].exit_code)
     from enliven.kiosk.profile import load_profile
 
@@ -58,7 +58,7 @@ def install_kiosk(
         installer.show(plan)
         return
     installer.install(plan)
-    say("installed. The kiosk starts with the computer. Its state: systemctl status 'enliven-*'")
+    print_line("installed. The kiosk starts with the computer. Its state: systemctl status 'enliven-*'")
 
 
 def _find_mistakes(profile: Path, root: Path, dry_run: bool) -> list[EnlivenError]:

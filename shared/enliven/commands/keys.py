@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError
 
 keys = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
@@ -38,7 +38,7 @@ def make(
 
     store = KeyStore()
     pair = store.make(overwrite=overwrite)
-    say(f"{store.own_path}: {fingerprint(pair.public)}")
+    print_line(f"{store.own_path}: {fingerprint(pair.public)}")
 
 
 @keys.command()
@@ -52,7 +52,7 @@ def show() -> None:
         raise InputError(
             "the keys are missing", where=str(store.own_path), remedy="Make them: enliven keys make."
         )
-    say(fingerprint(own_keys.public))
+    print_line(fingerprint(own_keys.public))
 
 
 @keys.command(name="list")
@@ -67,14 +67,16 @@ def list_keys() -> None:
     except InputError as error:
         own_text = "damaged"
         problems.append(str(error))
-    say(f"own keys  {own_text}")
+    print_line(f"own keys  {own_text}")
     for viewer in store.viewers(problems).values():
-        say(f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}")
+        print_line(
+            f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}"
+        )
     for edge in store.edges(problems):
         at = f"{edge.name} at {edge.host}:{edge.control_port}"
-        say(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {at}")
+        print_line(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {at}")
     for problem in problems:
-        say(f"enliven: {problem}", err=True)
+        print_line(f"enliven: {problem}", err=True)
     if problems:
         raise typer.Exit(InputError.exit_code)
 
@@ -87,4 +89,4 @@ def forget(
     from enliven.keys.key_files import KeyStore, fingerprint
 
     for forgotten in KeyStore().forget(peer):
-        say(f"forgotten: {forgotten.name}, {fingerprint(forgotten.public)}")
+        print_line(f"forgotten: {forgotten.name}, {fingerprint(forgotten.public)}")

@@ -12,7 +12,7 @@ import typer
 from enliven.commands.lazy import installed_commands, run_command
 from enliven.commands.processes import enliven_command
 from enliven.commands.run import has_display
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import EnlivenError, InputError, ResourceError
 
 if TYPE_CHECKING:
@@ -65,11 +65,11 @@ def kiosk(
         mistakes += _find_taken_screen(load_profile(path)) if window else []
     if mistakes:
         for mistake in mistakes:
-            say(f"enliven: {mistake}", err=True)
+            print_line(f"enliven: {mistake}", err=True)
         raise typer.Exit(mistakes[0].exit_code)
     settings = load_profile(path)
     if check:
-        say(f"{profile}: a kiosk can start from this profile")
+        print_line(f"{profile}: a kiosk can start from this profile")
         return
     raise typer.Exit(_supervise(settings, path, window))
 
@@ -82,7 +82,7 @@ def _supervise(settings: KioskProfile, path: Path, window: bool) -> int:
     runtime = runtime_folder()
     os.environ[RUNTIME_VARIABLE] = str(runtime)
     programs = kiosk_programs(settings, path, window=window)
-    say(f"{settings.name}: the health page is at http://127.0.0.1:{settings.health.port}", err=True)
+    print_line(f"{settings.name}: the health page is at http://127.0.0.1:{settings.health.port}", err=True)
     return Supervisor(programs, RecordFolders(runtime), settings.care.restart_at).run()
 
 

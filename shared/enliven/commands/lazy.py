@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 from enliven.errors import EnlivenError
 from enliven.kernel_cache.program import name_program
 
-GROUP = "enliven.commands"
+ENTRY_POINT_GROUP = "enliven.commands"
 """The entry-point group through which packages add commands."""
 
 _COMMAND_ORDER = (
@@ -82,7 +82,7 @@ class LazyCommands(TyperGroup):
 def installed_commands() -> dict[str, EntryPoint]:
     """Returns the commands of all installed packages by name, in the order of ``_COMMAND_ORDER``, then by
     name."""
-    entries = {entry.name: entry for entry in entry_points(group=GROUP)}
+    entries = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
     order = sorted(
         entries,
         key=lambda name: (

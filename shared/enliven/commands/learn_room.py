@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 
 
 def learn_room(
@@ -24,4 +24,4 @@ def learn_room(
     from enliven.wire import LearnRoom, parse_endpoint, send_order
 
     endpoint = parse_endpoint(edge)
-    say(f"{endpoint.host}: {send_order(endpoint, LearnRoom())}")
+    print_line(f"{endpoint.host}: {send_order(endpoint, LearnRoom())}")

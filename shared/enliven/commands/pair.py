@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError
 
 
@@ -44,7 +44,7 @@ def pair(
     endpoint, digits = parse_endpoint(edge), "".join(code or [])
     if show_code:
         shown_code, seconds = show_pairing_code(endpoint)
-        say(
+        print_line(
             f"{shown_code}, for {seconds} s"
             if shown_code
             else f"too many tries: a new code follows in {seconds} s"
@@ -56,8 +56,10 @@ def pair(
         )
     store = KeyStore()
     paired_edge = pair_with_edge(endpoint, digits, role, name or platform.node() or "viewer", store)
-    say(f"paired with {paired_edge.name} as {paired_edge.role}; its key: {fingerprint(paired_edge.public)}")
+    print_line(
+        f"paired with {paired_edge.name} as {paired_edge.role}; its key: {fingerprint(paired_edge.public)}"
+    )
     if paired_edge.role != role:
-        say(
+        print_line(
             f"Note: the edge grants at most the role {paired_edge.role} (its setting pairing_role).", err=True
         )

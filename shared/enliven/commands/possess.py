@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,12 +73,12 @@ def possess(
         remedy = "Name one: --mesh chair."
         raise InputError("no mesh was possessed in it", where=str(take), remedy=remedy)
     for note in notes:
-        say(f"enliven: {note}", err=True)
+        print_line(f"enliven: {note}", err=True)
     if exporter is None:
         write_project(output, project)
     else:
         exporter.save(output, [performance_of(project, name)], take.stem)
-    say(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
+    print_line(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 
 def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
@@ -95,5 +95,5 @@ def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
         return load_sample(spec), False
     mesh, notes = load_upright(spec, up)
     for note in notes:
-        say(f"enliven: {spec}: {note}", err=True)
+        print_line(f"enliven: {spec}: {note}", err=True)
     return mesh, True

@@ -53,10 +53,10 @@ def run_together(processes: Sequence[Process]) -> int:
         Supervisor,  # Imported here, because the list of commands must be quick.
     )
 
-    return Supervisor([_program(process) for process in processes]).run()
+    return Supervisor([_supervised_program(process) for process in processes]).run()
 
 
-def _program(process: Process) -> Program:
+def _supervised_program(process: Process) -> Program:
     """Returns a process of a run as a program for the supervisor."""
     from enliven.supervision.child import Program
 

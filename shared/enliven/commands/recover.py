@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 
 
 def recover(
@@ -27,17 +27,17 @@ def recover(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)
         recovery: Recovery = recovered(recording, output)
-    say(f"{output}: {sum(recovery.kept.values())} messages")
+    print_line(f"{output}: {sum(recovery.kept.values())} messages")
     for topic in sorted({*recovery.kept, *recovery.lost}):
         lost = f", {recovery.lost[topic]} lost" if recovery.lost[topic] else ""
-        say(f"  {topic}: {recovery.kept[topic]} messages{lost}")
+        print_line(f"  {topic}: {recovery.kept[topic]} messages{lost}")
     origin = recovery.first_ns or 0
     for span in recovery.spans:
-        say(f"lost: {_span_in_words(span.start_ns, span.end_ns, origin)}")
+        print_line(f"lost: {_span_in_words(span.start_ns, span.end_ns, origin)}")
     if recovery.nameless:
-        say(f"lost: {recovery.nameless} messages of topics without a description")
+        print_line(f"lost: {recovery.nameless} messages of topics without a description")
     if not recovery.spans and not recovery.nameless and not recovery.lost:
-        say("nothing was lost")
+        print_line("nothing was lost")
 
 
 def _span_in_words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:

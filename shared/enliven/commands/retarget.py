@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.files import require_folder
 
 if TYPE_CHECKING:
@@ -121,13 +121,13 @@ def retarget(
     )
     retargeted = result.retargeted
     for note in result.notes:
-        say(f"enliven: {note}", err=True)
+        print_line(f"enliven: {note}", err=True)
     if write_map:
         write_plan(retargeted.plan, write_map)
     if sheet and draw:
         draw(sheet, retargeted, f"{take.stem} on {model.stem}")
     if result.quality is None:
-        say(
+        print_line(
             f"enliven: the take is the model's own: copied joint by joint, "
             f"{retargeted.duration:.2f} s in {output}"
         )
@@ -137,7 +137,7 @@ def retarget(
         frozenset({"pose"}): "posed as the performer",
         frozenset({"move"}): "moved from its own pose",
     }
-    say(
+    print_line(
         f"enliven: {len(retargeted.plan.chains)} chains, {texts.get(frozenset(modes), 'posed and moved')}, "
         f"{retargeted.duration:.2f} s are in {output}"
     )
@@ -146,7 +146,7 @@ def retarget(
 
 def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
-    from enliven.mapping.alternatives import next_best
+    from enliven.mapping.alternatives import find_better_mapping
     from enliven.mapping.automatic_mapping import idle_limbs
     from enliven.mapping.plan_file import write_plan
     from enliven.mapping.softening import limb_name
@@ -155,31 +155,31 @@ def _print_quality(result: RetargetedFile, quality: MotionQuality, write_map: Pa
     retargeted = result.retargeted
     for limb in idle_limbs(retargeted.clip, retargeted.plan):
         remedy = "Give it a chain: --write-map writes the mapping to begin with."
-        say(f"enliven: the performer's {limb} drives nothing. {remedy}", err=True)
-    say(f"enliven: {quality}")
+        print_line(f"enliven: the performer's {limb} drives nothing. {remedy}", err=True)
+    print_line(f"enliven: {quality}")
     weight_by_limb = {
         limb_name(c): c.weight for c in retargeted.plan.chains if c.weight < 1.0 and "whole" not in c.role
     }
     if weight_by_limb:
         message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in weight_by_limb.items())
-        say(f"enliven: moved less by the mapping: {message}")
+        print_line(f"enliven: moved less by the mapping: {message}")
     if retargeted.limited:
         count = f"{len(retargeted.limited)} joint{'s' * (len(retargeted.limited) != 1)}"
         message = f"{count} kept within limits (--no-limits frees them): {', '.join(retargeted.limited)}"
-        say(f"enliven: {message}")
+        print_line(f"enliven: {message}")
     faults = exceeded_bounds(quality, retargeted.plan.pin)
     for message in faults:
-        say(f"enliven: {message}", err=True)
+        print_line(f"enliven: {message}", err=True)
     if not faults:
         return
-    alternative = next_best(retargeted, result.rig.shape, quality)
+    alternative = find_better_mapping(retargeted, result.rig.shape, quality)
     if alternative is None:
         message = "no other mapping does better: give those joints less weight (--write-map)"
-        say(f"enliven: {message}", err=True)
+        print_line(f"enliven: {message}", err=True)
         return
     message = f"the next best mapping, {alternative.how}: {alternative.quality}"
     if write_map:
         alternative_path = write_map.with_suffix(f".next{write_map.suffix}")
         write_plan(alternative.plan, alternative_path)
         message += f": --map {alternative_path}"
-    say(f"enliven: {message}", err=True)
+    print_line(f"enliven: {message}", err=True)

@@ -13,7 +13,7 @@ import typer
 
 from enliven.commands.part_names import check_parts
 from enliven.commands.processes import Process, is_listening, run_together
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError, ResourceError
 from enliven.files import require_folder
 from enliven.wire import free_ports
@@ -94,11 +94,11 @@ def run(
     require_folder(folder, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
-        say("enliven: no display was found, so this makes a film; with a display, a window opens")
+        print_line("enliven: no display was found, so this makes a film; with a display, a window opens")
     endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
-        say(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")
+        print_line(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")
     if as_film:
         folder.mkdir(exist_ok=True)
     ports = free_ports()
@@ -151,7 +151,9 @@ def run(
     if code:
         raise typer.Exit(code)
     if as_film:
-        say(f"enliven: the film is {folder / 'enliven.mp4'}, the contact sheet {folder / 'enliven.png'}")
+        print_line(
+            f"enliven: the film is {folder / 'enliven.mp4'}, the contact sheet {folder / 'enliven.png'}"
+        )
 
 
 def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
-def say(line: str, *, err: bool = False) -> None:
+def print_line(line: str, *, err: bool = False) -> None:
     """Prints one line. Characters that are not printable are written as escape sequences.
 
     Args:

@@ -10,8 +10,8 @@ from .clip import (
     CubicKeys as CubicKeys,
     FineFrames as FineFrames,
     joint_places as joint_places,
-    keyed_clip as keyed_clip,
-    stretched as stretched,
+    clip_from_keys as clip_from_keys,
+    apply_stretch as apply_stretch,
 )
 from .constraints import (
     Constraint as Constraint,
@@ -35,7 +35,7 @@ from .pin import ContactSettings as ContactSettings, Pin as Pin
 from .graph.layers import GraphLayer as GraphLayer, GraphPart as GraphPart, Ride as Ride
 from .graph.shape import (
     GraphShape as GraphShape,
-    character_of_graph as character_of_graph,
+    character_from_graph_shape as character_from_graph_shape,
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_of as graph_shape_of,
 )
@@ -45,10 +45,10 @@ from .keys import (
     CurveKey as CurveKey,
     KEY_STEP as KEY_STEP,
     MotionKey as MotionKey,
-    curve_of as curve_of,
+    curve_from_keys as curve_from_keys,
     key_values as key_values,
-    placed_keys as placed_keys,
-    through_keys as through_keys,
+    sort_keys as sort_keys,
+    interpolate_keys as interpolate_keys,
 )
 from .project import (
     CameraMark as CameraMark,
@@ -66,18 +66,18 @@ from .puppet import (
     Plane as Plane,
     Puppet as Puppet,
     PuppetLayer as PuppetLayer,
-    character_of_puppet as character_of_puppet,
+    character_from_puppet as character_from_puppet,
 )
 from .rig import RigBase as RigBase
 from .rigged import (
     Shape as Shape,
     character_of as character_of,
-    drawn_edges as drawn_edges,
+    bones_to_draw as bones_to_draw,
     still_shape as still_shape,
 )
-from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
+from .skeleton import Skeleton as Skeleton, skeleton_from_links as skeleton_from_links
 from .surface_settings import ArapSettings as ArapSettings
-from .smoothing import smoothed as smoothed
+from .smoothing import smooth_take as smooth_take
 from .time_map import (
     MAX_SPEED as MAX_SPEED,
     MIN_SPEED as MIN_SPEED,
@@ -86,6 +86,6 @@ from .time_map import (
     Segment as Segment,
     TimeMap as TimeMap,
     closing_time as closing_time,
-    eased as eased,
+    ease_in_out as ease_in_out,
     run_of as run_of,
 )

@@ -52,7 +52,7 @@ class BodyTake:
                 array = np.array(getattr(self, name), kind)
                 array.setflags(write=False)
                 object.__setattr__(self, name, array)
-        problem = _problem_of(self)
+        problem = _describe_problem(self)
         if problem:
             raise InputError(problem, where=f"take {self.id!r}", remedy="Record it again.")
 
@@ -144,7 +144,7 @@ class Possession:
         return self.end if self.end > 0.0 else take.duration
 
 
-def _problem_of(take: BodyTake) -> str:
+def _describe_problem(take: BodyTake) -> str:
     frames, people, joints = len(take.seconds), len(take.people), len(Joint)
     shapes = (take.joints.shape, take.confidence.shape, take.present.shape)
     if frames == 0 or people == 0:

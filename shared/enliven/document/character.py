@@ -68,7 +68,7 @@ class Character:
     stiffness: Float32 | None = None
 
     def __post_init__(self) -> None:
-        problem = _problem_of(self)
+        problem = _describe_problem(self)
         if problem:
             raise InputError(problem, where=f"character {self.id!r}", remedy="Build the character again.")
 
@@ -83,7 +83,7 @@ class Character:
         )
 
 
-def _problem_of(character: Character) -> str:
+def _describe_problem(character: Character) -> str:
     """Returns a sentence about inconsistent arrays of a character, or an empty string."""
     count, vertices = len(character.pivots), len(character.vertices)
     if vertices == 0 or len(character.faces) == 0 or count == 0:

@@ -3,7 +3,7 @@
 A clip is a recorded or imported performance, or an animation of one bone by keyframes. In the latter case,
 its frames are computed from the keyframes.
 
-    keyed_clip("arm keys", "arm", [MotionKey(0.5, (0.0, 40.0, 0.0)), MotionKey(1.0, ease="linear")])
+    clip_from_keys("arm keys", "arm", [MotionKey(0.5, (0.0, 40.0, 0.0)), MotionKey(1.0, ease="linear")])
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float, freeze
-from enliven.document.keys import KEY_STEP, MotionKey, key_values, placed_keys
+from enliven.document.keys import KEY_STEP, MotionKey, key_values, sort_keys
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_from_strain
@@ -296,10 +296,10 @@ class Clip:
         """
         links = self.skeleton.vectors[None]
         links = links if self.offsets is None else links + self.offsets
-        return links if self.stretch is None else stretched(self.stretch, links)
+        return links if self.stretch is None else apply_stretch(self.stretch, links)
 
     @property
-    def deforms(self) -> bool:
+    def has_deformation(self) -> bool:
         """True if bones also stretch, move or are reflected, instead of only rotating."""
         return bool(self.tracks) or self.mirrors is not None
 
@@ -331,19 +331,19 @@ def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
     return places
 
 
-def stretched(stretch: Float, vectors: Float) -> Float:
+def apply_stretch(stretch: Float, vectors: Float) -> Float:
     """Applies stretches (..., 3, 3) to vectors (..., 3)."""
     return np.asarray(np.einsum("...ab,...b->...a", stretch, vectors))
 
 
-def keyed_clip(clip_id: str, bone: str, keys: Sequence[MotionKey]) -> Clip:
+def clip_from_keys(clip_id: str, bone: str, keys: Sequence[MotionKey]) -> Clip:
     """Builds a clip of one bone, or of a whole character, that interpolates keys. Key times are rounded to
     frames.
 
     Raises:
         InputError: without a key, or if two keys are on the same frame.
     """
-    ordered_keys = placed_keys(keys, f"clip {clip_id!r}")
+    ordered_keys = sort_keys(keys, f"clip {clip_id!r}")
     seconds = np.arange(round(ordered_keys[-1].second / KEY_STEP) + 1) * KEY_STEP
     values = key_values(ordered_keys, seconds)
     turns = from_rotation_vector(np.radians(values[:, :3]))

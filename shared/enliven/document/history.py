@@ -108,14 +108,14 @@ class History:
             drag: identifies a mouse drag that makes many edits. All its edits form one step.
         """
         for step in self._steps[self._at + 1 :]:
-            self._let_go(step.project)
+            self._drop_oldest_steps(step.project)
         del self._steps[self._at + 1 :]
         top = self._steps[-1]
         going_on = drag is not None and top.drag == drag and self._at > 0
         previous = self._steps[-2].project if going_on else top.project
-        project = shared_with(project, previous)
+        project = share_equal_parts(project, previous)
         if going_on:
-            self._let_go(self._steps.pop().project)
+            self._drop_oldest_steps(self._steps.pop().project)
         self._steps.append(_Step(name, project, drag))
         self._at = len(self._steps) - 1
         self._hold_arrays(project)
@@ -150,13 +150,13 @@ class History:
         return self.project
 
     def _hold_arrays(self, project: Project) -> None:
-        for array in _arrays_in(project):
+        for array in _iterate_arrays(project):
             self._count[id(array)] += 1
             if self._count[id(array)] == 1:
                 self._bytes += array.nbytes
 
-    def _let_go(self, project: Project) -> None:
-        for array in _arrays_in(project):
+    def _drop_oldest_steps(self, project: Project) -> None:
+        for array in _iterate_arrays(project):
             self._count[id(array)] -= 1
             if self._count[id(array)] == 0:
                 self._bytes -= array.nbytes
@@ -165,11 +165,11 @@ class History:
     def _forget_oldest(self) -> None:
         """Drops the oldest steps while the memory limit is exceeded, but never the current project."""
         while self._at > 0 and self._bytes > self._settings.megabytes * 1e6:
-            self._let_go(self._steps.pop(0).project)
+            self._drop_oldest_steps(self._steps.pop(0).project)
             self._at -= 1
 
 
-def shared_with(project: Project, before: Project) -> Project:
+def share_equal_parts(project: Project, before: Project) -> Project:
     """Returns the project, with all parts that are bit-identical to those of ``before`` replaced by the
     latter, to save memory.
     """
@@ -177,12 +177,12 @@ def shared_with(project: Project, before: Project) -> Project:
     for part in fields(project):
         old: Mapping[str, Any] = getattr(before, part.name)
         maps[part.name] = {
-            k: _shared_parts(new, old.get(k)) for k, new in getattr(project, part.name).items()
+            k: _reuse_equal_parts(new, old.get(k)) for k, new in getattr(project, part.name).items()
         }
     return Project(**maps)
 
 
-def _shared_parts(new: Any, old: Any) -> Any:
+def _reuse_equal_parts(new: Any, old: Any) -> Any:
     """Returns ``old`` if it equals ``new``. For two characters of the same kind, equal attributes are
     reused.
     """
@@ -196,16 +196,16 @@ def _shared_parts(new: Any, old: Any) -> Any:
     return new
 
 
-def _arrays_in(part: object) -> Iterator[AnyArray]:
+def _iterate_arrays(part: object) -> Iterator[AnyArray]:
     """Yields every array in a project or a part of one."""
     if isinstance(part, np.ndarray):
         yield part
     elif is_dataclass(part):
         for entry in fields(part):
-            yield from _arrays_in(getattr(part, entry.name))
+            yield from _iterate_arrays(getattr(part, entry.name))
     elif isinstance(part, Mapping):
         for value in part.values():
-            yield from _arrays_in(value)
+            yield from _iterate_arrays(value)
     elif isinstance(part, tuple):
         for value in part:
-            yield from _arrays_in(value)
+            yield from _iterate_arrays(value)

@@ -54,7 +54,7 @@ class MotionKey:
             raise InputError(problem, where="key", remedy=advice)
 
 
-def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
+def sort_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
     """Returns the keys in the order of time, with times rounded to frames.
 
     Raises:
@@ -72,10 +72,10 @@ def key_values(keys: Sequence[MotionKey], seconds: AnyArray) -> Float:
     metres.
     """
     values = np.array([(*key.degrees, *key.metres) for key in keys], np.float64)
-    return through_keys([key.second for key in keys], values, [key.ease for key in keys], seconds)
+    return interpolate_keys([key.second for key in keys], values, [key.ease for key in keys], seconds)
 
 
-def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], seconds: AnyArray) -> Float:
+def interpolate_keys(at: Sequence[float], values: Float, eases: Sequence[str], seconds: AnyArray) -> Float:
     """Interpolates channels through values (K, C) at seconds ``at`` (K,). Returns (T, C) at seconds (T,).
 
     Before the first and after the last key the values are constant. Smooth pieces are cubic, with the
@@ -162,7 +162,7 @@ class Curve:
     def __call__(self, seconds: AnyArray | Sequence[float]) -> Float:
         """Returns (T,) values at seconds (T,)."""
         times = np.asarray(seconds, np.float64)
-        return through_keys(self._at.tolist(), self._values[:, None], self._eases, times)[:, 0]
+        return interpolate_keys(self._at.tolist(), self._values[:, None], self._eases, times)[:, 0]
 
     def area(self, seconds: AnyArray | Sequence[float]) -> Float:
         """Returns (T,) the integrals from 0 to seconds (T,)."""
@@ -215,6 +215,6 @@ class Curve:
 
 
 @lru_cache(maxsize=256)
-def curve_of(keys: tuple[CurveKey, ...]) -> Curve:
+def curve_from_keys(keys: tuple[CurveKey, ...]) -> Curve:
     """Returns the curve through keys, from a cache."""
     return Curve(keys)

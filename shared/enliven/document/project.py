@@ -17,7 +17,7 @@ from enliven.document.graph.stream import PoseStream
 from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
-from enliven.document.smoothing import smoothed
+from enliven.document.smoothing import smooth_take
 from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.sounds import Sound
@@ -224,7 +224,7 @@ class Project:
 
     def take_of(self, layer: LayerBase) -> Clip | PoseStream:
         """Returns the take that a layer plays, with the layer's smoothing applied."""
-        return smoothed(self._recorded_clip(layer), layer.smooth)
+        return smooth_take(self._recorded_clip(layer), layer.smooth)
 
     def _recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
         collection: Mapping[str, Clip | PoseStream] = (

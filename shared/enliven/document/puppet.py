@@ -153,7 +153,7 @@ class Puppet(RigBase):
         for name in ("points", "poses", "layers"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         freeze(self, "place", "turn")
-        problem = _problem_of(self)
+        problem = _describe_problem(self)
         if problem:
             raise InputError(problem, where=f"puppet {self.id!r}", remedy="Build the puppet again.")
 
@@ -207,7 +207,7 @@ class Puppet(RigBase):
         raise InputError(problem, where=f"puppet {self.id!r}", remedy=f"Known: {names}.")
 
 
-def character_of_puppet(puppet: Puppet) -> Character:
+def character_from_puppet(puppet: Puppet) -> Character:
     """Converts the puppet to a character for viewers, of kind "points". Its frame is transform 0, and control
     point k - 1 is transform k.
 
@@ -242,7 +242,7 @@ def character_of_puppet(puppet: Puppet) -> Character:
     )
 
 
-def _problem_of(puppet: Puppet) -> str:
+def _describe_problem(puppet: Puppet) -> str:
     names = [point.name for point in puppet.points]
     if len(set(names)) < len(names):
         return f"two control points have one name: {', '.join(names)}"

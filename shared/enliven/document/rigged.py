@@ -61,10 +61,10 @@ class Shape(RigBase):
     def __post_init__(self) -> None:
         freeze(self, "modeling", "place")
         object.__setattr__(self, "spans", tuple(tuple(spans) for spans in self.spans))
-        layer_ids = names_of_layers(self)
+        layer_ids = layer_ids_in_spans(self)
         layers = {layer.id: layer for layer in self.layers if layer.id in layer_ids}
         object.__setattr__(self, "layers", tuple(layers.values()))
-        problem = _problem_of(self)
+        problem = _describe_problem(self)
         missing = [] if problem else [name for name in layer_ids if name not in layers]
         if missing:
             problem = f"the layer {missing[0]!r} does not exist"
@@ -131,7 +131,7 @@ class Shape(RigBase):
                 raise InputError("its chain names joints that the take lacks", where=f"layer {layer.id!r}")
 
 
-def names_of_layers(shape: Shape) -> tuple[str, ...]:
+def layer_ids_in_spans(shape: Shape) -> tuple[str, ...]:
     """Returns the ids of the layers to which the spans of a shape refer, without repetition. The travel layer
     comes last.
     """
@@ -168,7 +168,7 @@ def character_of(shape: Shape) -> Character:
         faces=shape.mesh.faces,
         skin=shape.skin,
         pivots=skeleton.positions[parent_joints].astype(np.float32),
-        edges=drawn_edges(skeleton),
+        edges=bones_to_draw(skeleton),
         kind="bones",
         colours=shape.mesh.colours,
         names=skeleton.names,
@@ -176,7 +176,7 @@ def character_of(shape: Shape) -> Character:
     )
 
 
-def drawn_edges(skeleton: Skeleton) -> Int32:
+def bones_to_draw(skeleton: Skeleton) -> Int32:
     """Returns (E, 2) pairs of transforms with pivots at the two ends of a bone."""
     # The pivot of transform j is the parent joint. So a bone is drawn from its own pivot to the pivot of its
     # first child.
@@ -184,7 +184,7 @@ def drawn_edges(skeleton: Skeleton) -> Int32:
     return np.array(pairs, np.int32).reshape(-1, 2)
 
 
-def _problem_of(shape: Shape) -> str:
+def _describe_problem(shape: Shape) -> str:
     count = len(shape.skeleton)
     if shape.modeling.shape != (count, 4) or len(shape.spans) != count or shape.place.shape != (3,):
         return f"{count} joints, modeling {shape.modeling.shape}, {len(shape.spans)} spans"

@@ -31,8 +31,8 @@ class Skeleton:
         positions: (N, 3) float64 metres at rest.
 
     Raises:
-        InputError: if the arrays do not fit together. :func:`skeleton_of` sorts joints that are only out of
-            order.
+        InputError: if the arrays do not fit together. :func:`skeleton_from_links` sorts joints that are only
+            out of order.
     """
 
     names: tuple[str, ...]
@@ -43,10 +43,10 @@ class Skeleton:
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "parents", frozen(self.parents, np.int32))
         object.__setattr__(self, "positions", frozen(self.positions))
-        problem = _problem_of(self)
+        problem = _describe_problem(self)
         if problem:
             raise InputError(
-                problem, where="skeleton", remedy="Build it with skeleton_of, or repair the file."
+                problem, where="skeleton", remedy="Build it with skeleton_from_links, or repair the file."
             )
 
     def __len__(self) -> int:
@@ -109,7 +109,7 @@ class Skeleton:
         return chain
 
 
-def skeleton_of(
+def skeleton_from_links(
     names: Sequence[str],
     links: Iterable[tuple[int, int]],
     positions: Float | Sequence[Sequence[float]],
@@ -187,7 +187,7 @@ def _closed_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
     return [*chains[0][: chains[0].index(meeting) + 1], *reversed(chains[1][: chains[1].index(meeting)])]
 
 
-def _problem_of(skeleton: Skeleton) -> str:
+def _describe_problem(skeleton: Skeleton) -> str:
     count = len(skeleton.names)
     if count == 0:
         return "it has no joints"

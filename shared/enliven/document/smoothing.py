@@ -18,17 +18,17 @@ _CACHED_TAKES = 64
 """Number of smoothed takes in the cache: enough for several characters while a slider is dragged."""
 
 
-def smoothed(take: T, seconds: float) -> T:
+def smooth_take(take: T, seconds: float) -> T:
     """Returns a take smoothed by a Gaussian filter over time. The result is cached by take and seconds.
 
     Args:
         seconds: the standard deviation of the Gaussian weights; 0 returns the take itself.
     """
-    return take if seconds <= 0.0 else _smoothed_take(take, seconds)
+    return take if seconds <= 0.0 else _compute_smooth_take(take, seconds)
 
 
 @lru_cache(maxsize=_CACHED_TAKES)
-def _smoothed_take(take: Any, seconds: float) -> Any:
+def _compute_smooth_take(take: Any, seconds: float) -> Any:
     from scipy.ndimage import gaussian_filter1d  # Imported here, because SciPy is slow to load.
 
     frames = seconds / take.step

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
-from enliven.document.keys import CurveKey, curve_of
+from enliven.document.keys import CurveKey, curve_from_keys
 from enliven.errors import InputError
 
 MIN_SPEED = 0.02
@@ -115,7 +115,7 @@ class TimeMap:
         """
         for name in ("segments", "weights", "speeds"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        if problem := _problem_of_keys(self.weights, self.speeds):
+        if problem := _describe_key_problem(self.weights, self.speeds):
             advice = (
                 f"Give weights from 0 to 1, speeds of at least {MIN_SPEED}, and each key a time of its own."
             )
@@ -126,7 +126,7 @@ class TimeMap:
         if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
             message = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
             raise InputError(message, where=where, remedy="Give seconds from 0 on.")
-        if problem := _problem_of(self.segments):
+        if problem := _describe_problem(self.segments):
             raise InputError(problem, where=where, remedy="Move a clip away, or trim it.")
 
     def lane(self, length: float) -> tuple[Segment, ...]:
@@ -157,11 +157,11 @@ class TimeMap:
         if not self.hold:
             weight = self._weight_within(lane_time, rounds, lane, number)
         if self.weights:
-            weight *= float(curve_of(self.weights)([time - self.offset])[0])
+            weight *= float(curve_from_keys(self.weights)([time - self.offset])[0])
         # After its end, a clip holds its last frame until the next clip begins.
         second = _limited_second(current.second(min(max(lane_time, current.begin), current.end)), length)
         if number and lane_time < previous.end:
-            fraction = eased((lane_time - current.begin) / (previous.end - current.begin))
+            fraction = ease_in_out((lane_time - current.begin) / (previous.end - current.begin))
             return Moment(
                 _limited_second(previous.second(lane_time), length), second, fraction, rounds, weight
             )
@@ -174,11 +174,11 @@ class TimeMap:
         """
         if not self.speeds:
             return time
-        return self.offset + float(curve_of(self.speeds).area([time - self.offset])[0])
+        return self.offset + float(curve_from_keys(self.speeds).area([time - self.offset])[0])
 
     def uneven(self, time: float) -> float:
         """Converts a time without speed keys to a time of the project. It is the inverse of :meth:`even`."""
-        return self.offset + curve_of(self.speeds).reached(time - self.offset) if self.speeds else time
+        return self.offset + curve_from_keys(self.speeds).reached(time - self.offset) if self.speeds else time
 
     def _weight_within(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
         """Returns the weight of a layer without ``hold`` at a time of its lane, within a loop."""
@@ -192,7 +192,11 @@ class TimeMap:
             end = math.inf if end >= lane[-1].end - _TOUCHING_CLIPS_S else end
         if not begin <= at <= end:
             return 0.0
-        return eased(min((at - begin) / self.ease, (end - at) / self.ease, 1.0)) if self.ease > 0.0 else 1.0
+        return (
+            ease_in_out(min((at - begin) / self.ease, (end - at) / self.ease, 1.0))
+            if self.ease > 0.0
+            else 1.0
+        )
 
     def played(self, time: float, length: float) -> tuple[float, int]:
         """Returns the time of a take of ``length`` seconds that has the largest weight at a time of the
@@ -357,7 +361,7 @@ def closing_time(rounds: Sequence[float], least: float) -> float:
     return least
 
 
-def eased(share: float) -> float:
+def ease_in_out(share: float) -> float:
     """Returns the progress of a blend that starts and ends with zero speed (smoothstep): 3 s^2 - 2 s^3."""
     return share * share * (3.0 - 2.0 * share)
 
@@ -372,7 +376,7 @@ def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
     return lane[low].begin, lane[high].end
 
 
-def _problem_of_keys(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
+def _describe_key_problem(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
     for keys in (weights, speeds):
         if any(b.second - a.second < _MIN_KEY_INTERVAL_S for a, b in pairwise(keys)):
             return "keys of its weight or speed are at one time, or not in order"
@@ -389,7 +393,7 @@ def _limited_second(second: float, length: float) -> float:
     return min(max(second, 0.0), length)
 
 
-def _problem_of(segments: Sequence[Segment]) -> str:
+def _describe_problem(segments: Sequence[Segment]) -> str:
     numbers = [x for segment in segments for x in (segment.begin, segment.end, segment.first, segment.speed)]
     if not all(math.isfinite(x) for x in numbers) or any(segment.speed == 0.0 for segment in segments):
         return "a clip of it has no begin, no end or no speed"

@@ -40,7 +40,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import Plane, Project, Puppet, RootLayer, keyed_clip, unused
+from enliven.document import Plane, Project, Puppet, RootLayer, clip_from_keys, unused
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
 from enliven.example_sessions.mesh import load_session_mesh, nearest_vertex
@@ -214,7 +214,7 @@ class _Reader:
             name = name or unused(f"{self._name} keys", self._project.takes)
             if name in self._project.takes:
                 raise InputError(f"there is a take {name!r} already", remedy="Give it another name.")
-            self._project = self._project.with_takes(keyed_clip(name, "root", keys))
+            self._project = self._project.with_takes(clip_from_keys(name, "root", keys))
         elif name not in known_takes:
             name = self._take_named(name)
         values = {field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Project, Puppet, character_of_puppet
+from enliven.document import Project, Puppet, character_from_puppet
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.recording import Recorder
 from enliven.wire import PoseCodec, character_to_message, pack_recorded, pose_to_message
@@ -28,7 +28,7 @@ def write_puppet_take(
         InputError: if the puppet has nothing to animate.
         ResourceError: if the file cannot be written.
     """
-    character = character_of_puppet(puppet)
+    character = character_from_puppet(puppet)
     codec = PoseCodec(character)
     times = np.arange(round((end - start) * rate) + 1) / rate
     poses = [

@@ -1,7 +1,7 @@
 """Suggests a performer's joint for each control point. The criteria are side, height and amount of motion.
 
 guess_joints(clip.skeleton, puppet.rest)          # ("LeftHand end", "RightHand end", "Head end", ...)
-guess_joints(clip.skeleton, puppet.rest, motion=joint_motion(clip))     # prefers moving joints
+guess_joints(clip.skeleton, puppet.rest, motion=measure_joint_motion(clip))     # prefers moving joints
 
 Skeleton and mesh are compared from the front (+Z, left at +X), each scaled to its own width and height. A
 mesh that is deeper than wide is assumed to face +X. Ends of limbs are preferred to the joints between them.
@@ -22,7 +22,7 @@ from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import IdentityKey
-from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, anatomy_of
+from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
 _LIMB_MIDDLE_COST = 0.65
@@ -67,7 +67,7 @@ _SAME_END_COST = 5.0
 _CROSSED_SIDES_COST = 100.0
 """Cost of a side joint for a point in the middle, and of a middle joint for two mirror images."""
 _CACHED_TAKES = 16
-"""Number of takes in the least-recently-used cache of :func:`joint_motion`."""
+"""Number of takes in the least-recently-used cache of :func:`measure_joint_motion`."""
 _HAND_FRACTION = 0.35
 """Fraction of a limb, from its end, that is its hand or foot."""
 
@@ -96,7 +96,7 @@ class JointMotion:
     shares: Mapping[str, float]
 
 
-def joint_motion(clip: Clip) -> JointMotion:
+def measure_joint_motion(clip: Clip) -> JointMotion:
     """Measures how much each joint moves in a take, or returns the cached result."""
     return _take_motion(IdentityKey(clip))
 
@@ -108,7 +108,7 @@ def _take_motion(take: IdentityKey[Clip]) -> JointMotion:
     poses = performed(clip, skeleton.names).poses
     travel, body_size = np.ptp(poses, axis=0).max(1), float(np.ptp(skeleton.positions, axis=0).max())
     variance = np.var(poses, axis=0).sum(1)
-    variance = np.maximum(variance, variance[_mirror_images(anatomy_of(skeleton), len(skeleton))])
+    variance = np.maximum(variance, variance[_mirror_images(find_anatomy(skeleton), len(skeleton))])
     motion_shares = variance / max(float(variance.max()), 1e-12)
     still_joints = frozenset(
         name
@@ -149,7 +149,7 @@ def guess_joints(
     # Otherwise, the longer horizontal extent of the mesh is its left-right axis.
     if partners is None and extents[2] > _MIN_DEPTH_RATIO * extents[0]:
         rest = rotate_about_y(rest, -np.pi / 2)
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
     level = rotate_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _extend_arms(level, anatomy)
@@ -208,12 +208,12 @@ def guess_joints(
 
 def mirror_joint(skeleton: Skeleton, name: str) -> str:
     """Returns the corresponding joint of the other side, or the joint itself if it is in the middle."""
-    return skeleton.names[int(_mirror_images(anatomy_of(skeleton), len(skeleton))[skeleton.index(name)])]
+    return skeleton.names[int(_mirror_images(find_anatomy(skeleton), len(skeleton))[skeleton.index(name)])]
 
 
 def foot_joints(skeleton: Skeleton) -> frozenset[str]:
     """Returns the names of the joints of feet: the last part of each leg and all joints below it."""
-    limbs = [limb for pair in anatomy_of(skeleton).legs for limb in pair]
+    limbs = [limb for pair in find_anatomy(skeleton).legs for limb in pair]
     return frozenset(skeleton.names[joint] for limb in limbs for joint in _hand_joints(skeleton, limb))
 
 
@@ -226,7 +226,7 @@ def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners:
         joints: (P,) the joint of each point, the most important first.
         partners: (P,) the mirror image of each point, which is kept or dropped together with it.
     """
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
     joint_of_part, dropped = dict[int, str](), set[int]()
     for number, joint in enumerate(joints):

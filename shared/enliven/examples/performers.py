@@ -21,7 +21,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.skeletons.anatomy import Anatomy, anatomy_of
+from enliven.skeletons.anatomy import Anatomy, find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
 _SAME_SKELETON_TOLERANCE = 1e-9
@@ -77,7 +77,7 @@ def match_performer(
             own_joints.append(name)
             continue
         _check_joint(reference, name, who)
-        parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
+        parts = parts or (find_anatomy(reference), find_anatomy(skeleton))
         counterpart = _counterpart_joint(reference, skeleton, *parts, reference.names.index(name))
         if counterpart is None:
             _check_joint(skeleton, name, who)
@@ -92,7 +92,7 @@ def match_performer(
                 _distance_from_root(skeleton, mine),
             )
             factors[k] = reference_reach / own_reach if reference_reach > 0.0 and own_reach > 0.0 else 1.0
-    parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
+    parts = parts or (find_anatomy(reference), find_anatomy(skeleton))
     heading_change, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
     return Role(tuple(own_joints), factors, heading_change, tuple(notes), size)
 

@@ -24,7 +24,7 @@ from enliven.document import (
     Puppet,
     PuppetLayer,
     Skeleton,
-    smoothed,
+    smooth_take,
 )
 from enliven.errors import InputError
 from enliven.examples.performer import performed
@@ -91,11 +91,11 @@ def collect_material(project: Project, puppet: Puppet, layer: PuppetLayer) -> Ma
     shown = tuple(IdentityKey(project.takes[pose.take]) for pose in puppet.poses)
     timeless = replace(layer.timeless(), muted=False)
     values = (puppet.points, puppet.poses, puppet.symmetry, IdentityKey(puppet.mesh), shown)
-    take = IdentityKey(smoothed(project.takes[layer.take], layer.smooth))
+    take = IdentityKey(smooth_take(project.takes[layer.take], layer.smooth))
     return Material(*values, take, timeless, puppet.examples, puppet.locomotion, puppet.id)
 
 
-def examples_of(project: Project, puppet: Puppet) -> Examples:
+def examples_from_key_poses(project: Project, puppet: Puppet) -> Examples:
     """Converts the key poses to examples, with joints in the performer's body frame. If the puppet is
     symmetric, mirrored examples are added.
 
@@ -103,10 +103,10 @@ def examples_of(project: Project, puppet: Puppet) -> Examples:
         InputError: if data is missing (see :func:`missing`), or the examples cannot be used.
     """
     takes = [project.takes[pose.take] for pose in puppet.poses]
-    return examples_with(puppet.id, puppet.mesh, puppet.points, puppet.poses, takes, puppet.symmetry)
+    return build_examples(puppet.id, puppet.mesh, puppet.points, puppet.poses, takes, puppet.symmetry)
 
 
-def examples_with(
+def build_examples(
     name: str,
     mesh: Mesh,
     points: Sequence[ControlPoint],
@@ -120,9 +120,9 @@ def examples_with(
         raise InputError(lacking[0], where=f"puppet {name!r}", remedy=" ".join(lacking[1:]))
     joints = tuple(point.joint for point in points)
     names = tuple(point.name for point in points)
-    reference = reference_among([take.skeleton for take in takes], joints)
+    reference = find_reference_skeleton([take.skeleton for take in takes], joints)
     targets = np.stack([pose.places for pose in poses])
-    examples = Examples(joints, names, _shown_poses(takes, poses, joints, reference), targets)
+    examples = Examples(joints, names, _performed_key_poses(takes, poses, joints, reference), targets)
     if symmetry is None:
         return examples
     plane_point, plane_normal = np.array(symmetry.point), np.array(symmetry.normal)
@@ -164,10 +164,10 @@ def reference_performer(project: Project, puppet: Puppet) -> Skeleton:
     if not puppet.poses:
         raise InputError("it has no key pose", where=f"puppet {puppet.id!r}", remedy="Pose two examples.")
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
-    return reference_among(skeletons, tuple(point.joint for point in puppet.points))
+    return find_reference_skeleton(skeletons, tuple(point.joint for point in puppet.points))
 
 
-def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
+def find_reference_skeleton(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
     """Returns the first skeleton that has all of the joints, or the first skeleton if none has."""
     return next((skeleton for skeleton in skeletons if set(joints) <= set(skeleton.names)), skeletons[0])
 
@@ -189,7 +189,7 @@ def find_missing(
         return ("Put control points on the mesh.",)
     sentences = [f"Pair {point.name!r} with a joint." for point in points if not point.joint]
     if skeletons:
-        joint_names = reference_among(skeletons, [point.joint for point in points]).names
+        joint_names = find_reference_skeleton(skeletons, [point.joint for point in points]).names
         sentences += [
             f"Pair {point.name!r} with another joint: the performer of the key poses has no {point.joint!r}"
             f"{_similar_names(point.joint, joint_names)}."
@@ -219,7 +219,7 @@ def _similar_names(name: str, known: Sequence[str]) -> str:
     return f" (there are {', '.join(matches)})" if matches else ""
 
 
-def frame_at(clip: Clip, seconds: float) -> int:
+def find_nearest_frame(clip: Clip, seconds: float) -> int:
     """Returns the frame of a take nearest to a time.
 
     Raises:
@@ -233,7 +233,7 @@ def frame_at(clip: Clip, seconds: float) -> int:
     return frame
 
 
-def _shown_poses(
+def _performed_key_poses(
     takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
 ) -> Float:
     """Returns (n, P, 3) the paired joints at the key poses, in the body frame, converted to the reference
@@ -242,7 +242,7 @@ def _shown_poses(
     all_poses = np.empty((len(poses), len(joints), 3))
     for take in dict.fromkeys(takes):
         pose_numbers = [n for n, other in enumerate(takes) if other is take]
-        frames = [frame_at(take, poses[n].time) for n in pose_numbers]
+        frames = [find_nearest_frame(take, poses[n].time) for n in pose_numbers]
         role = match_performer(reference, take.skeleton, joints, take.id)
         clip = take.mapped(itemgetter(frames))
         all_poses[pose_numbers] = role.seen(performed(clip, role.joints).poses)

@@ -53,7 +53,7 @@ def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _cached_motion(collect_material(project, puppet, _layer_numbered(puppet, layer)))
+    return _cached_motion(collect_material(project, puppet, _find_layer(puppet, layer)))
 
 
 def state_of(project: Project, puppet: Puppet, time: float) -> State:
@@ -107,7 +107,7 @@ def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
 
 
 def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
-    """Returns the pose of ``character_of_puppet``: transform 0 is the puppet's frame in the world.
+    """Returns the pose of ``character_from_puppet``: transform 0 is the puppet's frame in the world.
 
     Transform k is control point k - 1, with the rotation of the frame and its position in the world.
     """
@@ -117,7 +117,7 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
     return Pose(puppet.id, time_ns, linear, in_world(puppet, state, places).astype(np.float32))
 
 
-def _layer_numbered(puppet: Puppet, number: int) -> PuppetLayer:
+def _find_layer(puppet: Puppet, number: int) -> PuppetLayer:
     if not 0 <= number < len(puppet.layers):
         problem = f"layer {number} does not exist"
         advice = f"It has {len(puppet.layers)}."

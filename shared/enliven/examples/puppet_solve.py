@@ -18,14 +18,14 @@ from enliven.examples.performers import match_performer
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import (
     Material,
+    build_examples,
     collect_material,
-    examples_with,
-    reference_among,
+    find_reference_skeleton,
     select_pairs,
 )
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.examples.spacetime.constraints import convert_constraints
-from enliven.examples.spacetime.following import PathFollower, floor_numbers, floor_positions
+from enliven.examples.spacetime.following import PathFollower, complex_from_floor, floor_from_complex
 from enliven.examples.spacetime.locomotion import PlacedMotion, check_switches
 from enliven.examples.spacetime.planting import lock_feet
 from enliven.examples.travel import PerformerFeet, convert_take, layer_travel, performer_feet
@@ -90,10 +90,12 @@ class _Solve:
         self.travels = self._layer.travel and footed and self._layer.weight > 0.0
         shown = [load_clip() for load_clip in material.shown]
         example_inputs = material.puppet, mesh, points, material.poses, shown, material.symmetry
-        self.examples = select_pairs(examples_with(*example_inputs), self._moved)
+        self.examples = select_pairs(build_examples(*example_inputs), self._moved)
         self._mapping = ExampleMap(self.examples, material.examples)
         take, joints = material.take(), self.examples.joints
-        reference = reference_among([clip.skeleton for clip in shown], [point.joint for point in points])
+        reference = find_reference_skeleton(
+            [clip.skeleton for clip in shown], [point.joint for point in points]
+        )
         self._take, self._role = take, match_performer(reference, take.skeleton, joints, take.id)
         self._asked: tuple[Constraint, ...] = (
             *self._layer.positions,
@@ -168,7 +170,7 @@ class _Solve:
             np.empty(standing.shape, np.complex128),
             0j,
         )
-        offsets = self.path - (floor_numbers(placed.root) - floor_numbers(placed.root[0]))
+        offsets = self.path - (complex_from_floor(placed.root) - complex_from_floor(placed.root[0]))
         for frame, (offset, stands) in enumerate(zip(offsets.tolist(), standing.tolist(), strict=True)):
             pull += following.next(offset - pull, stands)
             pulls[frame], held[frame] = pull, following.held
@@ -178,11 +180,11 @@ class _Solve:
             held *= np.minimum(
                 np.arange(len(held))[::-1] * self.converted_take.step / contact_settings.blend, 1.0
             )[:, None]
-        pull_positions = floor_positions(pulls)
+        pull_positions = floor_from_complex(pulls)
         placed = replace(
             placed, root=placed.root + pull_positions, world=placed.world + pull_positions[:, None]
         )
-        placed.world[:, feet] += floor_positions(held)
+        placed.world[:, feet] += floor_from_complex(held)
         return placed, held
 
     def displace_feet(self, places: Float, held: Complex, yaw: Float) -> Float:
@@ -191,7 +193,7 @@ class _Solve:
             return places
         displaced = places.copy()
         displaced[:, self._held_feet] += (
-            rotate_about_y(floor_positions(held), -yaw[:, None]) / self._layer.weight
+            rotate_about_y(floor_from_complex(held), -yaw[:, None]) / self._layer.weight
         )
         return displaced
 
@@ -247,7 +249,7 @@ class _Solve:
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """Returns the solved motion, with read-only arrays, since all callers share it."""
-        no_root, path = np.zeros((len(places), 3)), floor_positions(self.path)
+        no_root, path = np.zeros((len(places), 3)), floor_from_complex(self.path)
         world_path = (no_root, no_root, _no_anchors(places), ())
         if placed:
             world_path = (placed.root, path, placed.anchors, placed.switches)

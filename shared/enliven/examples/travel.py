@@ -1,6 +1,6 @@
 """The locomotion of a puppet: its stepping feet, and how far it travels for each metre of the performer.
 
-    travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
+    travel = find_travel(project, puppet)                # for all takes that it plays, and on the stage
     path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor
 
 A puppet steps with the feet that alternate on the ground in its key poses. Its stride is measured in the
@@ -25,12 +25,12 @@ from enliven.examples.performers import Role, match_performer
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import (
     Material,
+    build_examples,
     collect_material,
-    examples_with,
+    find_reference_skeleton,
     missing,
-    reference_among,
 )
-from enliven.examples.spacetime.following import floor_numbers
+from enliven.examples.spacetime.following import complex_from_floor
 from enliven.examples.spacetime.locomotion import PlacedMotion, find_switches, place_motion, standing_feet
 from enliven.skeletons.facing import facing_of, rotate_about_y
 
@@ -82,11 +82,11 @@ def floor_path(took: PerformerClip, facing: float, mirrored: bool = False) -> Co
     """Returns the path (F,) of a performer on the floor: complex numbers x + iz in metres, rotated so that
     the performer faces +Z at first.
     """
-    path = floor_numbers(rotate_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
+    path = complex_from_floor(rotate_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
     return -path.conj() if mirrored else path
 
 
-def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
+def find_travel(project: Project, puppet: Puppet) -> PuppetTravel:
     """Returns the feet and the stride of a puppet, from a cache if possible.
 
     Raises:
@@ -195,8 +195,8 @@ def performer_feet(
 @lru_cache(maxsize=_CACHED_TRAVELS)
 def _cached_travel(material: Material) -> PuppetTravel:
     mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
-    examples = examples_with(material.puppet, mesh, points, material.poses, shown, material.symmetry)
-    reference = reference_among([clip.skeleton for clip in shown], examples.joints)
+    examples = build_examples(material.puppet, mesh, points, material.poses, shown, material.symmetry)
+    reference = find_reference_skeleton([clip.skeleton for clip in shown], examples.joints)
     size = _mean_size(mesh.vertices) / max(_mean_size(reference.positions), 1e-9)
     feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
     if not feet:
@@ -233,7 +233,7 @@ def _fitted_stride(
         performer_path = role.size * floor_path(took, facing_of(clip.skeleton), mirrored)
         puppet_moves, performer_moves = (
             _path_displacements(path, took.step)
-            for path in (floor_numbers(placed_motion.root), performer_path)
+            for path in (complex_from_floor(placed_motion.root), performer_path)
         )
         cross_product += complex(np.vdot(performer_moves, puppet_moves))
         puppet_square, performer_square = (

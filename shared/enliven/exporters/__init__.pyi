@@ -17,5 +17,5 @@ from .sampling import (
     Representation as Representation,
     performance_of as performance_of,
     performance_of_clip as performance_of_clip,
-    stick_mesh as stick_mesh,
+    octahedral_bone_mesh as octahedral_bone_mesh,
 )

@@ -26,7 +26,7 @@ from enliven.exporters.registry import Exporter
 from enliven.files import explain_write_errors, replace_file
 from enliven.rotation import from_matrix, nearest_rotation, remove_sign_jumps
 
-_MEND = "Choose another place."
+_REMEDY = "Choose another place."
 _ROTATION_COLUMNS = ("qw", "qx", "qy", "qz", "stretch_x", "stretch_y", "stretch_z")
 
 
@@ -53,8 +53,8 @@ def write_csv(
     positions = tuple(f"{axis}_{unit}" for axis in "xyz")
     path = Path(path)
     with (
-        replace_file(path, _MEND) as part,
-        explain_write_errors(path, _MEND),
+        replace_file(path, _REMEDY) as part,
+        explain_write_errors(path, _REMEDY),
         part.open("w", encoding="utf-8", newline="") as file,
     ):
         table = csv.writer(file)

@@ -28,7 +28,7 @@ MAX_PAGE_MB = 256
 """Maximum size of a page in megabytes. Browsers hold text, unpacked take and images in memory, several times
 this size in total. Phones have no more memory than that.
 """
-_MEND = "Choose another place."
+_REMEDY = "Choose another place."
 
 
 def write_html(
@@ -67,7 +67,7 @@ def write_html(
     page = make_standalone_page(name, base64.b64encode(gzip.compress(take, 6, mtime=0)).decode())
     if progress is not None:
         progress(1.0)
-    write_file(Path(path), page, _MEND)
+    write_file(Path(path), page, _REMEDY)
 
 
 HTML = Exporter(write_html, placements=("scale", "in_place"))

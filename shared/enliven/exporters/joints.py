@@ -75,7 +75,7 @@ def joint_tracks(performance: Performance, skeleton: Skeleton, half_scales: bool
         turns[:, :bones], scales[:, :bones] = motion.turns, motion.scales
         places = np.concatenate([motion.places, motion.ends[:, ends]], 1)
     else:
-        turns[:, :bones] = local_turns(skeleton, from_matrix(performance.linear))
+        turns[:, :bones] = local_rotations(skeleton, from_matrix(performance.linear))
         places = np.tile(offsets, (frames, 1, 1))
     places[:, 0] = performance.positions[:, 0]
     parents = [*skeleton.parents.tolist(), *ends]
@@ -124,7 +124,7 @@ def _straightest_child(skeleton: Skeleton, joint: int) -> int:
     return max(skeleton.children[joint], key=straight)
 
 
-def local_turns(skeleton: Skeleton, turns: Float) -> Float:
+def local_rotations(skeleton: Skeleton, turns: Float) -> Float:
     """Returns rotations (T, N, 4) of bones relative to their parents, D_parent^-1 D, without sign jumps."""
     local = turns.copy()
     for j in range(1, len(skeleton)):
@@ -210,7 +210,7 @@ def normalize_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
     return indices, rounded_weights
 
 
-def listed(values: Float | Float32) -> list[float]:
+def json_numbers(values: Float | Float32) -> list[float]:
     """Converts numbers to a JSON list. They are rounded to float32, which every reader accepts."""
     return [float(v) for v in np.asarray(values, np.float32)]
 

@@ -76,13 +76,13 @@ def write_obj_sequence(
     parts, before, corners = list[_Part](), 0, 0
     for performance in performances:
         mesh = performance.surface[0]
-        part, coordinates = _part_of(performance.name, mesh, before, corners, materials)
+        part, coordinates = _part_from_character(performance.name, mesh, before, corners, materials)
         parts.append(part)
         before, corners = before + part.count, corners + coordinates
     library = f"mtllib {stem}.mtl\n" if materials.lines else ""
     with replace_folder(path, _is_own_file, "Choose another place.") as folder:
         materials.write_into(folder)
-        surfaces = [_held(performance, times) for performance in performances]
+        surfaces = [_surfaces_at(performance, times) for performance in performances]
         for number, time in enumerate(times, 1):
             text = [f"# {title}: frame {number} of {count}, {time:.6f} s, unit {unit}\n", library]
             for part, surface in zip(parts, surfaces, strict=True):
@@ -104,7 +104,7 @@ def _is_own_file(name: str) -> bool:
     return _OWN_FILE.fullmatch(name) is not None
 
 
-def _held(performance: Performance, times: Float) -> Iterator[Float32]:
+def _surfaces_at(performance: Performance, times: Float) -> Iterator[Float32]:
     """Yields the surface at each time: that of the nearest frame, and the last one after the end."""
     own_times = performance.times
     boundaries = (own_times[1:] + own_times[:-1]) / 2.0
@@ -125,7 +125,9 @@ def _vertex_lines(vertices: Float32, colours: list[str]) -> str:
     return ("v %.6f %.6f %.6f\n" * len(vertices)) % tuple(vertices.ravel().tolist())
 
 
-def _part_of(name: str, mesh: Mesh, before: int, corners: int, materials: _MaterialFile) -> tuple[_Part, int]:
+def _part_from_character(
+    name: str, mesh: Mesh, before: int, corners: int, materials: _MaterialFile
+) -> tuple[_Part, int]:
     """Returns the constant text of a character, and its number of texture coordinates.
 
     Args:

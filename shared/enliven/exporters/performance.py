@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights, drawn_edges
+from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights, bones_to_draw
 from enliven.errors import InputError
 from enliven.examples.baking.bake import Frames
 from enliven.examples.baking.morphs import BakedMorphs
@@ -80,7 +80,7 @@ class Performance:
         vertices, pivots = mesh.vertices.astype(np.float32), self.pivots.astype(np.float32)
         kind, edges, names = "graph", np.zeros((0, 2), np.int32), None
         if self.skeleton is not None:
-            kind, edges, names = "bones", drawn_edges(self.skeleton), self.skeleton.names
+            kind, edges, names = "bones", bones_to_draw(self.skeleton), self.skeleton.names
         arguments = self.name, vertices, mesh.faces, skin, pivots, edges, kind, mesh.colours
         return Character(*arguments, names=names, materials=mesh.materials)
 

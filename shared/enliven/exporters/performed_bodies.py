@@ -6,12 +6,12 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
-from enliven.exporters.vrm.humanoid import humanoid_of
-from enliven.person import BODY_NAMES, Body, HumanPose, J, body_of_human
+from enliven.exporters.vrm.humanoid import humanoid_from_skeleton
+from enliven.person import BODY_NAMES, Body, HumanPose, J, body_from_human_pose
 from enliven.rotation import conjugate, from_matrix, multiply, nearest_rotation
 
 
-def bodies_of(performance: Performance, id: int) -> list[Body]:
+def bodies_from_performance(performance: Performance, id: int) -> list[Body]:
     """Returns the body of each frame. Empty if the character is not a humanoid.
 
     A tracked person keeps its 20 joints. Other humanoids are found by the names of their joints.
@@ -25,7 +25,7 @@ def bodies_of(performance: Performance, id: int) -> list[Body]:
     if skeleton.names == BODY_NAMES:
         return [Body(id, frame, np.ones(J)) for frame in joints]
     try:
-        humanoid = humanoid_of(skeleton, performance.name)
+        humanoid = humanoid_from_skeleton(skeleton, performance.name)
     except InputError:
         return []
     rotations = from_matrix(nearest_rotation(performance.linear))
@@ -36,6 +36,6 @@ def bodies_of(performance: Performance, id: int) -> list[Body]:
     world = multiply(rotations[:, [bone.turned_by for bone in chosen_bones]], conjugate(t_pose))
     places = joints[:, [bone.joint for bone in chosen_bones]]
     return [
-        body_of_human(HumanPose(performance.name, tuple(names), place, rotation), id)
+        body_from_human_pose(HumanPose(performance.name, tuple(names), place, rotation), id)
         for place, rotation in zip(places, world, strict=True)
     ]

@@ -67,9 +67,11 @@ class ExportPlacement:
         """Returns a performance with the scale, axes and root motion of this placement."""
         if self.in_place:
             performance = _without_travel(performance)
-        return performance if self.scale == 1.0 and self.up == "y" else self._mapped(performance)
+        return (
+            performance if self.scale == 1.0 and self.up == "y" else self._convert_units_and_axes(performance)
+        )
 
-    def _mapped(self, performance: Performance) -> Performance:
+    def _convert_units_and_axes(self, performance: Performance) -> Performance:
         """Returns a performance with scaled lengths and rotated axes, at rest and in motion."""
         rotation, scale = _UP_TURNS[self.up], self.scale
 
@@ -127,9 +129,9 @@ def _without_travel(performance: Performance) -> Performance:
     The root is the skeleton's root, or the frame of the whole surface, or else the mean of all transforms.
     """
     if performance.skeleton is None and performance.places is not None:
-        return replace(performance, places=performance.places - _travel(performance.places))
+        return replace(performance, places=performance.places - _horizontal_motion(performance.places))
     rooted = performance.skeleton is not None
-    travel = _travel(performance.positions[:, 0] if rooted else performance.positions.mean(1))
+    travel = _horizontal_motion(performance.positions[:, 0] if rooted else performance.positions.mean(1))
     joints = performance.joints
     return replace(
         performance,
@@ -139,6 +141,6 @@ def _without_travel(performance: Performance) -> Performance:
     )
 
 
-def _travel(places: Float) -> Float:
+def _horizontal_motion(places: Float) -> Float:
     """Returns (T, 3) the horizontal motion in metres since the first frame."""
     return np.asarray((places - places[0]) * [1.0, 0.0, 1.0])

@@ -26,7 +26,7 @@ from enliven.document import Character
 from enliven.errors import InputError, ResourceError
 from enliven.exporters.foxglove_frames import FRAMES, FRAMES_TOPIC, encode_frames, encode_world_frame
 from enliven.exporters.performance import Performance
-from enliven.exporters.performed_bodies import bodies_of
+from enliven.exporters.performed_bodies import bodies_from_performance
 from enliven.exporters.registry import Exporter
 from enliven.exporters.wire_characters import wire_characters
 from enliven.files import replace_file
@@ -46,7 +46,7 @@ from enliven.wire import (
 
 _REVISION = 1
 """Revision of all characters, which do not change."""
-_MEND = "Choose another place."
+_REMEDY = "Choose another place."
 _Write = Callable[[], Any]
 _Step = tuple[int, int, _Write]
 """A step of writing: time in nanoseconds, rank among steps of the same time, and a function that writes."""
@@ -74,7 +74,7 @@ def write_recording(
         raise InputError(problem, where=str(path), remedy="Choose some of them with --character.")
     characters = wire_characters(performances)
     seconds = max(float(performance.times[-1]) for performance in performances)
-    with replace_file(path, _MEND) as part:
+    with replace_file(path, _REMEDY) as part:
         try:
             # Without intermediate syncs, equal performances give equal files.
             with Recorder(part, sync_seconds=math.inf, overwrite=True) as recorder:
@@ -137,7 +137,7 @@ def _body_steps(recorder: Recorder, performances: Sequence[Performance], rank: i
     """
     people = list[tuple[Int, list[Body]]]()
     for number, performance in enumerate(performances, 1):
-        bodies = bodies_of(performance, number)
+        bodies = bodies_from_performance(performance, number)
         if bodies:
             people.append((np.round(performance.times * 1e9).astype(np.int64), bodies))
     for time_ns in np.unique(np.concatenate([times for times, _ in people])) if people else ():

@@ -82,7 +82,7 @@ def performance_of(
     times = frame_times(start, end, rate, rig.id)
     if keyed and isinstance(rig, Shape):
         times = _add_key_times(project, rig, times)
-    performance = _BY_RIG.get(rig.kind, _performance_of_graph)(
+    performance = _SAMPLER_BY_RIG.get(rig.kind, _sample_graph)(
         project, rig, times, how, settings or BakeSettings()
     )
     if keyed and isinstance(rig, Shape):
@@ -137,12 +137,12 @@ def performance_of_clip(clip: Clip) -> Performance:
     skeleton = clip.skeleton
     linear = to_matrix(clip.turns)
     linear = linear if clip.stretch is None else linear @ clip.stretch
-    return _performance_of_skeleton(
-        clip.id, skeleton, times, linear, joint_places(clip), *stick_mesh(skeleton)
+    return _performance_from_maps(
+        clip.id, skeleton, times, linear, joint_places(clip), *octahedral_bone_mesh(skeleton)
     )
 
 
-def _performance_of_skeleton(
+def _performance_from_maps(
     name: str,
     skeleton: Skeleton,
     times: Float,
@@ -157,17 +157,17 @@ def _performance_of_skeleton(
     return Performance(name, times - times[0], *parent_frame, mesh, skin, skeleton=skeleton, joints=joints)
 
 
-def _performance_of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
+def _sample_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
     player = Player(project, shape.id)
     turns, joints = player.sample(times)
     linear = player.linear(times, turns)
     if shape.root_layers:
         root_motion = root_motions(project, shape, times)
         linear, joints = to_matrix(root_motion.turn)[:, None] @ linear, root_motion(joints)
-    return _performance_of_skeleton(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
+    return _performance_from_maps(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
 
 
-def _performance_of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
+def _sample_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
     """Returns the performance of any rig, as nodes with skin weights."""
     even_times = times if len(times) > 1 else np.append(times, times[0] + 1.0)
     graph, stream = rig_of(character).as_graph(project, character, even_times, character.id)[:2]
@@ -178,7 +178,7 @@ def _performance_of_graph(project: Project, character: RigBase, times: Float, *_
     )
 
 
-def _performance_of_puppet(
+def _sample_puppet(
     project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
 ) -> Performance:
     """Returns the performance of a puppet, baked in its own frame."""
@@ -208,14 +208,14 @@ def _performance_of_puppet(
     return replace(performance, turns=rotations, places=places, error=error, keys=settings.keys * error.size)
 
 
-_BY_RIG: dict[str, Callable[..., Performance]] = {
-    Shape.kind: _performance_of_shape,
-    Puppet.kind: _performance_of_puppet,
+_SAMPLER_BY_RIG: dict[str, Callable[..., Performance]] = {
+    Shape.kind: _sample_shape,
+    Puppet.kind: _sample_puppet,
 }
 """Functions for rigs with more than transforms in their performance: a skeleton, or morph targets."""
 
 
-def stick_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
+def octahedral_bone_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
     """Returns a mesh with an octahedron for each bone, and its skin weights. Returns None if no bone has a
     length."""
     bones = np.flatnonzero(skeleton.lengths > 0)

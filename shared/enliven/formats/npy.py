@@ -14,7 +14,7 @@ _ACCEPTED_ARRAY_KINDS = "biuf"
 could run code, and their size is not in the header."""
 
 
-def array_of(data: bytes) -> AnyArray:
+def read_npy(data: bytes) -> AnyArray:
     """Reads the array of an .npy file. Memory is allocated only after the header's size is known to match the
     data.
 

@@ -100,17 +100,17 @@ def create_plan(
         ResourceError: if the templates are missing.
     """
     installed = CONFIGURATION / profile.name
-    recordings = _recordings(settings)
+    recordings = _recordings_folder(settings)
     values = {
-        "@ENLIVEN@": f"{_quote(python)} -m enliven",
-        "@PYTHON@": _quote(python),
-        "@PROFILE@": _quote(str(installed)),
-        "@CAGE@": _quote(cage),
+        "@ENLIVEN@": f"{_quote_for_systemd(python)} -m enliven",
+        "@PYTHON@": _quote_for_systemd(python),
+        "@PROFILE@": _quote_for_systemd(str(installed)),
+        "@CAGE@": _quote_for_systemd(cage),
         "@SYSTEMCTL@": "/usr/bin/systemctl",
         "@FROZEN_AFTER@": f"{settings.care.frozen_after:g}",
         "@RESTART_AT@": settings.care.restart_at,
         "@PROTECT_HOME@": "read-only" if _is_in_home(python) else "yes",
-        "@READ_WRITE@": f"ReadWritePaths=-{_quote(str(recordings))}" if recordings else "",
+        "@READ_WRITE@": f"ReadWritePaths=-{_quote_for_systemd(str(recordings))}" if recordings else "",
     }
     files = [*_template_files(values, settings), *_profile_files(profile)]
     if recordings == RECORDINGS:
@@ -118,7 +118,7 @@ def create_plan(
     files += [PlannedFile(Path("/etc/systemd/system") / unit, link="/dev/null") for unit in _SLEEP_UNITS]
     return InstallPlan(
         tuple(files),
-        _units(settings),
+        _autostart_units(settings),
         (("systemd-sysusers", "enliven.conf"),),
         (
             (python, "-m", "compileall", "-q", *_code_folders()),
@@ -131,7 +131,7 @@ def create_plan(
     )
 
 
-def _recordings(settings: KioskProfile) -> Path | None:
+def _recordings_folder(settings: KioskProfile) -> Path | None:
     """Returns the folder of recordings. A relative path in the profile is relative to the state folder."""
     if not settings.care.recordings:
         return None
@@ -139,7 +139,7 @@ def _recordings(settings: KioskProfile) -> Path | None:
     return configured if configured.is_absolute() else RECORDINGS
 
 
-def _units(settings: KioskProfile) -> tuple[str, ...]:
+def _autostart_units(settings: KioskProfile) -> tuple[str, ...]:
     """Returns the units of a kiosk that start with the computer."""
     units = [f"enliven-edge@{name}.service" for name in local_edges(settings)]
     units += ["enliven-kiosk.service", "enliven-health.service", "enliven-backoff.timer"]
@@ -203,7 +203,7 @@ def _firmware_configs() -> Path:
     )
 
 
-def _quote(path: str) -> str:
+def _quote_for_systemd(path: str) -> str:
     """Returns a path as a word of a systemd unit, with percent signs doubled, because one would begin a
     specifier.
     """

@@ -74,7 +74,7 @@ class Installer:
     @property
     def is_installed(self) -> bool:
         """True if a kiosk is installed."""
-        return self._at(_RECORD_FILE).is_file()
+        return self._target_path(_RECORD_FILE).is_file()
 
     def show(self, plan: InstallPlan) -> None:
         """Prints every file with its content, and every command. Changes nothing."""
@@ -88,7 +88,7 @@ class Installer:
                 self._say(f"# copy {file.source} -> {file.place}")
         if plan.recordings is not None:
             self._say(f"# make {plan.recordings}, which belongs to {USER}")
-        for words in self._commands(plan):
+        for words in self._all_commands(plan):
             self._say(command_line(words))
 
     def install(self, plan: InstallPlan) -> None:
@@ -114,13 +114,13 @@ class Installer:
         recordings = "" if plan.recordings is None else str(plan.recordings)
         # Write the record first, so that an interrupted installation can be removed.
         manifest = _Manifest(files, folders, list(plan.units), made_user, recordings)
-        write_file(self._at(_RECORD_FILE), msgspec.json.encode(manifest))
+        write_file(self._target_path(_RECORD_FILE), msgspec.json.encode(manifest))
         for file in plan.files:
             self._write(file)
         for words in plan.before:
-            self._run(self._in_root(words))
+            self._run(self._command_in_root(words))
         self._give_to_user(plan)
-        for words in self._commands(plan)[len(plan.before) :]:
+        for words in self._all_commands(plan)[len(plan.before) :]:
             try:
                 self._run(words)
             except ResourceError as error:
@@ -139,7 +139,7 @@ class Installer:
             InputError: if no kiosk is installed.
         """
         if not self.is_installed:
-            raise InputError("no kiosk is installed", where=str(self._at(_RECORD_FILE)))
+            raise InputError("no kiosk is installed", where=str(self._target_path(_RECORD_FILE)))
         manifest = self._read_manifest()
         self._disable(manifest.units)
         for entry in reversed(manifest.files):
@@ -149,25 +149,25 @@ class Installer:
         for folder in sorted(manifest.folders, key=len, reverse=True):
             # A folder that now contains other files stays.
             with contextlib.suppress(OSError):
-                self._at(Path(folder)).rmdir()
+                self._target_path(Path(folder)).rmdir()
         if self._is_running:
             self._run(("systemctl", "daemon-reload"))
             self._run(("udevadm", "control", "--reload"))
         if manifest.made_user and self._has_user():
-            self._run(self._in_root(("userdel", USER)))
+            self._run(self._command_in_root(("userdel", USER)))
         return [str(folder) for folder in kept_folders]
 
     @property
     def _is_running(self) -> bool:
         return self._root == Path("/")
 
-    def _at(self, place: Path) -> Path:
+    def _target_path(self, place: Path) -> Path:
         """Returns the location of an absolute path in the system that is changed."""
         return self._root / place.relative_to("/")
 
-    def _commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
+    def _all_commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
         """Returns all commands of an installation in order."""
-        commands = [self._in_root(words) for words in plan.before]
+        commands = [self._command_in_root(words) for words in plan.before]
         if not self._is_running:
             return [*commands, ("systemctl", f"--root={self._root}", "enable", *plan.units)]
         commands += [("systemctl", "daemon-reload"), *plan.after]
@@ -175,7 +175,7 @@ class Installer:
         # Do not wait for the units, because the first start of an edge compiles for some minutes.
         return [*commands, ("systemctl", "restart", "--no-block", *plan.units)]
 
-    def _in_root(self, words: tuple[str, ...]) -> tuple[str, ...]:
+    def _command_in_root(self, words: tuple[str, ...]) -> tuple[str, ...]:
         """Returns a command for the changed system. systemd-sysusers, userdel and others have an option for
         its folder.
         """
@@ -213,7 +213,7 @@ class Installer:
 
     def _state_before(self, place: Path) -> _Replaced:
         """Returns the record of the file at a path before the installation."""
-        path = self._at(place)
+        path = self._target_path(place)
         if path.is_symlink():
             return _Replaced(str(place), link=os.readlink(path))
         if path.is_file():
@@ -224,12 +224,14 @@ class Installer:
     def _missing_folders(self, plan: InstallPlan) -> list[str]:
         """Returns the folders that the installation will create."""
         places = [*(file.place for file in plan.files), _RECORD_FILE]
-        folders = {folder for place in places for folder in place.parents if not self._at(folder).exists()}
+        folders = {
+            folder for place in places for folder in place.parents if not self._target_path(folder).exists()
+        }
         return sorted(str(folder) for folder in folders)
 
     def _write(self, file: PlannedFile) -> None:
         """Writes one file or link."""
-        path = self._at(file.place)
+        path = self._target_path(file.place)
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_symlink() or file.link:
             path.unlink(missing_ok=True)
@@ -244,24 +246,24 @@ class Installer:
 
     def _give_to_user(self, plan: InstallPlan) -> None:
         """Gives secrets and the folder of recordings to the kiosk's user."""
-        owner = self._owner()
+        owner = self._user_and_group()
         for file in plan.files:
             if file.is_secret:
-                os.chown(self._at(file.place), *owner)
+                os.chown(self._target_path(file.place), *owner)
         if plan.recordings is not None:
-            folder = self._at(plan.recordings)
+            folder = self._target_path(plan.recordings)
             if not folder.is_dir():
                 folder.mkdir(parents=True, mode=0o750)
             os.chown(folder, *owner)
-        os.chown(self._at(STATE), *owner)
+        os.chown(self._target_path(STATE), *owner)
 
-    def _owner(self) -> tuple[int, int]:
+    def _user_and_group(self) -> tuple[int, int]:
         """Returns the kiosk's user and group.
 
         Raises:
             ResourceError: if the user is missing.
         """
-        for line in self._at(Path("/etc/passwd")).read_text().splitlines():
+        for line in self._target_path(Path("/etc/passwd")).read_text().splitlines():
             fields = line.split(":")
             if fields[0] == USER:
                 return int(fields[2]), int(fields[3])
@@ -270,14 +272,14 @@ class Installer:
     def _has_user(self) -> bool:
         """Returns True if the kiosk's user exists."""
         try:
-            self._owner()
+            self._user_and_group()
         except (ResourceError, OSError):
             return False
         return True
 
     def _restore(self, entry: _Replaced) -> None:
         """Restores the file that was there before, or removes the installed one."""
-        path = self._at(Path(entry.place))
+        path = self._target_path(Path(entry.place))
         if entry.content is not None:
             if path.is_symlink():
                 path.unlink()
@@ -294,7 +296,7 @@ class Installer:
         """
         if not manifest.recordings:
             return []
-        folder = self._at(Path(manifest.recordings))
+        folder = self._target_path(Path(manifest.recordings))
         with contextlib.suppress(OSError):
             folder.rmdir()
         if not folder.is_dir():
@@ -305,11 +307,11 @@ class Installer:
 
     def _remove_state(self, kept: list[Path]) -> None:
         """Removes all files that the programs wrote, except recordings."""
-        state = self._at(STATE)
+        state = self._target_path(STATE)
         if not state.is_dir():
             return
         for path in state.iterdir():
-            if any(self._at(folder).is_relative_to(path) for folder in kept):
+            if any(self._target_path(folder).is_relative_to(path) for folder in kept):
                 continue
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path)
@@ -324,7 +326,7 @@ class Installer:
         Raises:
             InputError: if it is damaged.
         """
-        path = self._at(_RECORD_FILE)
+        path = self._target_path(_RECORD_FILE)
         if not path.is_file():
             return _Manifest()
         try:

@@ -93,7 +93,7 @@ class HandshakeWatch:
                 event = recv_monitor_message(self._monitor, zmq.DONTWAIT)
             except zmq.ZMQError:
                 return
-            self.problem = self._problem_of(int(event["event"]), int(event["value"]))
+            self.problem = self._problem_from_event(int(event["event"]), int(event["value"]))
 
     def close(self) -> None:
         """Stops watching. Call before the socket is closed."""
@@ -101,7 +101,7 @@ class HandshakeWatch:
             self._socket.disable_monitor()
         self._monitor.close(linger=0)
 
-    def _problem_of(self, event: int, value: int) -> HandshakeProblem:
+    def _problem_from_event(self, event: int, value: int) -> HandshakeProblem:
         """Returns the problem that an event of libzmq indicates."""
         if event == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
             return _STATUS_PROBLEMS.get(value, "not paired")

@@ -97,14 +97,14 @@ class CurveChannel:
         """
         try:
             if not self._cookie and data.startswith(_HELLO):
-                return self._welcome(data)
+                return self._answer_hello(data)
             if self._cookie and data.startswith(_INITIATE):
-                return self._ready(data, metadata)
+                return self._answer_initiate(data, metadata)
         except CryptoError:
             raise CurveError("a box of the handshake cannot be opened") from None
         raise CurveError("not the expected command of the handshake")
 
-    def _welcome(self, data: bytes) -> bytes:
+    def _answer_hello(self, data: bytes) -> bytes:
         """Answers HELLO, which contains the viewer's key for this connection, with the edge's key."""
         if len(data) != _HELLO_BYTES or data[6:8] != b"\x01\x00":
             raise CurveError("HELLO has another form")
@@ -125,7 +125,7 @@ class CurveChannel:
         plain = self._public_once + self._cookie
         return b"\x07WELCOME" + nonce + sodium.crypto_box(plain, b"WELCOME-" + nonce, client_once, secret)
 
-    def _ready(self, data: bytes, metadata: bytes) -> bytes:
+    def _answer_initiate(self, data: bytes, metadata: bytes) -> bytes:
         """Answers INITIATE, which proves that the viewer has the secret key of its public key."""
         if len(data) < _MIN_INITIATE_BYTES:
             raise CurveError("INITIATE has another form")

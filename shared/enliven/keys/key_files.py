@@ -136,8 +136,10 @@ class KeyStore:
         table = _read_private(self.own_path, _NEW_KEYS)
         if table is None:
             return None
-        keys = KeyPair(_key(table, "public", self.own_path), _key(table, "secret", self.own_path))
-        if zmq.curve_public(_z85(keys.secret)) != _z85(keys.public):
+        keys = KeyPair(
+            _key_from_table(table, "public", self.own_path), _key_from_table(table, "secret", self.own_path)
+        )
+        if zmq.curve_public(_z85_text(keys.secret)) != _z85_text(keys.public):
             raise InputError(
                 "its secret key does not belong to its public key", where=str(self.own_path), remedy=_NEW_KEYS
             )
@@ -157,10 +159,10 @@ class KeyStore:
             ResourceError: if the file cannot be written.
         """
         lines: dict[str, str | int] = {
-            "public": _z85(pair.public).decode(),
-            "secret": _z85(pair.secret).decode(),
+            "public": _z85_text(pair.public).decode(),
+            "secret": _z85_text(pair.secret).decode(),
         }
-        _write_private(self.own_path, _toml(lines), overwrite=overwrite)
+        _write_private(self.own_path, _toml_text(lines), overwrite=overwrite)
 
     def viewers(self, problems: list[str] | None = None) -> dict[bytes, PairedViewer]:
         """Returns the paired viewers by public key.
@@ -172,16 +174,20 @@ class KeyStore:
         Raises:
             InputError: if a file is damaged, belongs to another user, or others may read it.
         """
-        tables = self._tables("viewers", problems)
+        tables = self._read_tables("viewers", problems)
         viewers = [
-            _read_checked(path, problems, lambda p=path, t=table: _viewer(t, p)) for path, table in tables
+            _read_checked(path, problems, lambda p=path, t=table: _viewer_from_table(t, p))
+            for path, table in tables
         ]
         return {viewer.public: viewer for viewer in viewers if viewer is not None}
 
     def edges(self, problems: list[str] | None = None) -> list[PairedEdge]:
         """Returns the paired edges. Args and errors as for :meth:`viewers`."""
-        tables = self._tables("edges", problems)
-        edges = [_read_checked(path, problems, lambda p=path, t=table: _edge(t, p)) for path, table in tables]
+        tables = self._read_tables("edges", problems)
+        edges = [
+            _read_checked(path, problems, lambda p=path, t=table: _edge_from_table(t, p))
+            for path, table in tables
+        ]
         return [edge for edge in edges if edge is not None]
 
     def edge_at(self, host: str, control_port: int) -> PairedEdge | None:
@@ -213,10 +219,10 @@ class KeyStore:
         Raises:
             ResourceError: if the file cannot be written.
         """
-        lines: dict[str, str | int] = {"public": _z85(viewer.public).decode(), "name": viewer.name}
+        lines: dict[str, str | int] = {"public": _z85_text(viewer.public).decode(), "name": viewer.name}
         lines |= {"role": viewer.role, "paired": viewer.paired or _today()}
         path = self.folder / "viewers" / f"{fingerprint(viewer.public)}.toml"
-        _write_private(path, _toml(lines), overwrite=True)
+        _write_private(path, _toml_text(lines), overwrite=True)
 
     def add_edge(self, edge: PairedEdge) -> None:
         """Stores a paired edge. It replaces edges with the same address.
@@ -226,15 +232,15 @@ class KeyStore:
         """
         # An edge and a relay of one user have the same key, so the address is part of the file's name.
         place = f"{edge.host.lower()}:{edge.control_port}"
-        lines: dict[str, str | int] = {"public": _z85(edge.public).decode(), "name": edge.name}
+        lines: dict[str, str | int] = {"public": _z85_text(edge.public).decode(), "name": edge.name}
         lines |= {"host": edge.host, "control_port": edge.control_port}
         lines |= {"role": edge.role, "paired": edge.paired or _today()}
         place_hash = hashlib.sha256(place.encode()).hexdigest()[:8]
         path = self.folder / "edges" / f"{fingerprint(edge.public)}.{place_hash}.toml"
-        _write_private(path, _toml(lines), overwrite=True)
-        for other, table in self._tables("edges", []):
+        _write_private(path, _toml_text(lines), overwrite=True)
+        for other, table in self._read_tables("edges", []):
             if other != path and f"{table.get('host')}:{table.get('control_port')}".lower() == place:
-                self._unlink(other)
+                self._delete_file(other)
 
     def forget(self, which: str) -> list[PairedViewer | PairedEdge]:
         """Removes the peers with the given name, address, or start of a fingerprint. Returns them.
@@ -268,15 +274,15 @@ class KeyStore:
 
     def _remove(self, folder: str, public: bytes) -> None:
         for path in (self.folder / folder).glob(f"{fingerprint(public)}*.toml"):
-            self._unlink(path)
+            self._delete_file(path)
 
-    def _unlink(self, path: Path) -> None:
+    def _delete_file(self, path: Path) -> None:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise file_fault(error, path, "written") from None
 
-    def _tables(self, folder: str, problems: list[str] | None) -> list[tuple[Path, dict[str, Any]]]:
+    def _read_tables(self, folder: str, problems: list[str] | None) -> list[tuple[Path, dict[str, Any]]]:
         """Returns the path and the content of each file in a folder."""
         tables = []
         for path in sorted((self.folder / folder).glob("*.toml"))[:_MAX_PEERS]:
@@ -298,34 +304,36 @@ def _read_checked(path: Path, problems: list[str] | None, read: Any) -> Any:
         return None
 
 
-def _viewer(table: dict[str, Any], path: Path) -> PairedViewer:
-    public = _key(table, "public", path)
-    return PairedViewer(public, _name(table, path), _role(table, path), str(table.get("paired", "")))
+def _viewer_from_table(table: dict[str, Any], path: Path) -> PairedViewer:
+    public = _key_from_table(table, "public", path)
+    return PairedViewer(
+        public, _name(table, path), _role_from_table(table, path), str(table.get("paired", ""))
+    )
 
 
-def _edge(table: dict[str, Any], path: Path) -> PairedEdge:
+def _edge_from_table(table: dict[str, Any], path: Path) -> PairedEdge:
     host, port = table.get("host"), table.get("control_port")
     if not isinstance(host, str) or not isinstance(port, int) or not 0 < port < 65536:
-        raise _damaged(path, "its address is missing or invalid")
-    peer = _viewer(table, path)
+        raise _damaged_file_error(path, "its address is missing or invalid")
+    peer = _viewer_from_table(table, path)
     return PairedEdge(peer.public, peer.name, host, port, peer.role, peer.paired)
 
 
 def _name(table: dict[str, Any], path: Path) -> str:
     name = table.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME_LENGTH:
-        raise _damaged(path, "its name is missing or too long")
+        raise _damaged_file_error(path, "its name is missing or too long")
     return name
 
 
-def _role(table: dict[str, Any], path: Path) -> Role:
+def _role_from_table(table: dict[str, Any], path: Path) -> Role:
     role = table.get("role")
     if role not in ROLES:
-        raise _damaged(path, f"its role is {role!r:.40}, expected one of {', '.join(ROLES)}")
+        raise _damaged_file_error(path, f"its role is {role!r:.40}, expected one of {', '.join(ROLES)}")
     return role
 
 
-def _key(table: dict[str, Any], name: str, path: Path) -> bytes:
+def _key_from_table(table: dict[str, Any], name: str, path: Path) -> bytes:
     """Returns a key of a file, decoded."""
     text = table.get(name)
     if isinstance(text, str) and len(text) == _Z85_KEY_LENGTH and text.isascii():
@@ -333,10 +341,10 @@ def _key(table: dict[str, Any], name: str, path: Path) -> bytes:
             key = _from_z85(text.encode())
             if len(key) == KEY_BYTES:
                 return key
-    raise _damaged(path, f"its {name} key is missing or invalid")
+    raise _damaged_file_error(path, f"its {name} key is missing or invalid")
 
 
-def _damaged(path: Path, what: str) -> InputError:
+def _damaged_file_error(path: Path, what: str) -> InputError:
     is_own = path.name == "own.toml"
     return InputError(
         f"this is not a key file, or it is damaged ({what})",
@@ -412,7 +420,7 @@ def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
         raise file_fault(error, path, "written") from None
 
 
-def _toml(lines: dict[str, str | int]) -> str:
+def _toml_text(lines: dict[str, str | int]) -> str:
     """Returns the text of a TOML file with its version and one line for each value."""
     value_lines = [f"{key} = {_toml_value(value)}" for key, value in lines.items()]
     return "\n".join(["version = 1", *value_lines, ""])
@@ -435,7 +443,7 @@ def _today() -> str:
     return time.strftime("%Y-%m-%d")
 
 
-def _z85(key: bytes) -> bytes:
+def _z85_text(key: bytes) -> bytes:
     from zmq.utils import z85
 
     return z85.encode(key)

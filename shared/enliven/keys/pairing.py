@@ -26,7 +26,7 @@ from typing import Any
 import msgspec
 
 from enliven.keys.key_files import KEY_BYTES, clean_name
-from enliven.keys.roles import ROLES, Role, includes
+from enliven.keys.roles import ROLES, Role, role_includes
 
 CODE_DIGITS = 6
 """Number of digits of a code."""
@@ -96,8 +96,8 @@ class ViewerExchange:
         Raises:
             PairingError: if the edge's message is not one.
         """
-        self._key = _agree(self._spake, answer)
-        return _seal(self._key, _VIEWER, own)
+        self._key = _agree_on_key(self._spake, answer)
+        return _encrypt_box(self._key, _VIEWER, own)
 
     def read(self, box: bytes) -> Introduction:
         """Returns the edge's introduction.
@@ -116,7 +116,7 @@ class EdgeExchange:
 
         spake = SPAKE2_B(code.encode(), idA=_VIEWER, idB=_EDGE)
         self.message: bytes = spake.start()
-        self._key = _agree(spake, message)
+        self._key = _agree_on_key(spake, message)
 
     def read(self, box: bytes) -> Introduction:
         """Returns the viewer's introduction.
@@ -128,7 +128,7 @@ class EdgeExchange:
 
     def introduce(self, own: Introduction) -> bytes:
         """Returns the box with the edge's introduction."""
-        return _seal(self._key, _EDGE, own)
+        return _encrypt_box(self._key, _EDGE, own)
 
 
 class PairingDesk:
@@ -196,7 +196,7 @@ class PairingDesk:
             self._paused_until = self._clock() + pause
         return EdgeExchange(code, message)
 
-    def succeed(self) -> None:
+    def finish_pairing(self) -> None:
         """Invalidates the code after a successful pairing. The next code is shown at once."""
         self._code, self._used_up, self._paused_until = "", 0, 0.0
         self.poll()
@@ -212,10 +212,10 @@ class PairingDesk:
 
 def limit_role(role: Role, highest: Role) -> Role:
     """Returns the lower of two roles."""
-    return role if includes(highest, role) else highest
+    return role if role_includes(highest, role) else highest
 
 
-def _agree(spake: Any, message: bytes) -> bytes:
+def _agree_on_key(spake: Any, message: bytes) -> bytes:
     """Returns the key that both sides agree on. A wrong code gives another key, without an error."""
     try:
         key: bytes = spake.finish(message)
@@ -224,7 +224,7 @@ def _agree(spake: Any, message: bytes) -> bytes:
     return key
 
 
-def _seal(key: bytes, sender: bytes, own: Introduction) -> bytes:
+def _encrypt_box(key: bytes, sender: bytes, own: Introduction) -> bytes:
     from nacl.secret import SecretBox
 
     data = msgspec.msgpack.encode((own.public, clean_name(own.name), own.role))

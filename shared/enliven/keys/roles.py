@@ -14,6 +14,6 @@ ROLES: tuple[Role, ...] = ("watch", "perform", "edit", "operate")
 """All roles, from the fewest rights to the most."""
 
 
-def includes(role: Role | None, needed: Role | None) -> bool:
+def role_includes(role: Role | None, needed: Role | None) -> bool:
     """Returns True if a role has the rights of another one. None is a viewer without a role."""
     return needed is None or (role is not None and ROLES.index(role) >= ROLES.index(needed))

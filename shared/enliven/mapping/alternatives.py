@@ -35,7 +35,7 @@ class NextBest:
     quality: MotionQuality
 
 
-def next_best(retargeted: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
+def find_better_mapping(retargeted: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
     """Returns the best mapping that differs from the current one in one choice.
 
     Returns None if the current mapping is within all bounds, or if no alternative is clearly better.

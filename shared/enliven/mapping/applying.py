@@ -21,19 +21,19 @@ from enliven.errors import InputError
 from enliven.mapping.ground import level_root
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import (
+    change_rest_pose,
     first_heading,
     hanging_pose,
     mean_pose,
     pose_at,
     pose_skeleton,
-    rebase,
     standing_turns,
 )
 from enliven.motion.layers.polyline import arc_lengths
-from enliven.motion.layers.retarget import bind_chain, branch, set_travel
+from enliven.motion.layers.retarget import bind_chain, chain_between, set_travel
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
-from enliven.skeletons.anatomy import Anatomy, anatomy_of
+from enliven.skeletons.anatomy import Anatomy, find_anatomy
 
 _MAX_OPPOSITE_COSINE = -0.94
 """Cosine below which two directions count as opposite."""
@@ -49,20 +49,20 @@ def source_anatomy(clip: Clip) -> Anatomy:
 
     The limbs are found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
     """
-    at_rest = anatomy_of(clip.skeleton)
-    amid = anatomy_of(pose_skeleton(clip.skeleton, mean_pose(clip)))
+    at_rest = find_anatomy(clip.skeleton)
+    amid = find_anatomy(pose_skeleton(clip.skeleton, mean_pose(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
     heading = first_heading(clip)
     return replace(at_rest, facing=at_rest.facing + 2.0 * float(np.arctan2(heading[2], heading[0])))
 
 
-def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
+def initial_facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
     """Returns the initial facing of the performer, and the facing of the model, in radians about +Y from
     +Z."""
     first, ours = plan.take_facing, plan.model_facing
     take_facing = source_anatomy(clip).facing if first is None else math.radians(first)
-    return take_facing, anatomy_of(shape.skeleton).facing if ours is None else math.radians(ours)
+    return take_facing, find_anatomy(shape.skeleton).facing if ours is None else math.radians(ours)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,13 +129,13 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
         _ChainPair(chain, _joint_path(source, chain.source, "the take"), _target_joints(target, chain))
         for chain in plan.chains
     ]
-    axes = _AxesConversion(*facings(clip, shape, plan))
+    axes = _AxesConversion(*initial_facings(clip, shape, plan))
     clip = level_root(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
     pairs = [pair for pair in pairs if plan.turn or pair.target_joints != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
     for rest_rotations, group in _rest_poses(pairs, clip, plan.rest, target, axes):
-        take = replace(rebase(clip, rest_rotations), id=unused(clip.id, project.takes))
+        take = replace(change_rest_pose(clip, rest_rotations), id=unused(clip.id, project.takes))
         first = first or take
         project = project.with_takes(take)
         for pair in group:
@@ -439,7 +439,7 @@ def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple
 
 def _target_joints(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
     path = _joint_path(skeleton, chain.target, "the model")
-    return branch(skeleton, path[0], path[-1]) if chain.extend else path
+    return chain_between(skeleton, path[0], path[-1]) if chain.extend else path
 
 
 def _describe_joints(skeleton: Skeleton) -> str:

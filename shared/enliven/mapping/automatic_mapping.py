@@ -12,11 +12,11 @@ from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.formats.rig.rig import play_clip
-from enliven.mapping.applying import apply_plan, facings, source_anatomy
+from enliven.mapping.applying import apply_plan, initial_facings, source_anatomy
 from enliven.mapping.assignment import Drive, assign_limbs, matching_joints, split_drive
 from enliven.mapping.gait import (
     bones_that_only_step,
-    leg_of,
+    leg_to_ankle,
     legs_that_step,
     posed_legs_that_step,
     standing_on_feet,
@@ -33,7 +33,7 @@ from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.polyline import arc_lengths
 from enliven.motion.layers.retarget import set_travel
 from enliven.rotation import conjugate, multiply
-from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, anatomy_of, is_tip_start
+from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy, is_tip_start
 from enliven.skeletons.facing import rotate_about_y
 from enliven.skeletons.human_names import finger_joints
 
@@ -82,7 +82,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     pairs, point in similar directions, and are upright. Identical skeletons need not be upright. Other models
     keep their own rest pose and move from it (mode "move").
     """
-    source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
+    source, target = source_anatomy(clip), find_anatomy(shape.skeleton)
     mode = _choose_mode(clip.skeleton, source, shape.skeleton, target)
     twins = _is_twin(clip.skeleton, shape.skeleton)
     level = mode == "move" and len(target.legs) > 1
@@ -261,8 +261,8 @@ def pin_all_feet(
         without: legs with feet that are not locked.
     """
     steps, default_settings = steps or {}, ContactSettings(sink=float(level), above=above)
-    for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):
-        leg = leg_of(limb)
+    for limb in (limb for pair in find_anatomy(shape.skeleton).legs for limb in pair if limb not in without):
+        leg = leg_to_ankle(limb)
         if len(leg) > 2:
             settings = (
                 _short_step_settings(default_settings, shape.skeleton, leg, steps[limb])
@@ -340,7 +340,7 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
         )
     plan = replace(automatic(clip, shape), travel=True, floor=False)
     new_project, _ = play_clip(project or Project(), shape, clip)
-    take_facing, model_facing = facings(clip, shape, plan)
+    take_facing, model_facing = initial_facings(clip, shape, plan)
     return RetargetedShape(new_project, shape.id, clip, plan, clip.duration, model_facing, take_facing)
 
 
@@ -388,7 +388,7 @@ def retarget(
     if plan.pin:
         steps = step_sizes(shape, clip, rebased_clip, plan)
         project = pin_all_feet(project, shape, steps, level, above=is_on_floor and not level, without=posed)
-    take_facing, model_facing = facings(clip, shape, plan)
+    take_facing, model_facing = initial_facings(clip, shape, plan)
     return RetargetedShape(
         project, shape.id, clip, plan, duration, model_facing, take_facing, tuple(clips), names
     )

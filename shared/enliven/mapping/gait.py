@@ -1,7 +1,7 @@
 """The gait of a performer: the performer's leg that each leg of a model follows, and the positions of the
 feet.
 
-steps_of(shape, clip, plan)     # a LegStep for each leg of the model that steps
+find_stepping_legs(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
 performer.home(foot, heading)   # the mean position of that joint below the body
 """
@@ -16,13 +16,13 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Shape, Skeleton, joint_places
-from enliven.mapping.applying import facings, source_anatomy
-from enliven.mapping.ground import floor_of, foot_contact_weights
+from enliven.mapping.applying import initial_facings, source_anatomy
+from enliven.mapping.ground import floor_height_under, foot_contact_weights
 from enliven.mapping.plan import Mode, Plan
-from enliven.mapping.resting import first_heading, heading_of
+from enliven.mapping.resting import first_heading, heading_from_rotation
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
-from enliven.skeletons.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
+from enliven.skeletons.anatomy import Anatomy, Pair, SkeletonLimb, find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
 STRIDE_S = 1.0
@@ -80,17 +80,22 @@ class LegStep:
 def legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """Returns the legs of a shape that follow the steps of the performer's feet, instead of copying leg
     angles."""
-    return tuple(step.limb for step in steps_of(shape, clip, plan))
+    return tuple(step.limb for step in find_stepping_legs(shape, clip, plan))
 
 
 def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """Returns the legs of a shape that step and keep the performer's pose."""
-    return tuple(step.limb for step in steps_of(shape, clip, plan) if step.posed)
+    return tuple(step.limb for step in find_stepping_legs(shape, clip, plan) if step.posed)
 
 
 def bones_that_only_step(shape: Shape, clip: Clip, plan: Plan) -> set[int]:
     """Returns the bones of the stepping legs, except legs that the performer's arm may drive."""
-    return {bone for step in steps_of(shape, clip, plan) if step.arm is None for bone in step.limb.proper[1:]}
+    return {
+        bone
+        for step in find_stepping_legs(shape, clip, plan)
+        if step.arm is None
+        for bone in step.limb.proper[1:]
+    }
 
 
 def leg_length(skeleton: Skeleton, leg: Sequence[int]) -> float:
@@ -106,7 +111,8 @@ def step_sizes(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> dict
     """
     scale = step_scale(shape, clip, rebased_clip, plan)
     return {
-        step.limb: scale * _limb_length(clip.skeleton, step.source) for step in steps_of(shape, clip, plan)
+        step.limb: scale * _limb_length(clip.skeleton, step.source)
+        for step in find_stepping_legs(shape, clip, plan)
     }
 
 
@@ -116,7 +122,7 @@ def step_scale(shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan) -> floa
 
     For posed legs the scale is the ratio of leg lengths, which keeps the performer's joint angles.
     """
-    posed = [step for step in steps_of(shape, clip, plan) if step.posed]
+    posed = [step for step in find_stepping_legs(shape, clip, plan) if step.posed]
     model_length = sum(leg_length(shape.skeleton, step.leg) for step in posed)
     performer_length = sum(leg_length(clip.skeleton, step.source_leg) for step in posed)
     return plan.stride * (
@@ -131,10 +137,10 @@ def _limb_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
     return max(float(skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
 
 
-def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
+def find_stepping_legs(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
     """Returns the legs of a shape that step, the rearmost first. Returns none if the mapping turns steps
     off."""
-    model, performer = anatomy_of(shape.skeleton), source_anatomy(clip)
+    model, performer = find_anatomy(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and performer.legs) or (shape.modeling != IDENTITY).any():
         return []
     driven, steps = _driven_bones(shape.skeleton, plan, "move"), list[LegStep]()
@@ -142,14 +148,14 @@ def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
     for number, pair in enumerate(reversed(model.legs)):
         is_foreleg = 0 < number == len(model.legs) - 1 >= len(performer.legs) and performer.arms
         arms = performer.arms[0] if is_foreleg else (None, None)
-        for limb, source, arm in zip(pair, _legs_of(performer, number), arms, strict=True):
-            leg, bones = _posed_leg(limb, posed), set(leg_of(limb)[1:])
+        for limb, source, arm in zip(pair, _matching_legs(performer, number), arms, strict=True):
+            leg, bones = _posed_leg(limb, posed), set(leg_to_ankle(limb)[1:])
             if len(leg) > 2:
                 steps.append(
                     LegStep(limb, source, arm, True, leg, _performed_leg(shape, clip, plan, leg, source))
                 )
             elif len(bones) > 1 and bones <= driven:
-                steps.append(LegStep(limb, source, arm, False, leg_of(limb), leg_of(source)))
+                steps.append(LegStep(limb, source, arm, False, leg_to_ankle(limb), leg_to_ankle(source)))
     return steps
 
 
@@ -157,7 +163,7 @@ def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
     """Returns the joints of a leg down to its ankle, or to its last joint in ``posed`` if that is higher
     up."""
     leg = limb.proper[:1]
-    for joint in leg_of(limb)[1:]:
+    for joint in leg_to_ankle(limb)[1:]:
         if joint not in posed:
             break
         leg = (*leg, joint)
@@ -174,7 +180,8 @@ def _performed_leg(
     ]
     joints = [clip.skeleton.index(name) for name in ankles if name in clip.skeleton.names]
     last_index = next(
-        (source.proper.index(joint) for joint in joints if joint in source.proper), len(leg_of(source)) - 1
+        (source.proper.index(joint) for joint in joints if joint in source.proper),
+        len(leg_to_ankle(source)) - 1,
     )
     # The whole leg with its toes may drive a limb without joint names. The result still ends at the ankle.
     height = clip.skeleton.positions[:, 1]
@@ -196,7 +203,7 @@ def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
     return bones
 
 
-def _legs_of(performer: Anatomy, number: int) -> Pair:
+def _matching_legs(performer: Anatomy, number: int) -> Pair:
     """Returns the pair of the performer's legs for the model's pair with this number, counted from the
     rear."""
     leg_pairs = len(performer.legs)
@@ -206,7 +213,7 @@ def _legs_of(performer: Anatomy, number: int) -> Pair:
     return (right, left) if (number - leg_pairs) % 2 == 0 else (left, right)
 
 
-def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
+def leg_to_ankle(limb: SkeletonLimb) -> tuple[int, ...]:
     """Returns the joints of a leg down to the ankle, where its foot begins."""
     if limb.knots:
         return limb.main
@@ -216,7 +223,9 @@ def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
 def standing_on_feet(clip: Clip) -> Float:
     """Returns (F,) 1 while the performer stands on the feet, and 0 while on knees, hands or other parts."""
     legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
-    return foot_contact_weights(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
+    return foot_contact_weights(
+        clip, {joint for leg in legs for joint in leg.proper[len(leg_to_ankle(leg)) - 1 :]}
+    )
 
 
 class PerformerGait:
@@ -236,7 +245,7 @@ class PerformerGait:
     def __init__(
         self, shape: Shape, clip: Clip, rebased_clip: Clip, plan: Plan, times: Float, scale: float
     ) -> None:
-        take_facing, model_facing = facings(clip, shape, plan)
+        take_facing, model_facing = initial_facings(clip, shape, plan)
         rest = rebased_clip.skeleton.positions
         self.posed = rotate_about_y(rest - rest[0], model_facing - take_facing)
         self._legs = source_anatomy(clip).legs[0]
@@ -246,7 +255,7 @@ class PerformerGait:
         floor_height = np.percentile(places[..., 1].min(1), _LOWEST_PERCENT)
         offsets = places - clip.root[:, None]
         if not plan.turn:
-            heading_change = multiply(first_heading(clip), conjugate(heading_of(clip.turns[:, 0])))
+            heading_change = multiply(first_heading(clip), conjugate(heading_from_rotation(clip.turns[:, 0])))
             offsets = rotate(heading_change[:, None], offsets)
         frames_before = np.clip(
             np.searchsorted(frame_times, times, side="right") - 1, 0, max(len(frame_times) - 2, 0)
@@ -261,7 +270,7 @@ class PerformerGait:
     def floor(self, shape: Shape, root: Float) -> Float:
         """Returns the height (T,) in metres of the floor under a posed shape with the root heights ``root``
         (T,)."""
-        standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_of(shape)
+        standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_height_under(shape)
         return np.asarray(root - standing - self.scale * (self.root_height + self.posed[:, 1].min()))
 
     def foot(self, leg: SkeletonLimb) -> int:

@@ -15,12 +15,12 @@ import numpy as np
 from enliven.arrays import AnyArray, Bool, Float
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, joint_places, unused
-from enliven.mapping.resting import heading_of
+from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.layers.evaluate import Player, pose_from
 from enliven.motion.layers.retarget import set_travel
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.human_names import names_object
 
 _MAX_RATE_HZ = 60.0
@@ -53,7 +53,7 @@ def body_points(shape: Shape) -> Bool:
     the point is too far from the wrist. An object such as a weapon may touch the floor, but the shape does
     not stand on it. If the shape has no mesh, the points are its joints.
     """
-    skeleton, arms = shape.skeleton, [arm for pair in anatomy_of(shape.skeleton).arms for arm in pair]
+    skeleton, arms = shape.skeleton, [arm for pair in find_anatomy(shape.skeleton).arms for arm in pair]
     is_object_name = np.array([bool(arms) and names_object(name) for name in skeleton.names])
     # A bone is named after the joint at its end. All descendants of a weapon's joint belong to the weapon.
     is_object_bone = np.array(
@@ -82,10 +82,10 @@ def stands_on_floor(shape: Shape) -> bool:
     """Returns True if a shape at rest stands, or lies, on the floor."""
     rest = _body_at_rest(shape)
     lowest, height = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
-    return abs(lowest) < _MAX_FLOOR_DISTANCE * height or bool(anatomy_of(shape.skeleton).legs)
+    return abs(lowest) < _MAX_FLOOR_DISTANCE * height or bool(find_anatomy(shape.skeleton).legs)
 
 
-def floor_of(shape: Shape) -> float:
+def floor_height_under(shape: Shape) -> float:
     """Returns the height in metres of the floor under a shape that stands in its rest pose."""
     return float(_body_at_rest(shape)[:, 1].min() + shape.place[1])
 
@@ -108,7 +108,7 @@ def posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator
             yield skin_vertices(character, pose_from(shape, posed, seconds)).astype(np.float64)
 
 
-def clearance(clip: Clip) -> Float:
+def leap_heights(clip: Clip) -> Float:
     """Returns the height (F,) in metres of a performer above the floor in a leap; 0 while any part touches
     it."""
     height = joint_places(clip)[..., 1]
@@ -138,18 +138,18 @@ def keep_on_floor(
             shape's feet were planted before. None if they were not.
     """
     shape = project.shape(shape_id)
-    contact_times = moments_of(duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
+    contact_times = sample_times(duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
     body = body_points(shape)
     low, steps = _lowest_point_path(
         (surface[body] for surface in posed_surfaces(project, shape_id, contact_times)), len(contact_times)
     )
     # The path has at least the take's frame rate. With a coarser path standing feet would tremble.
-    times = moments_of(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
+    times = sample_times(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
-    rise = np.interp(times, contact_times, floor_of(shape) - low)
+    rise = np.interp(times, contact_times, floor_height_under(shape) - low)
     frames = np.arange(len(clip.turns)) * clip.step
     if shape.travel is not None:
-        leap_height = clearance(clip)
+        leap_height = leap_heights(clip)
         rise += travel_scale(shape, clip) * np.interp(times, frames, leap_height) if on_feet is None else 0.0
         ground_path = root[:, [0, 2]]
         coarse = np.stack(
@@ -192,7 +192,7 @@ def foot_contact_weights(clip: Clip, feet: Collection[int]) -> Float:
     )
 
 
-def moments_of(duration: float, rate: float) -> Float:
+def sample_times(duration: float, rate: float) -> Float:
     """Returns times (T,) in seconds from 0 to ``duration``, at ``rate`` Hz or slightly more."""
     return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
 
@@ -251,5 +251,5 @@ def level_root(clip: Clip, chest: int) -> Clip:
     has_heading = np.hypot(turns[:, 0], turns[:, 2]) > _MIN_TWIST_NORM
     last_frame = np.maximum.accumulate(np.where(has_heading, np.arange(len(turns)), 0))
     level_turns = clip.turns.copy()
-    level_turns[:, 0] = heading_of(turns[last_frame])
+    level_turns[:, 0] = heading_from_rotation(turns[last_frame])
     return replace(clip, turns=level_turns, fine=None)

@@ -17,14 +17,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
-from enliven.mapping.ground import moments_of
+from enliven.mapping.ground import sample_times
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import Plan
 from enliven.motion.kinematics.ranges import JointRange, fit_joint_range, limit_turns
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, multiply
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
 _MAX_RATE_HZ = 60.0
@@ -67,7 +67,9 @@ def limit_joints(
     if not fractions:
         return project, ()
     times = (
-        moments_of(clip.duration, min(_MAX_RATE_HZ, 1.0 / clip.step)) if clip.duration > 0.0 else np.zeros(1)
+        sample_times(clip.duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
+        if clip.duration > 0.0
+        else np.zeros(1)
     )
     turns, joints = Player(project, shape_id).sample(times)
     own_clips = [candidate for candidate in clips if is_own_take(candidate, shape)]
@@ -107,7 +109,7 @@ def joint_ranges(
     sampled = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
     local = _local_rotations(skeleton, np.concatenate(sampled)) if sampled else None
     size, partners = float(np.ptp(skeleton.positions, axis=0).max()), _bone_partners(skeleton)
-    facing, ranges = anatomy_of(skeleton).facing, dict[int, JointRange]()
+    facing, ranges = find_anatomy(skeleton).facing, dict[int, JointRange]()
     for j, fraction in fractions.items():
         if skeleton.lengths[j] <= _MIN_BONE_LENGTH * size:
             continue
@@ -177,7 +179,7 @@ def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> d
 
 def _is_person(skeleton: Skeleton) -> bool:
     """Returns True if the limbs of a skeleton have the joint names of a person."""
-    return any(limb.knots for pair in anatomy_of(skeleton).pairs for limb in pair)
+    return any(limb.knots for pair in find_anatomy(skeleton).pairs for limb in pair)
 
 
 def _is_played_once(layer: Layer) -> bool:
@@ -201,7 +203,7 @@ def _following_bones(shape: Shape, bones: Collection[int]) -> dict[int, int]:
 def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
     """Returns for each bone of a pair of limbs the corresponding bone on the other side."""
     partners = dict[int, int]()
-    for left, right in anatomy_of(skeleton).pairs:
+    for left, right in find_anatomy(skeleton).pairs:
         if len(left.chain) == len(right.chain):
             partners |= dict(zip(left.chain[1:], right.chain[1:], strict=True))
             partners |= dict(zip(right.chain[1:], left.chain[1:], strict=True))

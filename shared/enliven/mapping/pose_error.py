@@ -24,7 +24,7 @@ from enliven.mapping.gait import legs_that_step, posed_legs_that_step
 from enliven.mapping.plan import Plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import rotate, swing, unit
-from enliven.skeletons.anatomy import SkeletonLimb, anatomy_of, is_tip_start
+from enliven.skeletons.anatomy import SkeletonLimb, find_anatomy, is_tip_start
 
 _MAX_FRAMES = 120
 """Maximum number of compared frames. A dozen of them are then above the 90th percentile."""
@@ -89,7 +89,7 @@ def _driven_segments(
     Args:
         without: limbs that are excluded, given by their joints.
     """
-    for number, pair in enumerate(anatomy_of(shape.skeleton).pairs, 1):
+    for number, pair in enumerate(find_anatomy(shape.skeleton).pairs, 1):
         for side, limb in zip(("left", "right"), pair, strict=True):
             if limb.proper in without:
                 continue

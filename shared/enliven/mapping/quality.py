@@ -19,13 +19,19 @@ import scipy
 
 from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, Shape
-from enliven.mapping.ground import body_points, clearance, floor_of, posed_surfaces, stands_on_floor
+from enliven.mapping.ground import (
+    body_points,
+    floor_height_under,
+    leap_heights,
+    posed_surfaces,
+    stands_on_floor,
+)
 from enliven.mapping.overlap import Overlap
 from enliven.mapping.plan import Plan
 from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.travel import travel_scale
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 
 MAX_STRETCH = 1.4
 """Largest good value of the 99th percentile of stretch. Above it, hands look like sheets. The running clips
@@ -163,7 +169,7 @@ class MotionQuality:
         return "; ".join([*phrases, f"{self.through:.1%} of the surface goes through another part at most"])
 
 
-def edges_of(shape: Shape) -> tuple[Int32, Float]:
+def visible_edges(shape: Shape) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a mesh with visible stretch, and their lengths (E,) in metres at rest.
 
     Very short edges, and edges that belong only to slivers or tiny parts, are excluded. Without a mesh there
@@ -206,7 +212,7 @@ def _is_visible(faces: Int32, vertices: Float) -> Bool:
 
 def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T moments of ``duration`` seconds."""
-    edges, rest = edges_of(project.shape(shape_id))
+    edges, rest = visible_edges(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     return edges, np.array(
         [_edge_lengths(surface, edges) / rest for surface in posed_surfaces(project, shape_id, times)]
@@ -237,8 +243,10 @@ def quality_of(
         body_height = float(
             np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1])
         )
-        heights = (np.array([surface[body, 1].min() for surface in moments]) - floor_of(shape)) / body_height
-        is_standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
+        heights = (
+            np.array([surface[body, 1].min() for surface in moments]) - floor_height_under(shape)
+        ) / body_height
+        is_standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, leap_heights(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(heights.min())), max(0.0, float(heights[is_standing].max(initial=0.0)))
         worst_moment = int(np.argmax(np.where(is_standing, np.abs(heights), -heights)))
         feet = _lowest_joints(shape, np.where(body[:, None], moments[worst_moment], np.inf), body_height)
@@ -246,7 +254,7 @@ def quality_of(
     is_travelling = (
         shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
     )
-    is_walking = is_travelling and stands_on_floor(shape) and bool(anatomy_of(shape.skeleton).legs)
+    is_walking = is_travelling and stands_on_floor(shape) and bool(find_anatomy(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
@@ -280,16 +288,16 @@ def _edge_lengths(vertices: Float, edges: Int32) -> Float:
 def _overstretched_joints(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move the most ends of overstretched edges."""
     overstretched_counts = np.repeat((stretch > MAX_STRETCH).sum(0), 2).astype(float)
-    return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), overstretched_counts), np.float64))
+    return _joints_that_move(shape, np.asarray(np.bincount(edges.ravel(), overstretched_counts), np.float64))
 
 
 def _lowest_joints(shape: Shape, vertices: Float, body_height: float) -> tuple[str, ...]:
     """Returns the joints of the bones that move the lowest vertices of a shape, given its vertices (V, 3)."""
     lowest = float(vertices[:, 1].min())
-    return _joints_of(shape, (vertices[:, 1] < lowest + _ON_FLOOR_HEIGHT * body_height).astype(float))
+    return _joints_that_move(shape, (vertices[:, 1] < lowest + _ON_FLOOR_HEIGHT * body_height).astype(float))
 
 
-def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
+def _joints_that_move(shape: Shape, count: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move most of the vertices.
 
     Args:
@@ -310,7 +318,7 @@ def _slide_speed(project: Project, shape: Shape, clip: Clip, times: Float) -> fl
     """Returns the mean sliding speed in cm/s of the slowest vertices near the floor, which are in standing
     feet."""
     body_height = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
-    floor, body, speeds = floor_of(shape), body_points(shape), []
+    floor, body, speeds = floor_height_under(shape), body_points(shape), []
     earlier_surfaces = posed_surfaces(project, shape.id, times[:-1])
     later_surfaces = posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
     for earlier, later in (

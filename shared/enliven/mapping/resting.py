@@ -24,7 +24,7 @@ _MIN_STANDING_FRACTION = 0.25
 """Minimum fraction of a take's frames in which a foot stands."""
 
 
-def heading_of(turns: Float) -> Float:
+def heading_from_rotation(turns: Float) -> Float:
     """Returns the twist (..., 4) about +Y of rotations (..., 4), by swing-twist decomposition."""
     twist = np.asarray(turns, np.float64).copy()
     twist[..., 1] = twist[..., 3] = 0.0
@@ -44,7 +44,7 @@ def mean_turn(turns: Float) -> Float:
 def first_heading(clip: Clip) -> Float:
     """Returns the performer's initial heading, a rotation (4,) about +Y: the mean over the first second."""
     frames = max(round(_STRIDE_S / clip.step), 1)
-    return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
+    return heading_from_rotation(mean_turn(heading_from_rotation(clip.turns[: frames + 1, 0])))
 
 
 def mean_pose(clip: Clip) -> Float:
@@ -91,7 +91,7 @@ def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     height = positions[..., 1].mean(1)
     is_low = height <= np.quantile(height, 2.0 * _MIN_STANDING_FRACTION)
     is_standing = is_low & (speed <= np.quantile(speed[is_low], 0.5))
-    heading_change = conjugate(heading_of(clip.turns[is_standing, 0]))
+    heading_change = conjugate(heading_from_rotation(clip.turns[is_standing, 0]))
     turns = [mean_turn(multiply(heading_change, clip.turns[is_standing, j])) for j in foot[1:]]
     return np.asarray(multiply(first_heading(clip), np.array(turns)))
 
@@ -102,7 +102,7 @@ def _mean_pose(clip: Clip, frames: Bool) -> Float:
     The mean of each bone is relative to its parent. ``frames`` (F,) is True for the frames to use.
     """
     parents, turns = clip.skeleton.parents, clip.turns[frames]
-    heading = heading_of(turns[:, 0])
+    heading = heading_from_rotation(turns[:, 0])
     rest_rotations = np.empty((len(parents), 4))
     rest_rotations[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), turns[:, 0])))
     for j in range(1, len(parents)):
@@ -126,7 +126,7 @@ def pose_skeleton(skeleton: Skeleton, turns: Float) -> Skeleton:
     return replace(skeleton, positions=positions)
 
 
-def rebase(clip: Clip, rest_rotations: Float) -> Clip:
+def change_rest_pose(clip: Clip, rest_rotations: Float) -> Clip:
     """Returns the same motion relative to another rest pose.
 
     ``rest_rotations`` (N, 4) contains the world rotations of the new rest pose relative to the current one.

@@ -27,12 +27,12 @@ from enliven.mapping.gait import (
     STRIDE_S,
     LegStep,
     PerformerGait,
+    find_stepping_legs,
     leg_length,
     standing_on_feet,
     step_scale,
-    steps_of,
 )
-from enliven.mapping.ground import floor_of, follow_path, moments_of
+from enliven.mapping.ground import floor_height_under, follow_path, sample_times
 from enliven.mapping.plan import Plan
 from enliven.mapping.planting import (
     PosedLeg,
@@ -43,7 +43,7 @@ from enliven.mapping.planting import (
     remove_spin,
     standing_spans,
 )
-from enliven.mapping.resting import heading_of
+from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain
@@ -81,11 +81,11 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
         plan: the mapping.
     """
     shape = project.shape(shape_id)
-    steps, duration = steps_of(shape, clip, plan), clip.duration
+    steps, duration = find_stepping_legs(shape, clip, plan), clip.duration
     if not steps or duration <= 0.0:
         return project
     has_posed_leg = any(step.posed for step in steps)
-    times = moments_of(
+    times = sample_times(
         duration, max(_MAX_RATE_HZ, 1.0 / clip.step) if has_posed_leg else min(_MAX_RATE_HZ, 1.0 / clip.step)
     )
     turns, joints = Player(project, shape_id).sample(times)
@@ -143,7 +143,7 @@ def _plant_feet(
     Returns:
         For each leg, the remaining offset (T, 3) in metres of its foot.
     """
-    root, floor = joints[:, 0].copy(), floor_of(shape)
+    root, floor = joints[:, 0].copy(), floor_height_under(shape)
     # Begin with the performer's floor at the height of the model's floor. This is final if no foot ever
     # stands.
     corrected_root = root.copy()
@@ -276,7 +276,7 @@ def _end_targets(shape: Shape, step: LegStep, performer: PerformerGait, turns: F
     """Returns the target positions (T, 3) in metres for the end of a leg, in the current pose of the
     model."""
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.foot(step.source)
-    heading, scale = heading_of(turns[:, 0]), performer.scale
+    heading, scale = heading_from_rotation(turns[:, 0]), performer.scale
     foot_mean = performer.home(foot, heading)
     rest = skeleton.positions[ankle] - skeleton.positions[0]
     smooth_heading = _smooth_headings(heading, round(STRIDE_S / performer.step))
@@ -303,7 +303,7 @@ def _bend_leg(
 ) -> None:
     """Bends a leg so that its end reaches ``targets`` (T, 3) in metres. Changes ``turns`` and ``joints`` in
     place."""
-    chain, heading = step.leg, heading_of(turns[:, 0])
+    chain, heading = step.leg, heading_from_rotation(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walking_weights(step.arm)
     bones = {bone for path in _rotation_chains(skeleton, step) for bone in path[1:]}
     for j in sorted(bones.union(skeleton.below(chain[-1])[1:])):

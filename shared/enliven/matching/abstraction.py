@@ -24,7 +24,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Skeleton, skeleton_of
+from enliven.document import Skeleton, skeleton_from_links
 from enliven.errors import InputError
 from enliven.matching.reduction import Reduction
 from enliven.matching.subtrees import Abstraction, SubTree
@@ -36,7 +36,7 @@ def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
     return _reduced_positions(skeleton.positions, _neighbour_lists(len(skeleton), links), root)
 
 
-def abstract(
+def abstract_joint_tree(
     positions: Float | Sequence[Sequence[float]],
     links: Iterable[tuple[int, int]],
     root: int | None = None,
@@ -61,7 +61,9 @@ def abstract(
             where="skeleton",
             remedy=f"Choose a root from 0 to {len(joint_positions) - 1}.",
         )
-    skeleton_of(names or [f"joint {j}" for j in range(len(joint_positions))], pairs, joint_positions, root)
+    skeleton_from_links(
+        names or [f"joint {j}" for j in range(len(joint_positions))], pairs, joint_positions, root
+    )
     return _reduced_positions(joint_positions, _neighbour_lists(len(joint_positions), pairs), root)
 
 

@@ -116,7 +116,7 @@ def _remove_member(members, k, value):
             members[i] = members[i + 1]
 
 
-def least_cost(cost: Float) -> tuple[Int, Int]:
+def solve_assignment(cost: Float) -> tuple[Int, Int]:
     """Solves the assignment problem with the lowest total cost.
 
     Args:
@@ -134,7 +134,7 @@ def least_cost(cost: Float) -> tuple[Int, Int]:
     if not np.isfinite(cost).all():
         raise ValueError("a cost of the assignment problem is not finite")
     if cost.shape[0] > cost.shape[1]:
-        columns, rows = least_cost(cost.T)
+        columns, rows = solve_assignment(cost.T)
         order = np.argsort(rows)
         return rows[order], columns[order]
     assigned = np.empty(len(cost), np.int32)

@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from enliven.matching.source import MatchSource, source_of
+from enliven.matching.source import MatchSource, match_source_from_joints
 from enliven.person import Body, Joint, parse_parts
 
 LIMBS: dict[str, tuple[Joint, ...]] = {
@@ -74,6 +74,6 @@ def body_source(body: Body, parts: str) -> BodySource:
     links = [(int(root), int(chain[1])) for chain in chains]
     links += [(int(a), int(b)) for chain in chains for a, b in itertools.pairwise(chain[1:])]
     joints = {int(root), *(int(joint) for chain in chains for joint in chain[1:])}
-    source = source_of(body.joints, links, int(root), joints)
+    source = match_source_from_joints(body.joints, links, int(root), joints)
     by_tip = {int(chain[-1]): chain for chain in chains}
     return BodySource(source, tuple(by_tip[branch.extended[-1]] for branch in source.branches))

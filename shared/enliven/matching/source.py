@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.matching.abstraction import abstract
+from enliven.matching.abstraction import abstract_joint_tree
 from enliven.matching.subtrees import Branch
 
 
@@ -42,7 +42,7 @@ class MatchSource:
         return np.concatenate([positions[None, self.root], self.weights @ positions])
 
 
-def source_of(
+def match_source_from_joints(
     positions: Float, links: Iterable[tuple[int, int]], root: int | None = None, joints: Iterable[int] = ()
 ) -> MatchSource:
     """Builds the source from a tree of joints, or from a connected subset of them.
@@ -64,9 +64,11 @@ def source_of(
         raise InputError(problem, where="source", remedy="Choose one of the selected joints as the root.")
     pairs = [(number[a], number[b]) for a, b in links if a in number and b in number]
     names = [f"joint {joint}" for joint in used_joints]
-    abstraction = abstract(joint_positions[used_joints], pairs, None if root is None else number[root], names)
+    abstraction = abstract_joint_tree(
+        joint_positions[used_joints], pairs, None if root is None else number[root], names
+    )
     if root is None:
-        abstraction = abstract(joint_positions[used_joints], pairs, abstraction.root, names)
+        abstraction = abstract_joint_tree(joint_positions[used_joints], pairs, abstraction.root, names)
     if not abstraction.candidates:
         raise InputError(
             "the selected joints form no bone", where="source", remedy="Choose two or more joints."
@@ -83,7 +85,7 @@ def source_of(
 def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> MatchSource:
     """Builds the source from a skeleton at rest."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
-    return source_of(skeleton.positions, links, root, joints)
+    return match_source_from_joints(skeleton.positions, links, root, joints)
 
 
 def _renumbered_branch(branch: Branch, joints: Sequence[int]) -> Branch:

@@ -116,7 +116,9 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
         for candidate in rotated
         if len(candidate.limbs) > 2 or frozenset(limb.joints[0] for limb in candidate.limbs) not in paired
     ]
-    return tuple(sorted([*_by_plane(mirrored, body), *rotated], key=lambda group: -len(group.limbs)))
+    return tuple(
+        sorted([*_select_pairs_by_plane(mirrored, body), *rotated], key=lambda group: -len(group.limbs))
+    )
 
 
 def _rotation_group(
@@ -208,7 +210,7 @@ def _mirrored_pairs(
     return groups
 
 
-def _by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
+def _select_pairs_by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
     """Selects mirrored pairs such that each limb occurs once. Pairs come first if other pairs with much bone
     length share their plane."""
     axes = np.array([group.axis for group in groups]).reshape(-1, 3)

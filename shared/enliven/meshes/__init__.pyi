@@ -25,8 +25,8 @@ from .mesh import (
     guess_up as guess_up,
     split_paint as split_paint,
     refine as refine,
-    submesh as submesh,
-    upright as upright,
+    extract_submesh as extract_submesh,
+    rotate_upright as rotate_upright,
     weld as weld,
     stiffness_error as stiffness_error,
 )
@@ -34,15 +34,15 @@ from .materials import (
     MeshMaterials as MeshMaterials,
     Texture as Texture,
     barycentric as barycentric,
-    joined_materials as joined_materials,
+    join_materials as join_materials,
     materials_within as materials_within,
-    renumbered as renumbered,
+    renumber_textures as renumber_textures,
     textures_in as textures_in,
 )
 from .pictures import open_picture as open_picture
 from .tokens import (
     WrongWordError as WrongWordError,
-    blocks as blocks,
+    split_into_blocks as split_into_blocks,
     word_lines as word_lines,
     parse_numbers as parse_numbers,
     word_starts as word_starts,

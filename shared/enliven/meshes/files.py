@@ -8,11 +8,11 @@ from typing import NamedTuple
 from enliven.errors import InputError, plain_reason
 from enliven.files import ReferencedFiles, read_file, require_folder, write_file
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES
-from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
+from enliven.meshes.mesh import Axis, Mesh, guess_up, rotate_upright, weld
 from enliven.meshes.obj import read_obj
 from enliven.meshes.ply import read_ply
 from enliven.meshes.repair import repair
-from enliven.meshes.scan_surface import parse_pcd, surface_through
+from enliven.meshes.scan_surface import parse_pcd, surface_through_points
 from enliven.meshes.stl import read_stl
 from enliven.meshes.text import read_medit, read_off
 from enliven.meshes.tokens import DamagedMeshError
@@ -75,7 +75,7 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     if up is None and Path(path).suffix.lower() not in GLTF_SUFFIXES:
         up, note = guess_up(mesh)
         notes = [*notes, note] if note else notes
-    return LoadedMesh(upright(mesh, up or "y"), notes)
+    return LoadedMesh(rotate_upright(mesh, up or "y"), notes)
 
 
 def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
@@ -117,7 +117,7 @@ def _read_format(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]
         return read_obj(data, ReferencedFiles(path), path.stem)
     if suffix == ".ply":
         return read_ply(data, path.stem)
-    return surface_through(*parse_pcd(data, str(path)), name=path.stem), []
+    return surface_through_points(*parse_pcd(data, str(path)), name=path.stem), []
 
 
 def save_mesh(mesh: Mesh, path: Path | str) -> None:

@@ -12,7 +12,7 @@ from enliven.arrays import Int
 from enliven.kernels import njit
 
 
-def across_edges(triangles: Int, count: int) -> Int:
+def adjacent_triangles(triangles: Int, count: int) -> Int:
     """Returns (T, 3) the adjacency array: the triangle across the edge opposite to each corner, or -1 at a
     border.
     """

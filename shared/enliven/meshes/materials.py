@@ -112,7 +112,7 @@ class MeshMaterials:
             shares: (K, 3, 3) barycentric coordinates of each new corner in the old face.
         """
         if not len(self.of):
-            none = joined_materials([(self, 0), (None, len(faces))])
+            none = join_materials([(self, 0), (None, len(faces))])
             assert none is not None
             return none
         inside = faces >= 0
@@ -126,7 +126,7 @@ class MeshMaterials:
         return replace(self, of=of, uvs=spread(self.uvs), tints=tints)
 
 
-def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
+def join_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
     """Joins the materials of consecutive groups of faces. Each group is given as its materials and its number
     of faces.
 
@@ -148,7 +148,9 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
                 textures.setdefault((t.image.tobytes(), t.sampler), (len(textures), t))[0]
                 for t in group.textures
             ]
-            definitions = [renumbered(material, texture_of.__getitem__) for material in group.definitions]
+            definitions = [
+                renumber_textures(material, texture_of.__getitem__) for material in group.definitions
+            ]
             number = np.array(
                 [*(materials.setdefault(text, len(materials)) for text in definitions), -1], np.int32
             )
@@ -169,7 +171,7 @@ def textures_in(material: Any) -> list[int]:
     return numbers
 
 
-def renumbered(material: str, number: Callable[[int], int]) -> str:
+def renumber_textures(material: str, number: Callable[[int], int]) -> str:
     """Returns the JSON of a material with each texture's number changed."""
     value = _material_object(material)
     _replace_texture_numbers(value, number)

@@ -165,7 +165,7 @@ def weld(mesh: Mesh) -> tuple[Mesh, Int]:
     return Mesh(mesh.vertices[kept_vertices], welded_of[mesh.faces].astype(np.int32), mesh.name), welded_of
 
 
-def submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
+def extract_submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
     """Returns the faces selected by ``keep_faces`` (F,), and the vertices that they use."""
     kept_mesh = mesh.with_faces(keep_faces)
     faces = kept_mesh.faces
@@ -202,7 +202,7 @@ def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
         mesh = Mesh(vertices, faces, mesh.name, colours, materials, stiffness)
 
 
-def upright(mesh: Mesh, up: Axis) -> Mesh:
+def rotate_upright(mesh: Mesh, up: Axis) -> Mesh:
     """Rotates the mesh so that its axis ``up`` points along +Y. With z up, -Y is rotated to +Z, as Blender
     does.
     """
@@ -239,7 +239,7 @@ def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
     """
     if not (np.isfinite(height) and height > 0):
         raise InputError(f"the height is {height} m", where=mesh.name, remedy="Give a height above 0.")
-    rotated_vertices = upright(mesh, up).vertices
+    rotated_vertices = rotate_upright(mesh, up).vertices
     low, high = rotated_vertices.min(0), rotated_vertices.max(0)
     if not high[1] - low[1] > 1e-9 * max(1e-30, float((high - low).max())):
         raise InputError(

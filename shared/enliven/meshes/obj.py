@@ -19,9 +19,9 @@ from enliven.meshes.polygons import triangulate
 from enliven.meshes.tokens import (
     DamagedMeshError,
     WrongWordError,
-    blocks,
     parse_numbers,
     remove_comments,
+    split_into_blocks,
     word_lines,
     word_starts,
 )
@@ -162,7 +162,7 @@ def _number_lines(block: bytes, lines: _Lines, are: Bool) -> bytes:
 def _read_faces(text: bytes) -> _Faces:
     """Returns the polygons of a file, and counts its vertices."""
     faces, counts = _Faces(), np.zeros(3, np.int64)
-    for offset, part in blocks(text):
+    for offset, part in split_into_blocks(text):
         block = part if part.endswith(b"\n") else part + b"\n"
         lines = _find_lines(block)
         kinds = np.stack(
@@ -247,7 +247,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
     Blocks without used vertices are skipped.
     """
     vertices, colours, count = list[Float](), list[Float](), 0
-    for (offset, block), vertex_count in zip(blocks(text), in_block, strict=True):
+    for (offset, block), vertex_count in zip(split_into_blocks(text), in_block, strict=True):
         used = is_used[count : count + vertex_count]
         count += vertex_count
         if not used.any():

@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
-from enliven.meshes.flips import across_edges, flip, slot
+from enliven.meshes.flips import adjacent_triangles, flip, slot
 
 _MAX_ADDED_POINTS = 20_000
 """Maximum number of points that one refinement adds."""
@@ -32,7 +32,9 @@ def triangulate_loops(points: Float, loops: Sequence[Int]) -> Int:
     order = np.concatenate(loops)
     ears = manifold3d.triangulate([np.ascontiguousarray(points[loop], np.float64) for loop in loops])
     triangles = order[np.asarray(ears, np.int64).reshape(-1, 3)]
-    _legalise_all(np.ascontiguousarray(points, np.float64), triangles, across_edges(triangles, len(points)))
+    _legalise_all(
+        np.ascontiguousarray(points, np.float64), triangles, adjacent_triangles(triangles, len(points))
+    )
     return triangles
 
 
@@ -56,7 +58,7 @@ def refine_triangulation(
     all_points[: len(points)], all_sizes[: len(points)] = points, sizes
     cells, beside = np.zeros((2 * max_points, 3), np.int64), np.full((2 * max_points, 3), -1, np.int64)
     cells[: len(triangles)] = triangles
-    beside[: len(triangles)] = across_edges(triangles, len(points))
+    beside[: len(triangles)] = adjacent_triangles(triangles, len(points))
     count, triangle_count = _refine_triangles(
         all_points, all_sizes, cells, beside, len(points), len(triangles), growth
     )

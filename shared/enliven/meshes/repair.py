@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Bool
 from enliven.errors import InputError
 from enliven.meshes.kernels import shells
-from enliven.meshes.mesh import Mesh, submesh, weld
+from enliven.meshes.mesh import Mesh, extract_submesh, weld
 from enliven.meshes.winding import repair_winding
 
 
@@ -39,7 +39,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     unused_count = int((~used).sum())
     if unused_count:
         notes.append(f"dropped {unused_count} of {count} vertices that no face uses")
-        mesh = submesh(mesh, np.ones(len(mesh.faces), bool))
+        mesh = extract_submesh(mesh, np.ones(len(mesh.faces), bool))
     _describe_oddities(mesh, notes)
     return mesh, notes
 

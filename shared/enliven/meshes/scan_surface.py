@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
 from enliven.errors import InputError
-from enliven.meshes.mesh import Mesh, submesh
+from enliven.meshes.mesh import Mesh, extract_submesh
 
 _MAX_EDGE_IN_SPACINGS = 4.0
 """Maximum edge length, as a multiple of the point spacing."""
@@ -37,7 +37,9 @@ _MAX_DISTANCE_M = 1e6
 """Maximum distance of a valid point from the sensor, in metres."""
 
 
-def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan") -> Mesh:
+def surface_through_points(
+    points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan"
+) -> Mesh:
     """Returns the surface through the points that are visible from ``viewpoint``. Its triangles face the
     sensor.
 
@@ -173,4 +175,4 @@ def _remove_specks(mesh: Mesh) -> Mesh:
     links = (np.ones(2 * len(faces)), (faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)))
     _, part = connected_components(coo_matrix(links, (count, count)), directed=False)
     sizes = np.bincount(part[faces[:, 0]])
-    return submesh(mesh, sizes[part[faces[:, 0]]] >= _MIN_PART_FRACTION * len(faces))
+    return extract_submesh(mesh, sizes[part[faces[:, 0]]] >= _MIN_PART_FRACTION * len(faces))

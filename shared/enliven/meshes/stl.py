@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.files import text_bytes
-from enliven.meshes.tokens import DamagedMeshError, blocks, parse_numbers
+from enliven.meshes.tokens import DamagedMeshError, parse_numbers, split_into_blocks
 
 _BINARY_HEADER_BYTES = 84
 """Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
@@ -29,7 +29,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
         int.from_bytes(data[80:_BINARY_HEADER_BYTES], "little") if len(data) >= _BINARY_HEADER_BYTES else 0
     )
     expected = _BINARY_HEADER_BYTES + triangle_count * _TRIANGLE_DTYPE.itemsize
-    text = None if len(data) == expected else _text_of(data)
+    text = None if len(data) == expected else _read_ascii_text(data)
     notes = list[str]()
     if text is not None:
         corners = _read_ascii(text)
@@ -50,7 +50,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     return corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), notes
 
 
-def _text_of(data: bytes) -> bytes | None:
+def _read_ascii_text(data: bytes) -> bytes | None:
     """Returns the text of an ASCII file, or None for a binary file. A binary file may also start with
     "solid"."""
     text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
@@ -60,7 +60,7 @@ def _text_of(data: bytes) -> bytes | None:
 
 def _read_ascii(text: bytes) -> Float:
     """Reads an ASCII file. Returns (3F, 3) the coordinates after each word "vertex"."""
-    parts = [_corner_numbers(_VERTEX_LINE.findall(block)) for _, block in blocks(text, b"endloop")]
+    parts = [_corner_numbers(_VERTEX_LINE.findall(block)) for _, block in split_into_blocks(text, b"endloop")]
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(
         text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED_BYTES)

@@ -132,7 +132,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     lines = word_lines(body, word_starts(body))
     for words, after in (
         (numbers.tolist(), None),
-        ([_integer_of(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
+        ([_parse_integer(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
     ):
         corners, sizes, offset = list[int](), list[int](), 0
         while len(sizes) < count:
@@ -157,7 +157,7 @@ def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
     return int(invalid[0]) if len(invalid) else None
 
 
-def _integer_of(word: bytes) -> int:
+def _parse_integer(word: bytes) -> int:
     """Parses an integer. Returns -1 for any other word, such as a colour with a fraction."""
     return int(word) if word.isdigit() and len(word) < 10 else -1
 

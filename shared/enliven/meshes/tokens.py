@@ -36,7 +36,7 @@ class WrongWordError(DamagedMeshError):
         self.line, self.what = line, what
 
 
-def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
+def split_into_blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
     """Splits a text into blocks of about :data:`BLOCK_BYTES`, and yields (offset, block). Each block except
     the last ends after the delimiter ``end``.
     """

@@ -81,35 +81,35 @@ def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None
     Raises:
         InputError: if it is not the record of an edge.
     """
-    name = _text(properties, "name")
+    name = _clean_text(properties, "name")
     if not name.strip():
         raise InputError("an announced edge has no name", where="network")
     return Announcement(
         name,
-        _number("port", str(port), 1, 65535),
-        _number("control", _text(properties, "control"), 1, 65535),
-        _text(properties, "keys") != "0",
-        _number("characters", _text(properties, "characters"), 0, _MAX_CHARACTERS),
-        _text(properties, "relay"),
-        _number("wire", _text(properties, "wire"), 0, 255),
-        _text(properties, "version"),
+        _number_in_range("port", str(port), 1, 65535),
+        _number_in_range("control", _clean_text(properties, "control"), 1, 65535),
+        _clean_text(properties, "keys") != "0",
+        _number_in_range("characters", _clean_text(properties, "characters"), 0, _MAX_CHARACTERS),
+        _clean_text(properties, "relay"),
+        _number_in_range("wire", _clean_text(properties, "wire"), 0, 255),
+        _clean_text(properties, "version"),
     )
 
 
-def lacks_discovery() -> str:
+def missing_discovery_reason() -> str:
     """Returns why edges cannot be found or announced, with the remedy. Empty if they can."""
     if importlib.util.find_spec("zeroconf") is not None:
         return ""
     return "the library 'zeroconf' is not installed. Install it: pip install zeroconf"
 
 
-def _text(properties: Mapping[bytes, bytes | None], key: str) -> str:
+def _clean_text(properties: Mapping[bytes, bytes | None], key: str) -> str:
     """Returns an escaped and shortened value. Empty if it is missing."""
     value = properties.get(key.encode()) or b""
     return escape_text(value[: 4 * _MAX_NAME_LENGTH].decode(errors="replace")[:_MAX_NAME_LENGTH])
 
 
-def _number(key: str, text: str, low: int, high: int) -> int:
+def _number_in_range(key: str, text: str, low: int, high: int) -> int:
     """Returns a number in a range.
 
     Raises:

@@ -73,7 +73,7 @@ class Announcer:
         if not addresses:
             log.warning("%s is not announced: this computer has no network", self._announcement.name)
             return
-        everywhere = self._host in _ALL
+        everywhere = self._host in _ALL_ADDRESSES
         zeroconf = Zeroconf(interfaces=InterfaceChoice.All if everywhere else addresses)
         try:
             announced = self._announcement
@@ -93,13 +93,13 @@ class Announcer:
                 zeroconf.close()  # This also sends the goodbye message.
 
 
-_ALL = ("0.0.0.0", "::", "*", "")
+_ALL_ADDRESSES = ("0.0.0.0", "::", "*", "")
 """Addresses that mean every interface."""
 
 
 def own_addresses(host: str) -> list[str]:
     """Returns the addresses of this machine at which others reach a service that listens on a host."""
-    if host in _ALL:
+    if host in _ALL_ADDRESSES:
         import ifaddr
 
         ips = [ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips]

@@ -17,7 +17,7 @@ from enliven.keys.key_files import KeyStore
 from enliven.peers.announcement import (
     SERVICE_TYPE,
     Announcement,
-    lacks_discovery,
+    missing_discovery_reason,
     parse_announcement,
 )
 from enliven.wire import Endpoint
@@ -89,7 +89,7 @@ class EdgeBrowser:
     """
 
     def __init__(self, interfaces: list[str] | None = None) -> None:
-        problem, _, remedy = lacks_discovery().partition(". ")
+        problem, _, remedy = missing_discovery_reason().partition(". ")
         if problem:
             raise ResourceError(problem, where="search for edges", remedy=f"{remedy}.")
         from zeroconf import InterfaceChoice, ServiceBrowser, Zeroconf
@@ -193,7 +193,7 @@ def check_edge(edge: DiscoveredEdge) -> DiscoveredEdge:
     """
     port = edge.announcement.pose_port
     order = dict.fromkeys(([edge.host] if edge.host else []) + list(edge.addresses))
-    host = next((address for address in order if _answers(address, port)), "")
+    host = next((address for address in order if _accepts_connections(address, port)), "")
     return replace(edge, host=host, is_paired=_is_paired(edge, host))
 
 
@@ -253,10 +253,10 @@ def is_on_local_network(text: str) -> bool:
 
 def answers_locally(endpoint: Endpoint) -> bool:
     """Returns True if a program listens at an address of this machine."""
-    return _answers(endpoint.host, endpoint.pose_port)
+    return _accepts_connections(endpoint.host, endpoint.pose_port)
 
 
-def _answers(host: str, port: int) -> bool:
+def _accepts_connections(host: str, port: int) -> bool:
     try:
         with socket.create_connection((host, port), _CONNECT_TIMEOUT_S):
             return True

@@ -70,7 +70,7 @@ class HumanPose:
     @property
     def parents(self) -> Int:
         """(B,) the nearest ancestor of each bone in ``bones``, -1 for the hips."""
-        return parents_of(self.bones)
+        return nearest_ancestors(self.bones)
 
     @staticmethod
     def ordered(bones: Iterable[str]) -> list[str]:
@@ -102,7 +102,7 @@ class HumanPose:
 
 
 @cache
-def parents_of(bones: tuple[str, ...]) -> Int:
+def nearest_ancestors(bones: tuple[str, ...]) -> Int:
     """Returns (B,) the number of the nearest existing ancestor of each bone, -1 if there is none."""
     numbers = {bone: number for number, bone in enumerate(bones)}
     parents = np.full(len(bones), -1)
@@ -227,7 +227,7 @@ def standing_offset(bone: str, parent: str, height: float) -> Float:
     return np.asarray(offset * (height / _REFERENCE_HEIGHT_M))
 
 
-def body_of_human(human: HumanPose, id: int) -> Body:
+def body_from_human_pose(human: HumanPose, id: int) -> Body:
     """Converts a human pose to a body. It is the inverse of :func:`human_of_body`.
 
     A joint without its bones is placed by average proportions, and has confidence 0. The size of the person

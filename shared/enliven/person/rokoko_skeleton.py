@@ -85,7 +85,7 @@ def rokoko_placements(positions: AnyArray, turns: AnyArray) -> Float:
     return np.concatenate([unity_position(positions), unity_rotation(turns)], -1)
 
 
-def placements_of_rokoko(placements: AnyArray) -> tuple[Float, Float]:
+def placements_from_rokoko(placements: AnyArray) -> tuple[Float, Float]:
     """Converts placements of the stream to positions (..., 3) and rotations (..., 4). It is the inverse of
     :func:`rokoko_placements`.
     """
@@ -93,12 +93,12 @@ def placements_of_rokoko(placements: AnyArray) -> tuple[Float, Float]:
     return from_unity_position(placements[..., :3]), from_unity_rotation(placements[..., 3:])
 
 
-def rokoko_turns(turns: AnyArray) -> Float:
+def rokoko_rotations(turns: AnyArray) -> Float:
     """Returns (..., 23, 4) rotations of the joints of Rokoko's skeleton, from those since the T-pose."""
     return multiply(turns, ROKOKO_T_POSE)
 
 
-def turns_of_rokoko(turns: AnyArray, joints: AnyArray) -> Float:
+def rotations_from_rokoko(turns: AnyArray, joints: AnyArray) -> Float:
     """Converts rotations of joints of Rokoko's skeleton to rotations (J, 4) since the T-pose.
 
     Args:

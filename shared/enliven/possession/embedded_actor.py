@@ -119,7 +119,9 @@ class EmbeddedActor(Actor):
         """
         others = [hold for hold in self.holds if mode != "alone" and hold.body != body.id]
         earlier_hold = next((hold for hold in self.holds if mode == "extend" and hold.body == body.id), None)
-        grip = self._grip_of_body(body, parts, others if earlier_hold is None else [earlier_hold, *others])
+        grip = self._attachment_for_body(
+            body, parts, others if earlier_hold is None else [earlier_hold, *others]
+        )
         if not len(grip.attachment):
             state = self._shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
@@ -220,7 +222,9 @@ class EmbeddedActor(Actor):
             others = [hold for hold in self.holds if hold.body != body.id]
             preview = (
                 body.id,
-                PerformerAttachment(body.id, [self._grip_of_body(body, parts, others)]).strengths(count),
+                PerformerAttachment(body.id, [self._attachment_for_body(body, parts, others)]).strengths(
+                    count
+                ),
             )
         return make_cues(held_strengths, preview)
 
@@ -241,7 +245,7 @@ class EmbeddedActor(Actor):
             observed = ObservedPoints(moved_body.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
             rehearsal.perform([moved_body], (i + 1) * _STEP_NS, {0: observed})
             if rehearsal._solver is not None:
-                rehearsal._solver.renew()
+                rehearsal._solver.start_next_matrix()
 
     @property
     def _is_stationary(self) -> bool:
@@ -252,7 +256,7 @@ class EmbeddedActor(Actor):
         """Scales a placement from the mesh's own size to its display size."""
         return place.scale_about(self.growth, place.to_world(self._rules.stand))
 
-    def _grip_of_body(
+    def _attachment_for_body(
         self, body: Body, parts: str, others: list[PerformerAttachment]
     ) -> TransformedAttachment:
         """Returns the attachment that the body would get now, in addition to other holds. It is empty if no

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from enliven.arrays import Float, Int, Int32
-from enliven.meshes import Mesh, submesh
+from enliven.meshes import Mesh, extract_submesh
 
 _AGGRESSIVENESS = (3.0, 7.0, 10.0)
 """Aggressiveness of the edge collapse, from 0 to 10. The values are tried in turn until the triangle
@@ -55,9 +55,9 @@ def decimate(mesh: Mesh, faces: int) -> DecimatedMesh:
     if mesh.colours is not None:
         colours = mesh.colours[cKDTree(mesh.vertices).query(vertices)[1]]
     reduced = Mesh(np.asarray(vertices, float), _remove_folds(triangles), mesh.name, colours)
-    reduced = submesh(reduced, np.ones(len(reduced.faces), bool))
+    reduced = extract_submesh(reduced, np.ones(len(reduced.faces), bool))
     compared = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED_VERTICES]
-    errors = distances(reduced, mesh.vertices[compared])
+    errors = distance_bounds(reduced, mesh.vertices[compared])
     return DecimatedMesh(reduced, float(errors.mean()), float(np.quantile(errors, 0.99)))
 
 
@@ -67,7 +67,7 @@ def _remove_folds(faces: Int | Int32) -> Int32:
     return np.asarray(faces[count[number.reshape(-1)] == 1], np.int32)
 
 
-def distances(mesh: Mesh, points: Float) -> Float:
+def distance_bounds(mesh: Mesh, points: Float) -> Float:
     """Returns (N,) upper bounds, metres, of the distances from points (N, 3) to the nearest face of a
     mesh.
     """

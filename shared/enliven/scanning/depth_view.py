@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Bool, Float32, Int, UInt8, UInt16
-from enliven.camera import Intrinsics, project, rays
+from enliven.camera import Intrinsics, project, pixel_rays
 from enliven.kernels import njit, run_in_pieces
 from enliven.scanning.kernel_arguments import PointArrays
 from enliven.scanning.settings import DepthNoiseModel
@@ -97,7 +97,7 @@ class DepthPreparation:
         # Remove the lens distortion here, because the remaining code assumes a pinhole camera.
         self._straight = _straight_pixels(intrinsics) if any(intrinsics.distortion) else None
         self.intrinsics = replace(intrinsics, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
-        ray = rays(self.intrinsics).astype(np.float32)
+        ray = pixel_rays(self.intrinsics).astype(np.float32)
         # Without distortion, all rays of a column share the same x, and all rays of a row share the same y.
         self._across, self._down = np.ascontiguousarray(ray[0, :, 0]), np.ascontiguousarray(ray[:, 0, 1])
         self._half = np.pad(_pair_means(self._across), _SAMPLE_SPACING_PX), _pair_means(self._down)

@@ -11,7 +11,7 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
-from enliven.meshes import Mesh, shells, submesh
+from enliven.meshes import Mesh, extract_submesh, shells
 from enliven.scanning.holes import close_holes, find_lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
@@ -186,7 +186,9 @@ def find_parts(
     areas = np.linalg.norm(above_ground.face_vectors(), axis=1) / 2
     total_areas, near_areas = np.bincount(label, areas), np.bincount(label, areas * focus_weights)
     large = (total_areas >= s.least_area) & (near_areas >= _MIN_OBJECT_FRACTION * near_areas.max())
-    return [submesh(above_ground, label == n) for n in np.argsort(-near_areas, kind="stable") if large[n]]
+    return [
+        extract_submesh(above_ground, label == n) for n in np.argsort(-near_areas, kind="stable") if large[n]
+    ]
 
 
 def largest_component(mesh: Mesh) -> Mesh:
@@ -194,7 +196,9 @@ def largest_component(mesh: Mesh) -> Mesh:
     if not len(mesh.faces):
         return mesh
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
-    return submesh(mesh, label == np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)).argmax())
+    return extract_submesh(
+        mesh, label == np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)).argmax()
+    )
 
 
 def largest_part(mesh: Mesh) -> Mesh:
@@ -253,4 +257,4 @@ def cut_above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     colours = None if mesh.colours is None else np.rint(spread(mesh.colours.astype(float))).astype(np.uint8)
     faces = np.concatenate(corner).astype(np.int32)
     clipped = Mesh(spread(mesh.vertices), faces, mesh.name, colours)
-    return submesh(clipped, np.ones(len(faces), bool))
+    return extract_submesh(clipped, np.ones(len(faces), bool))

@@ -19,7 +19,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
-from enliven.skeletons.facing import facing_of, rotate_about_y, separate_words, side_of
+from enliven.skeletons.facing import facing_of, rotate_about_y, separate_words, side_from_name
 from enliven.skeletons.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
 
 _TWIG_WORDS = re.compile(
@@ -170,7 +170,7 @@ def is_tip_start(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
     return bool(bones[:number].sum() > _MIN_WRIST_POSITION * bones.sum())
 
 
-def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
+def find_anatomy(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     """Finds the parts of a skeleton at rest.
 
     Args:
@@ -430,7 +430,7 @@ def _paired_limbs(
 
 def _is_left_right(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[str, ...]) -> bool:
     """Returns True if the first limb is on the left and the second on the right, by name or position."""
-    sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
+    sides = [side_from_name(names[limb.chain[-1]]) for limb in (left, right)]
     if sides != [0, 0]:
         return sides == [1, -1]
     separation = float(at[list(left.chain), 0].mean() - at[list(right.chain), 0].mean())

@@ -44,7 +44,7 @@ def rotate_about_y(vectors: Float, angles: Float | float) -> Float:
     return np.stack(np.broadcast_arrays(cos * x + sin * z, y, cos * z - sin * x), axis=-1)
 
 
-def side_of(name: str) -> int:
+def side_from_name(name: str) -> int:
     """Returns 1 for the name of a left joint, -1 for that of a right joint, and 0 for other names."""
     separated_name = separate_words(name)
     left, right = bool(_LEFT_WORDS.search(separated_name)), bool(_RIGHT_WORDS.search(separated_name))
@@ -67,7 +67,7 @@ def _left_from_names(skeleton: Skeleton) -> Float | None:
     parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}
     for joint, name in enumerate(skeleton.names):
-        side = side_of(name)
+        side = side_from_name(name)
         if side:
             separated_name = separate_words(name)
             by_plain.setdefault((_LEFT_WORDS if side > 0 else _RIGHT_WORDS).sub("*", separated_name), {})[

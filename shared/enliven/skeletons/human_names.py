@@ -114,7 +114,7 @@ class HumanJoints:
 
 def human_joints(skeleton: Skeleton) -> HumanJoints | None:
     """Returns the joints of a person by name, or None if names do not identify two arms and two legs."""
-    words = [_words_of(name) for name in skeleton.names]
+    words = [_split_name(name) for name in skeleton.names]
     arms = [
         _limb_of_side(skeleton, words, side, _SHOULDER_NAMES, _ELBOW_NAMES, _WRIST_NAMES) for side in (1, -1)
     ]
@@ -134,7 +134,7 @@ def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
     The finger "little" is returned as "pinky"."""
     fingers = dict[str, tuple[int, ...]]()
     for joint in skeleton.below(wrist)[1:]:
-        finger = _finger_name(_words_of(skeleton.names[joint])[1])
+        finger = _finger_name(_split_name(skeleton.names[joint])[1])
         path = skeleton.path(wrist, joint)
         if finger and len(path) > len(fingers.get(finger, ())):
             fingers[finger] = path
@@ -156,7 +156,7 @@ def _finger_name(word: str) -> str:
     return {"mid": "middle", "little": "pinky"}.get(finger_word, finger_word)
 
 
-def _words_of(name: str) -> tuple[int, str]:
+def _split_name(name: str) -> tuple[int, str]:
     """Returns the side of a name (1 left, -1 right, 0 none) and its other words, joined and in lower case.
 
     Helper joints get an empty word, since they never belong to a limb.

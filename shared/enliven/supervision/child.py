@@ -149,12 +149,12 @@ class Child:
         code = self.process.poll()
         if code is not None:
             self.process, self.exit_code = None, code
-            return self._end_reason or self._cause(code)
+            return self._end_reason or self._exit_cause(code)
         if self._end_reason:
             if now_s >= self._kill_at_s:
                 self.process.kill()
         elif self._is_watched and now_s >= self._deadline_s:
-            self.end(self._silence(), now_s, FROZEN_GRACE_S)
+            self.end(self._silence_reason(), now_s, FROZEN_GRACE_S)
         return None
 
     def plan_restart(self, now_s: float, *, is_failure: bool = True) -> float:
@@ -221,13 +221,13 @@ class Child:
             if self._receive() is None:
                 return
 
-    def _silence(self) -> str:
+    def _silence_reason(self) -> str:
         """Returns the reason for ending a program that reports no progress."""
         if self._is_ready:
             return f"no progress for {self.program.frozen_after_s:g} s"
         return f"not ready after {self._deadline_s - self._started_s:.0f} s"
 
-    def _cause(self, code: int) -> str:
+    def _exit_cause(self, code: int) -> str:
         """Returns why the process ended by itself."""
         if code == _SIGKILL_CODE and count_memory_kills() > self._memory_kills:
             return OUT_OF_MEMORY

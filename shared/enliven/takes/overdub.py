@@ -23,8 +23,8 @@ from enliven.document import (
     Project,
     unused,
 )
-from enliven.modeling.possessed.even_steps import between, even_times
-from enliven.modeling.possessed.pose import over_base
+from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly
+from enliven.modeling.possessed.pose import compose_with_base
 from enliven.similarity import Similarity, fit_similarity
 from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punch_in import PunchIn
@@ -114,7 +114,7 @@ class LiveOverdub:
             maps, offsets = self._within(*arrays)
             self._last = live, maps[0], offsets[0]
         plays = base.linear.astype(np.float64), base.positions.astype(np.float64)
-        linear, positions = over_base(plays, *self._last[1:])
+        linear, positions = compose_with_base(plays, *self._last[1:])
         return Pose(base.character, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
 
@@ -140,7 +140,7 @@ def add_overdub_layer(
     """
     used_poses, seconds, grid = even_times(character, poses, begin)
     values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
-    linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
+    linear, positions = (interpolate_linearly(np.array(each, np.float64), seconds, grid) for each in values)
     maps, offsets = OverdubTransfer(shape, character)(linear, positions)
     stream = PoseStream(
         unused(f"{shape.id} over", project.streams), maps, shape.positions + offsets, float(grid[1] - grid[0])

@@ -31,7 +31,7 @@ from enliven.document import (
 from enliven.formats.rig.rig import play_clip
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import group_as_take
-from enliven.modeling.possessed.even_steps import between, even_times
+from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import IDENTITY, from_matrix, remove_sign_jumps
 from enliven.takes.body_takes import holds_from_frames
@@ -236,8 +236,10 @@ def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter)
     if len(shape.skeleton) != len(motion.poses[0].positions):
         return None
     used_poses, seconds, grid = even_times(motion.character, motion.poses, motion.begin)
-    linear = between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid)
-    root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
+    linear = interpolate_linearly(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid)
+    root = interpolate_linearly(
+        np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid
+    )
     local_turns = local_rotations(shape, from_matrix(linear))
     angles = 2 * np.arccos(np.minimum(np.abs(local_turns[:, :, 0]).min(0), 1.0))
     moved_bones = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()

@@ -37,9 +37,9 @@ from enliven.examples.baking.frames import SurfaceFrames
 from enliven.examples.baking.settings import MAX_CACHED_FRAMES_MB, BakeSettings
 from enliven.files import DAMAGE
 from enliven.meshes import Mesh
-from enliven.modeling.possessed.even_steps import between, even_times, stream_of
+from enliven.modeling.possessed.even_steps import even_times, interpolate_linearly, stream_at_even_steps
 from enliven.modeling.possessed.solving import mark_as_solved
-from enliven.modeling.puppet.baking import graph_of
+from enliven.modeling.puppet.baking import graph_from_baked_surface
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
 from enliven.takes.body_takes import RecordedHolds, body_take_from_file, recorded_holds
@@ -172,7 +172,7 @@ def add_character_motion(
     if holds is not None and len(later_poses) >= _MIN_MOVING_POSES:
         possession = holds.possession(key, character, later_poses)
         poses = poses if possession is None else later_poses
-    stream = stream_of(character, poses, ids[1])
+    stream = stream_at_even_steps(character, poses, ids[1])
     shape, _ = graph_shape_of(character, poses, ids[1], stream.step)
     start = (poses[0].time_ns - begin) * 1e-9
     part = replace(shape.parts[0], offset=start, possession=possession)
@@ -194,16 +194,16 @@ def _bake_puppet(
     turns = from_matrix(np.array([pose.linear[0] for pose in poses], np.float64))
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])
-    turns = from_matrix(between(to_matrix(turns), seconds, grid))
+    turns = from_matrix(interpolate_linearly(to_matrix(turns), seconds, grid))
     puppet = _puppet_from_character(character)
-    settings, places = BakeSettings(), between(local, seconds, grid)
+    settings, places = BakeSettings(), interpolate_linearly(local, seconds, grid)
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(
         puppet.mesh, SurfaceFrames(puppet, places, MAX_CACHED_FRAMES_MB), places, point_vertices, settings
     )
     notes.append(f"The surface of {character.id!r} was baked, {surface.error}.")
-    roots, step = between(world[:, 0], seconds, grid), float(grid[1] - grid[0])
-    return graph_of(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
+    roots, step = interpolate_linearly(world[:, 0], seconds, grid), float(grid[1] - grid[0])
+    return graph_from_baked_surface(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
 
 
 def _puppet_from_character(character: Character) -> Puppet:

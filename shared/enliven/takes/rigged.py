@@ -15,7 +15,7 @@ from enliven.document import Character, Clip, Pose, Shape, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps
-from enliven.takes.possessed import between, even_times
+from enliven.takes.possessed import even_times, interpolate_linearly
 
 
 def shape_and_clip_from_poses(
@@ -34,8 +34,12 @@ def shape_and_clip_from_poses(
     used_poses, seconds, grid = even_times(character, list(poses), begin)
     skeleton = skeleton_from_bones(character)
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
-    turns = from_matrix(between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid))
-    root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
+    turns = from_matrix(
+        interpolate_linearly(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid)
+    )
+    root = interpolate_linearly(
+        np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid
+    )
     clip = Clip(character.id, skeleton, remove_sign_jumps(turns), root, float(grid[1] - grid[0]))
     return still_shape(character.id, skeleton, mesh, character.skin), clip, float(grid[0])
 

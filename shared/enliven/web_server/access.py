@@ -120,12 +120,12 @@ class PasswordGate:
     """
 
     def __init__(self, password: str) -> None:
-        self._digest = _digest(password.encode())
+        self._digest = _hash_password(password.encode())
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
 
     def locked_s(self, address: str) -> float:
         """Returns the remaining seconds for which an address is locked. 0 if it may try now."""
-        count, last_s = self._failures.get(_network(address), (0, 0.0))
+        count, last_s = self._failures.get(_address_network(address), (0, 0.0))
         if count < MAX_FAILURES:
             return 0.0
         return max(0.0, last_s + LOCK_S - time.monotonic())
@@ -140,11 +140,11 @@ class PasswordGate:
         if self.locked_s(address) > 0.0:
             return False
         password = _basic_password(authorization)
-        if password is not None and hmac.compare_digest(_digest(password), self._digest):
-            self._failures.pop(_network(address), None)
+        if password is not None and hmac.compare_digest(_hash_password(password), self._digest):
+            self._failures.pop(_address_network(address), None)
             return True
         if authorization:
-            self._count_failure(_network(address))
+            self._count_failure(_address_network(address))
         return False
 
     def _count_failure(self, network: str) -> None:
@@ -236,7 +236,7 @@ def read_own_token(path: Path) -> str:
     return token
 
 
-def _digest(password: bytes) -> bytes:
+def _hash_password(password: bytes) -> bytes:
     """Returns a digest of fixed length, so that a comparison does not reveal the length of the password."""
     return hashlib.sha256(password).digest()
 
@@ -254,7 +254,7 @@ def _basic_password(authorization: str) -> bytes | None:
     return password if separator else None
 
 
-def _network(address: str) -> str:
+def _address_network(address: str) -> str:
     """Returns the part of an address that one computer cannot choose."""
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])

@@ -52,12 +52,14 @@ def load_certificate(path: Path, key: Path, at_s: float) -> ServerCertificate:
     read_secret_file(key, "key file", _MAX_PEM_BYTES)
     valid_from, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
     if at_s >= end.timestamp():
-        raise InputError(f"the certificate expired on {_date(end)}", where=str(path), remedy=_NEW_CERTIFICATE)
+        raise InputError(
+            f"the certificate expired on {_format_date(end)}", where=str(path), remedy=_NEW_CERTIFICATE
+        )
     if at_s < valid_from.timestamp():
         raise InputError(
-            f"the certificate is not valid before {_date(valid_from)}",
+            f"the certificate is not valid before {_format_date(valid_from)}",
             where=str(path),
-            remedy=f"Check the clock: it is {_date(datetime.fromtimestamp(at_s, tz=UTC))} here.",
+            remedy=f"Check the clock: it is {_format_date(datetime.fromtimestamp(at_s, tz=UTC))} here.",
         )
     return ServerCertificate(path, end.timestamp(), _load_context(path, key))
 
@@ -110,6 +112,6 @@ def _load_context(path: Path, key: Path) -> ssl.SSLContext:
     return context
 
 
-def _date(moment: datetime) -> str:
+def _format_date(moment: datetime) -> str:
     """Returns a text with the date and time of a moment."""
     return moment.strftime("%Y-%m-%d %H:%M UTC")

@@ -19,18 +19,18 @@ def get_choreography(name: str) -> Choreography:
     Raises:
         InputError: for an unknown name, listing the known ones.
     """
-    if name not in _MAKERS:
+    if name not in _CHOREOGRAPHIES:
         raise InputError(
             f"unknown choreography {name!r}",
             where="synthetic performer",
-            remedy=f"Known: {', '.join(_MAKERS)}.",
+            remedy=f"Known: {', '.join(_CHOREOGRAPHIES)}.",
         )
-    return _MAKERS[name]()
+    return _CHOREOGRAPHIES[name]()
 
 
 def choreography_names() -> list[str]:
     """Returns the names that :func:`get_choreography` accepts."""
-    return list(_MAKERS)
+    return list(_CHOREOGRAPHIES)
 
 
 def _make_stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
@@ -114,7 +114,7 @@ _CHAIR_TRACKS = {
 }
 
 
-def _chair() -> Choreography:
+def _chair_choreography() -> Choreography:
     feet = Footwork(_make_stance(0.45), _CHAIR_STEPS)
 
     def posture(time: float) -> PerformerPosture:
@@ -165,7 +165,7 @@ def _flap_arm(flap: float, tuck: float, swing: float) -> ArmPose:
 # --- the others ------------------------------------------------------------------------------------------
 
 
-def _idle() -> Choreography:
+def _idle_choreography() -> Choreography:
     feet = Footwork(_make_stance(0.30), [])
     arm = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
 
@@ -179,7 +179,7 @@ def _idle() -> Choreography:
     return Choreography("idle", 6.0, posture, feet.planted)
 
 
-def _wave() -> Choreography:
+def _wave_choreography() -> Choreography:
     feet = Footwork(_make_stance(0.30), [])
     hanging = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
     up = Track((0.4, 0), (0.55, -0.04), (1.05, 1), (3.9, 1), (4.5, 0))
@@ -237,16 +237,16 @@ def _walk() -> Choreography:
     return Choreography("walk", 5.6, posture, feet.planted)
 
 
-def _wander() -> Choreography:
+def _wander_choreography() -> Choreography:
     from enliven_synthesis.motion.wander import wander  # Imported here, because that module imports this one.
 
     return wander()
 
 
-_MAKERS: dict[str, Callable[[], Choreography]] = {
-    "chair": _chair,
+_CHOREOGRAPHIES: dict[str, Callable[[], Choreography]] = {
+    "chair": _chair_choreography,
     "walk": _walk,
-    "wave": _wave,
-    "idle": _idle,
-    "wander": _wander,
+    "wave": _wave_choreography,
+    "idle": _idle_choreography,
+    "wander": _wander_choreography,
 }

@@ -186,7 +186,7 @@ class CloseLimbs:
             _interpolate_wrists(before.right, after.right, part),
         ]
         if self._jogs:
-            posture, wrists = _jog(self._pace * time, posture, before.left, before.right)
+            posture, wrists = _jogging_posture(self._pace * time, posture, before.left, before.right)
         return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -HOME_Z), 0.0)
 
     def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
@@ -211,7 +211,7 @@ def _interpolate_wrists(a: Wrist, b: Wrist, part: float) -> Float:
     return np.asarray((1.0 - part) * first + part * second)
 
 
-def _jog(
+def _jogging_posture(
     phase: float, posture: PerformerPosture, fore: Wrist, back: Wrist
 ) -> tuple[PerformerPosture, list[Float]]:
     """Returns a posture jogging on the spot, and its wrists. ``phase`` is in radians; one stride is 2 pi."""

@@ -46,7 +46,7 @@ class Footwork:
     def pelvis(self, time: float) -> tuple[float, float]:
         """Returns (x, z) of the pelvis, metres: between the feet, and closer to the standing foot during a
         step."""
-        left, right = self._ground(0, time), self._ground(1, time)
+        left, right = self._foot_position(0, time), self._foot_position(1, time)
         middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
         toward = [pulse(time, s.start, s.stop, SHIFT_S) for s in self._steps if not s.both]
         standing = [(left, right)[1 - s.foot] for s in self._steps if not s.both]
@@ -57,7 +57,7 @@ class Footwork:
             z += 0.5 * self._carry * weight / total * (foot[1] - middle[1])
         return x, z
 
-    def _ground(self, side: int, time: float) -> tuple[float, float]:
+    def _foot_position(self, side: int, time: float) -> tuple[float, float]:
         """Returns (x, z) of a foot, metres, without the sideways arcs of its steps."""
         x, z, _ = self._stance[side]
         own_steps = [(s.progress(time), s) for s in self._steps if s.foot == side]

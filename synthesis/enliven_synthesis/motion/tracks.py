@@ -78,15 +78,15 @@ class Step:
     def height(self, time: float) -> float:
         """Returns the height of the ball above its planted height, metres. Only a hop leaves and lands with
         speed."""
-        bump = self._bump(time)
+        bump = self._parabola(time)
         return self.lift * (bump if self.both else bump * bump)
 
     def offset(self, time: float) -> tuple[float, float]:
         """Returns the (x, z) displacement of the foot so far, metres."""
-        s, bump = self.progress(time), self._bump(time) ** 2
+        s, bump = self.progress(time), self._parabola(time) ** 2
         return s * self.dx + bump * self.arc[0], s * self.dz + bump * self.arc[1]
 
-    def _bump(self, time: float) -> float:
+    def _parabola(self, time: float) -> float:
         """Returns a parabola over the step, 1 at its middle, 0 before and after."""
         s = (time - self.start) / (self.stop - self.start)
         return 4.0 * s * (1.0 - s) if 0.0 < s < 1.0 else 0.0

@@ -149,15 +149,17 @@ class Ensemble:
         image = (
             np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
             if self._noise is None
-            else self._noise.corrupt(depth, material, index)
+            else self._noise.add_noise(depth, material, index)
         )
         sent_pose = self.world_from_camera if self._told else None
         frame = DepthFrame(
             image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=sent_pose
         )
-        return frame, self._truth(time, figures, depth, owner)
+        return frame, self._ground_truth(time, figures, depth, owner)
 
-    def _truth(self, time: float, figures: list[Figure | None], depth: Float, owner: Int32) -> GroundTruth:
+    def _ground_truth(
+        self, time: float, figures: list[Figure | None], depth: Float, owner: Int32
+    ) -> GroundTruth:
         count = len(figures)
         joints, visible = np.full((count, 20, 3), np.nan), np.zeros((count, 20), bool)
         contacts = np.zeros((count, 2), bool)

@@ -51,7 +51,7 @@ class HandTurnedPath:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         share = min(max((time - self.begins) / _LIFT_TIME_S, 0.0), 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        angle, shake = self._angle(time), share * _TREMOR_M
+        angle, shake = self._rotation_angle(time), share * _TREMOR_M
         tilt = share * self.tilt * math.sin(2.0 * angle)
         turns = ([tilt, 0.0, 0.0], [0.0, angle, 0.0])
         first, second = (
@@ -63,7 +63,7 @@ class HandTurnedPath:
         pose[:3, 3] = [0.0, share * self.lift, 0.0] + shake * np.array(wave)
         return pose
 
-    def _angle(self, time: float) -> float:
+    def _rotation_angle(self, time: float) -> float:
         """Returns the object's rotation angle, radians."""
         passed = max(time - self.begins - _LIFT_TIME_S, 0.0)
         return 2.0 * math.pi * min(passed, self.period) / self.period
@@ -77,7 +77,11 @@ class HandTurnedPath:
             arms.append(make_arm(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS_RATIO))
         if time < self.begins - 0.4:
             return arms
-        pose, angle, step = self.world_from_object(time), self._angle(time), 2.0 * math.pi / self.grips
+        pose, angle, step = (
+            self.world_from_object(time),
+            self._rotation_angle(time),
+            2.0 * math.pi / self.grips,
+        )
         for side in (0, 1):
             # The hands change their grip alternately, each on its own side of the object.
             turned = step * math.floor(angle / step + 0.5 * side)

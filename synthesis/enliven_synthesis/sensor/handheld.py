@@ -159,9 +159,9 @@ class HandheldScan:
         drawing = draw_mesh(scanned_mesh, self.intrinsics, pose)
         is_mesh = drawing.depth < depth
         depth[is_mesh], material[is_mesh] = drawing.depth[is_mesh], 0
-        image = self._noise.corrupt(depth, material, index) if self._noise else _to_millimetres(depth)
+        image = self._noise.add_noise(depth, material, index) if self._noise else _to_millimetres(depth)
         colour = (
-            self._picture(scanned_mesh, drawing.face, drawing.shares, is_mesh, depth, pose)
+            self._render_colours(scanned_mesh, drawing.face, drawing.shares, is_mesh, depth, pose)
             if self._colour
             else None
         )
@@ -172,7 +172,7 @@ class HandheldScan:
         """Yields every frame of the path."""
         return (self.frame(index) for index in range(self.frames))
 
-    def _picture(
+    def _render_colours(
         self, scanned_mesh: Mesh, face: Int32, shares: Float, before: Bool, depth: Float, pose: Float
     ) -> UInt8:
         """Returns the (H, W, 3) sRGB image, without lighting: the mesh's colours, and squares on other

@@ -17,7 +17,7 @@ from statistics import NormalDist
 import numpy as np
 
 from enliven.arrays import Float, Int32, UInt8, UInt16
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.kernels import njit
 from enliven_synthesis.body.rotations import round_to_grid
 from enliven_synthesis.sensor.faults import cast_shadow, compute_slants, mark_edges, measure, sample_surfaces
@@ -45,7 +45,7 @@ class DepthNoise:
     def __init__(self, profile: SensorProfile, intrinsics: Intrinsics, seed: int = 0) -> None:
         self._profile, self._seed = profile, seed
         self._shape = (intrinsics.height, intrinsics.width)
-        self._ray = rays(intrinsics)
+        self._ray = pixel_rays(intrinsics)
         scale = intrinsics.width / profile.camera.width
         n, f, r = profile.noise, profile.faults, profile.range
         self._blob = max(2, round(3 * scale))
@@ -62,11 +62,11 @@ class DepthNoise:
         self._pitch = np.array([1.0 / intrinsics.fx, 1.0 / intrinsics.fy])
         self._frozen = (n.frozen, n.frozen, _FROZEN_PATCHES)
         self._still = [
-            math.sqrt(self._frozen[stream]) * self._field(_FROZEN_FRAME, stream, self._windows[stream])
+            math.sqrt(self._frozen[stream]) * self._noise_field(_FROZEN_FRAME, stream, self._windows[stream])
             for stream in range(3)
         ]
 
-    def corrupt(self, depth: Float, material: UInt8, index: int) -> UInt16:
+    def add_noise(self, depth: Float, material: UInt8, index: int) -> UInt16:
         """Returns (H, W) uint16 millimetres; 0 for pixels without a measurement.
 
         Args:
@@ -79,7 +79,7 @@ class DepthNoise:
             self._partly_frozen_noise(index, 1),
             self._partly_frozen_noise(index, 2),
         )
-        across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
+        across, down = self._noise_field(index, 3, self._blob), self._noise_field(index, 4, self._blob)
         shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
         depth = np.minimum(depth, _NO_HIT_DEPTH_M)
         slant = np.empty(self._shape)
@@ -91,8 +91,8 @@ class DepthNoise:
         sampled_depth = np.empty(self._shape)
         sample_surfaces(
             depth, material, shadow, zone, across, down, self._lateral, self._reach, blobs, patches,
-            self._bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1], sampled_depth,
-            slant,
+            self._random_bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1],
+            sampled_depth, slant,
         )  # fmt: skip
         out = np.empty(self._shape, np.uint16)
         measure(sampled_depth, slant, axial, self._limits, self._sigma, out)
@@ -101,17 +101,17 @@ class DepthNoise:
     def _partly_frozen_noise(self, index: int, stream: int) -> Float:
         """Returns (H, W) noise of unit variance, of which a fixed fraction is constant over all frames."""
         frozen = self._frozen[stream]
-        return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(
+        return self._still[stream] + math.sqrt(1.0 - frozen) * self._noise_field(
             index, stream, self._windows[stream]
         )
 
-    def _bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
+    def _random_bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
         """Returns random bytes of one frame. ``stream`` identifies their purpose."""
         count = shape[0] * shape[1]
         bits = np.random.PCG64([self._seed, index + 1, stream]).random_raw(-(-count // 8))
         return bits.astype("<u8").view(np.uint8)[:count].reshape(shape)
 
-    def _field(self, index: int, stream: int, window: int) -> Float:
+    def _noise_field(self, index: int, stream: int, window: int) -> Float:
         """Returns (H, W) nearly Gaussian noise of unit variance, correlated over about ``window`` pixels.
 
         Random bytes pass two integer box filters. For a window of one pixel, four bytes are summed instead.
@@ -119,10 +119,10 @@ class DepthNoise:
         height, width = self._shape
         box = max(1, round(0.7 * window))
         if box == 1:
-            raw = self._bytes(index, stream, (4 * height, width)).astype(np.int64)
+            raw = self._random_bytes(index, stream, (4 * height, width)).astype(np.int64)
             summed = raw[0::4] + raw[1::4] + raw[2::4] + raw[3::4]
             return np.asarray((summed - 510.0) / (2.0 * _BYTE_DEVIATION), np.float64)
-        raw = self._bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int32)
+        raw = self._random_bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int32)
         once = np.empty((height + box - 1, width + box - 1), np.int32)
         twice = np.empty((height, width), np.int32)
         _box_sums(raw, box, once)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, UInt8
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.kernels import njit
 from enliven_synthesis.body.body_sdf import BLEND_BETWEEN_GROUPS_M, GROUP_BLEND_WIDTHS_M, PIECES, BodySdf
 from enliven_synthesis.body.sphere_tracing import (
@@ -38,7 +38,7 @@ class DepthRenderer:
 
     def __init__(self, intrinsics: Intrinsics) -> None:
         self.intrinsics = intrinsics
-        self.ray = rays(intrinsics)
+        self.ray = pixel_rays(intrinsics)
         self._tiles = self._tile_bounds()
         edges = self._tiles[:, :, 2].max(1)
         self._bands = np.stack([self._tiles[:, :, 1].min(1) - edges, self._tiles[:, :, 1].max(1) + edges], 1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.kernels import njit
 
 ORDINARY = 0
@@ -68,7 +68,7 @@ def cast_room(
     """
     corners = np.array([[box.low, box.high] for box in room]).reshape(-1, 2, 3)
     stuff = np.array([box.material for box in room], np.uint8)
-    ray = rays(intrinsics)
+    ray = pixel_rays(intrinsics)
     depth, material = np.full(ray.shape[:2], np.inf), np.zeros(ray.shape[:2], np.uint8)
     _cast(ray, np.asarray(world_from_camera, np.float64), corners, stuff, depth, material)
     return depth, material

@@ -102,7 +102,9 @@ class SyntheticStudio:
         figure = self.figure(self.time_ns(index) * 1e-9)
         depth, material = self._room.copy(), self._room_material.copy()
         self._renderer.draw(self._anatomy.place(figure, self._camera_from_world), depth, material)
-        image = self._noise.corrupt(depth, material, index) if self.settings.noise else _to_millimetres(depth)
+        image = (
+            self._noise.add_noise(depth, material, index) if self.settings.noise else _to_millimetres(depth)
+        )
         return DepthFrame(
             image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=self.world_from_camera
         )

@@ -95,7 +95,7 @@ def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str,
     """Rotates upper arm, forearm and hand of one side; 0 is the left."""
     chest, sign = rotations[Limb.CHEST], 1.0 - 2.0 * side
     if name in _TARGETS:
-        upper, elbow = _reach(performer, chest, rng, _TARGETS[name], side)
+        upper, elbow = _arm_towards(performer, chest, rng, _TARGETS[name], side)
     else:
         if name == "anywhere":
             flex, abduct, twist = rng.uniform(-0.8, 3.0), rng.uniform(-0.4, 2.6), rng.uniform(-1.6, 1.2)
@@ -122,7 +122,7 @@ def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, sid
     rotations[Limb.HAND_LEFT + side] = fore @ palm @ rotation_about_x(rng.normal(0, 0.3))
 
 
-def _reach(
+def _arm_towards(
     performer: Performer, chest: Float, rng: Generator, target: tuple[float, float, float], side: int
 ) -> tuple[Float, float]:
     """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, that bring the wrist near a target."""

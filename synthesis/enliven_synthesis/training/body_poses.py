@@ -56,7 +56,7 @@ def _leg_with_level_sole(flex: float, knee: float, rng: Generator, spread: float
     return LegPose(flex, abs(rng.normal(0.04, spread)), rng.normal(0.12, 0.2), knee, knee - flex)
 
 
-def _stand(rng: Generator) -> TrunkAndLegs:
+def _standing_pose(rng: Generator) -> TrunkAndLegs:
     spread = rng.choice([0.06, 0.2])
     knees = np.abs(rng.normal(0.0, 0.12, 2))
     left, right = (_leg_with_level_sole(0.5 * k + rng.normal(0, 0.05), k, rng, spread) for k in knees)
@@ -64,15 +64,15 @@ def _stand(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.1))  # fmt: skip
 
 
-def _lean(rng: Generator) -> TrunkAndLegs:
-    base = _stand(rng)
+def _leaning_pose(rng: Generator) -> TrunkAndLegs:
+    base = _standing_pose(rng)
     side = rng.uniform(-0.5, 0.5)
     return TrunkAndLegs(
         base.left, base.right, rng.normal(0.1, 0.15), 0.4 * side, rng.uniform(-0.3, 0.7), side
     )
 
 
-def _walk(rng: Generator) -> TrunkAndLegs:
+def _walking_pose(rng: Generator) -> TrunkAndLegs:
     stride = rng.uniform(-0.6, 0.6)
     behind = np.array([max(0.0, -stride), max(0.0, stride)])
     knees = np.abs(rng.normal(0.15, 0.2, 2)) + 0.8 * behind
@@ -83,7 +83,7 @@ def _walk(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.05))  # fmt: skip
 
 
-def _crouch(rng: Generator) -> TrunkAndLegs:
+def _crouching_pose(rng: Generator) -> TrunkAndLegs:
     depth = rng.uniform(0.6, 2.3)
     legs = []
     for _ in range(2):
@@ -101,7 +101,7 @@ def _kneeling_leg(rng: Generator) -> LegPose:
     return LegPose(flex, abs(rng.normal(0.08, 0.12)), rng.normal(0, 0.15), knee, rng.uniform(-0.9, 0.4))
 
 
-def _kneel(rng: Generator) -> TrunkAndLegs:
+def _kneeling_pose(rng: Generator) -> TrunkAndLegs:
     left, right = _kneeling_leg(rng), _kneeling_leg(rng)
     if rng.random() < 0.25:  # sitting on the heels
         flex = rng.uniform(0.7, 1.4)
@@ -113,7 +113,7 @@ def _kneel(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.15))  # fmt: skip
 
 
-def _sit(rng: Generator) -> TrunkAndLegs:
+def _sitting_pose(rng: Generator) -> TrunkAndLegs:
     legs = []
     for _ in range(2):
         flex = rng.uniform(1.2, 1.75)
@@ -122,7 +122,7 @@ def _sit(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.12))  # fmt: skip
 
 
-def _sit_down(rng: Generator) -> TrunkAndLegs:
+def _sitting_down_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person sitting down or getting up: the trunk leans forward over bent knees for balance."""
     knee = rng.uniform(0.7, 1.7)
     legs = [
@@ -133,7 +133,7 @@ def _sit_down(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.1))  # fmt: skip
 
 
-def _bow(rng: Generator) -> TrunkAndLegs:
+def _bowing_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person bending towards the floor by a random amount."""
     depth = rng.uniform(0.4, 1.0)
     legs = []
@@ -144,7 +144,7 @@ def _bow(rng: Generator) -> TrunkAndLegs:
                   0.9 * depth + rng.normal(0, 0.15), rng.normal(0, 0.2))  # fmt: skip
 
 
-def _one_leg(rng: Generator) -> TrunkAndLegs:
+def _one_leg_pose(rng: Generator) -> TrunkAndLegs:
     knee = abs(rng.normal(0.05, 0.1))
     ground = _leg_with_level_sole(0.5 * knee, knee, rng, 0.06)
     flex = rng.uniform(-0.7, 2.0)
@@ -155,7 +155,7 @@ def _one_leg(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.15))  # fmt: skip
 
 
-def _lunge(rng: Generator) -> TrunkAndLegs:
+def _lunging_pose(rng: Generator) -> TrunkAndLegs:
     knee = rng.uniform(0.4, 1.6)
     front = _leg_with_level_sole(rng.uniform(0.4, 1.4), knee, rng, 0.15)
     back = LegPose(rng.uniform(-0.9, -0.1), abs(rng.normal(0.1, 0.2)), rng.normal(0.2, 0.2),
@@ -164,7 +164,7 @@ def _lunge(rng: Generator) -> TrunkAndLegs:
     return TrunkAndLegs(left, right, rng.normal(0.1, 0.15), 0.0, rng.normal(0.15, 0.2), rng.normal(0, 0.15))
 
 
-def _sideways_lunge(rng: Generator) -> TrunkAndLegs:
+def _sideways_lunging_pose(rng: Generator) -> TrunkAndLegs:
     knee = rng.uniform(0.2, 1.6)
     bent = LegPose(0.6 * knee, rng.uniform(0.2, 0.7), rng.uniform(0, 0.6), knee, 0.4 * knee)
     straight = LegPose(0.1, rng.uniform(0.2, 0.8), 0.1, 0.05, 0.0)
@@ -172,7 +172,7 @@ def _sideways_lunge(rng: Generator) -> TrunkAndLegs:
     return TrunkAndLegs(left, right, rng.normal(0.15, 0.2), 0.0, rng.normal(0.15, 0.2), rng.normal(0, 0.2))
 
 
-def _on_all_fours(rng: Generator) -> TrunkAndLegs:
+def _all_fours_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person crawling, or getting up from the floor."""
     legs = [_kneeling_leg(rng) for _ in range(2)]
     legs = [
@@ -182,7 +182,7 @@ def _on_all_fours(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.2))  # fmt: skip
 
 
-def _lie(rng: Generator) -> TrunkAndLegs:
+def _lying_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person lying on the back or the belly, or falling into such a pose."""
     on_back = rng.random() < 0.5
     legs = [
@@ -196,7 +196,7 @@ def _lie(rng: Generator) -> TrunkAndLegs:
                         rng.normal(0, 0.2))  # fmt: skip
 
 
-def _leap(rng: Generator) -> TrunkAndLegs:
+def _leaping_pose(rng: Generator) -> TrunkAndLegs:
     """Returns random legs, as in the air or in a dance."""
     legs = [
         LegPose(rng.uniform(-0.7, 1.9), rng.uniform(-0.1, 0.9), rng.normal(0.1, 0.3), rng.uniform(0.0, 2.2),
@@ -207,7 +207,7 @@ def _leap(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.25))  # fmt: skip
 
 
-def _high_leg(rng: Generator) -> TrunkAndLegs:
+def _high_leg_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a leg raised sideways or forward, as high as dancers can. The trunk leans away from it."""
     knee = abs(rng.normal(0.05, 0.1))
     ground = _leg_with_level_sole(0.5 * knee, knee, rng, 0.06)
@@ -221,21 +221,21 @@ def _high_leg(rng: Generator) -> TrunkAndLegs:
 
 
 _POSTURE_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
-    "stand": (0.30, _stand),
-    "lean": (0.08, _lean),
-    "walk": (0.10, _walk),
-    "crouch": (0.12, _crouch),
-    "kneel": (0.09, _kneel),
-    "sit": (0.06, _sit),
-    "sit down": (0.05, _sit_down),
-    "bow": (0.08, _bow),
-    "one leg": (0.08, _one_leg),
-    "high leg": (0.05, _high_leg),
-    "lunge": (0.05, _lunge),
-    "side lunge": (0.03, _sideways_lunge),
-    "all fours": (0.02, _on_all_fours),
-    "lie": (0.02, _lie),
-    "leap": (0.05, _leap),
+    "stand": (0.30, _standing_pose),
+    "lean": (0.08, _leaning_pose),
+    "walk": (0.10, _walking_pose),
+    "crouch": (0.12, _crouching_pose),
+    "kneel": (0.09, _kneeling_pose),
+    "sit": (0.06, _sitting_pose),
+    "sit down": (0.05, _sitting_down_pose),
+    "bow": (0.08, _bowing_pose),
+    "one leg": (0.08, _one_leg_pose),
+    "high leg": (0.05, _high_leg_pose),
+    "lunge": (0.05, _lunging_pose),
+    "side lunge": (0.03, _sideways_lunging_pose),
+    "all fours": (0.02, _all_fours_pose),
+    "lie": (0.02, _lying_pose),
+    "leap": (0.05, _leaping_pose),
 }
 """Every family of postures with its probability. Rare postures are more frequent than in life, so that the
 network learns them."""

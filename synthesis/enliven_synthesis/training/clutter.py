@@ -43,17 +43,17 @@ class ClutterSolid:
         start = (eye - self.centre) @ self.turn / self.half
         along = direction @ self.turn / self.half
         with np.errstate(divide="ignore", invalid="ignore"):
-            enter, leave = _in_ball(start, along) if self.round else _in_cube(start, along)
+            enter, leave = _ball_crossings(start, along) if self.round else _cube_crossings(start, along)
         return np.asarray(np.where((enter <= leave) & (enter > 0), enter, np.inf))
 
 
-def _in_cube(start: Float, along: Float) -> tuple[Float, Float]:
+def _cube_crossings(start: Float, along: Float) -> tuple[Float, Float]:
     """Returns the parameters at which rays enter and leave the cube from -1 to 1."""
     first, second = (-1.0 - start) / along, (1.0 - start) / along
     return np.nanmax(np.minimum(first, second), -1), np.nanmin(np.maximum(first, second), -1)
 
 
-def _in_ball(start: Float, along: Float) -> tuple[Float, Float]:
+def _ball_crossings(start: Float, along: Float) -> tuple[Float, Float]:
     """Returns the parameters at which rays enter and leave the unit ball; NaN if they miss it."""
     a, b = (along**2).sum(-1), (along * start).sum(-1)
     root = np.sqrt(b**2 - a * ((start**2).sum() - 1.0))
@@ -66,7 +66,7 @@ def random_clutter(place: Float, rng: Generator) -> list[ClutterSolid]:
     Args:
         place: (2,) position x and z, metres.
     """
-    solids = (_stack, _pillar, _table, _rack)[int(rng.integers(4))](rng)
+    solids = (_random_stack, _random_pillar, _random_table, _random_rack)[int(rng.integers(4))](rng)
     heading, middle = rotation_about_y(rng.uniform(-np.pi, np.pi)), np.array([place[0], 0.0, place[1]])
     return [ClutterSolid(heading @ s.centre + middle, s.half, heading @ s.turn, s.round) for s in solids]
 
@@ -76,7 +76,7 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> C
     return ClutterSolid(0.5 * (a + b), 0.5 * (b - a), np.eye(3))
 
 
-def _stack(rng: Generator) -> list[ClutterSolid]:
+def _random_stack(rng: Generator) -> list[ClutterSolid]:
     """Returns boxes and ellipsoids on top of and next to each other."""
     width, height, solids = rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.0), []
     for n in range(int(rng.integers(1, 7))):
@@ -92,13 +92,13 @@ def _stack(rng: Generator) -> list[ClutterSolid]:
     return solids
 
 
-def _pillar(rng: Generator) -> list[ClutterSolid]:
+def _random_pillar(rng: Generator) -> list[ClutterSolid]:
     """Returns a pillar, a cupboard, a board or an open door."""
     half = np.array([rng.uniform(0.06, 0.5), rng.uniform(0.4, 1.3), rng.uniform(0.01, 0.4)])
     return [ClutterSolid(np.array([0.0, half[1], 0.0]), half, np.eye(3), bool(rng.random() < 0.25))]
 
 
-def _table(rng: Generator) -> list[ClutterSolid]:
+def _random_table(rng: Generator) -> list[ClutterSolid]:
     """Returns a table, a stool or a chair, sometimes with an object on it."""
     x, y, z = rng.uniform(0.18, 0.8), rng.uniform(0.3, 1.1), rng.uniform(0.18, 0.5)
     solids = [_box((-x, y - 0.04, -z), (x, y, z))]
@@ -115,7 +115,7 @@ def _table(rng: Generator) -> list[ClutterSolid]:
     return solids
 
 
-def _rack(rng: Generator) -> list[ClutterSolid]:
+def _random_rack(rng: Generator) -> list[ClutterSolid]:
     """Returns a pole with arms, a lamp or a coat, like a plant, a coat rack or a tripod."""
     tall = rng.uniform(0.8, 2.1)
     pole = rng.uniform(0.01, 0.05)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 from enliven.arrays import Bool, Float, Float32, UInt8
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven_edge.tracking.estimator.labels import NOBODY
 from enliven_synthesis.body.body_sdf import PIECES, BodyAnatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
@@ -74,7 +74,7 @@ class PersonRenderer:
             intrinsics = Intrinsics(*dataclasses.astuple(scaled)[:6])
             noise = DepthNoise(profile, intrinsics, seed)
             self._cameras.append(
-                (intrinsics, rays(intrinsics), DepthRenderer(intrinsics), noise, profile.range)
+                (intrinsics, pixel_rays(intrinsics), DepthRenderer(intrinsics), noise, profile.range)
             )
 
     def render_person(
@@ -125,7 +125,7 @@ class PersonRenderer:
         """Renders a figure for a sensor of :data:`SENSORS` with the (4, 4) ``pose``."""
         _, ray, renderer, _, _ = self._cameras[sensor]
         sdf = BodyAnatomy(performer).place(figure, np.linalg.inv(pose).astype(np.float64))
-        depth, piece = _background(ray, pose, figure, rng), np.full(ray.shape[:2], NOBODY, np.uint8)
+        depth, piece = _room_depth(ray, pose, figure, rng), np.full(ray.shape[:2], NOBODY, np.uint8)
         renderer.draw(dataclasses.replace(sdf, material=_PIECE_NUMBERS), depth, piece)
         person = piece != NOBODY
         points = np.concatenate([ray[person], np.ones((person.sum(), 1))], 1) * depth[person, None]
@@ -142,11 +142,11 @@ class PersonRenderer:
     def render_clutter_at(self, instead: Figure, sensor: int, pose: Float, rng: Generator) -> RenderedPerson:
         """Renders clutter in place of a figure; sensor and pose as in :meth:`render_figure`."""
         _, ray, _, _, _ = self._cameras[sensor]
-        depth = _background(ray, pose, instead, rng)
+        depth = _room_depth(ray, pose, instead, rng)
         if rng.random() < _WALL_FRACTION:
             inverse = np.linalg.inv(pose)
             local_joints = instead.joints @ inverse[:3, :3].T + inverse[:3, 3]
-            fx, fy, cx, cy = self._lens(sensor)
+            fx, fy, cx, cy = self._sensor_intrinsics(sensor)
             z = np.maximum(local_joints[:, 2], 0.2)
             rows, columns = fy * local_joints[:, 1] / z + cy, fx * local_joints[:, 0] / z + cx
             size = np.array([np.ptp(rows), np.ptp(columns)]) * rng.uniform(0.4, 1.4, 2)
@@ -161,7 +161,7 @@ class PersonRenderer:
             depth = np.minimum(depth, nearest)
         return self._add_sensor_faults(depth, np.zeros(depth.shape, np.uint8), mask, sensor, pose, rng)
 
-    def _lens(self, sensor: int) -> Float:
+    def _sensor_intrinsics(self, sensor: int) -> Float:
         """Returns (4,) fx, fy, cx, cy of a sensor."""
         intrinsics = self._cameras[sensor][0]
         return np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
@@ -172,12 +172,12 @@ class PersonRenderer:
         """Adds the faults of sensor and tracker to (h, w) depth in metres, materials, and the person's
         mask."""
         _, ray, _, noise, _ = self._cameras[sensor]
-        z = noise.corrupt(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
+        z = noise.add_noise(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
         stray = (np.abs(z - depth) > _STRAY_DISTANCE_M) & (rng.random(z.shape) < 0.8)
         is_visible = mask & (z > 0) & ~stray & (height > _draw_floor_band(rng))
         person, nothing = np.where(is_visible, z, 0.0), np.full(z.shape, NOBODY, np.uint8)
-        lens = self._lens(sensor)
+        lens = self._sensor_intrinsics(sensor)
         return RenderedPerson(person.astype(np.float32), z.astype(np.float32), nothing, lens, pose, None)
 
 
@@ -244,7 +244,7 @@ def _camera_pose(figure: Figure, camera: Intrinsics, near: float, far: float, rn
     return pose
 
 
-def _background(ray: Float, pose: Float, figure: Figure, rng: Generator) -> Float:
+def _room_depth(ray: Float, pose: Float, figure: Figure, rng: Generator) -> Float:
     """Returns (h, w) metres of a floor and a wall behind the person."""
     direction = ray[..., :1] * pose[:3, 0] + ray[..., 1:] * pose[:3, 1] + pose[:3, 2]
     wall = float(figure.joints[:, 2].min()) - rng.uniform(0.3, 2.5)

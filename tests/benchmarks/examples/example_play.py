@@ -15,7 +15,7 @@ from enliven.arrays import Float, Float32
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Character, Pose
 from enliven.document.project import Project
-from enliven.document.puppet import Puppet, character_of_puppet
+from enliven.document.puppet import Puppet, character_from_puppet
 from enliven.examples.performer import yaw_of
 from enliven.examples.puppet_motion import in_world, pose_of_state, state_of
 from enliven.formats.motion.bvh import read_bvh
@@ -64,7 +64,7 @@ class Play:
     @cached_property
     def character(self) -> Character:
         """Returns the character to draw. Only its control points are marked, in the colour of the act."""
-        plain = character_of_puppet(self.puppet)
+        plain = character_from_puppet(self.puppet)
         colours = np.tile(np.array(self.act.colour, np.uint8), (len(plain.vertices), 1))
         return replace(plain, colours=colours, edges=np.zeros((0, 2), np.int32))
 

@@ -15,8 +15,8 @@ from enliven_edge.controls.panel_protocol import (
     Lamps,
     PanelKeys,
     encode,
-    lamps_body,
     lamps_from_state,
+    lamps_message_body,
 )
 
 letters = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="$*")
@@ -31,7 +31,7 @@ def sent(beat: int, counts: list[int]) -> bytes:
 
 def test_a_message_on_the_line():
     assert encode("H01P") == b"$H01P*42AB\n"
-    assert lamps_body(Lamps("breathing", "steady", "off", "flashing")) == "LBS-F"
+    assert lamps_message_body(Lamps("breathing", "steady", "off", "flashing")) == "LBS-F"
 
 
 @given(st.binary(max_size=300))

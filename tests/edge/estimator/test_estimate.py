@@ -102,9 +102,9 @@ def test_joints_of_usual_confidence_have_total_weight_one():
 def test_guide_weights_are_capped_at_the_usual_confidence(spread):
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, spread))
     capped = dataclasses.replace(estimate, spread=np.full(20, max(spread, 0.05)))
-    np.testing.assert_allclose(estimate.guides, capped.landmarks)
-    np.testing.assert_array_equal(estimate.guides[:, :3], estimate.landmarks[:, :3])
-    assert (estimate.guides[:, 3] <= estimate.landmarks[:, 3]).all()
+    np.testing.assert_allclose(estimate.weak_landmarks, capped.landmarks)
+    np.testing.assert_array_equal(estimate.weak_landmarks[:, :3], estimate.landmarks[:, :3])
+    assert (estimate.weak_landmarks[:, 3] <= estimate.landmarks[:, 3]).all()
 
 
 @given(SEEDS)

@@ -65,7 +65,9 @@ def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
     monkeypatch.setattr(training, "VALIDATION_SAMPLES", 4)
     losses = []
     monkeypatch.setattr(
-        training, "_loss", lambda out, of, known=training._loss: losses.append(known(out, of)) or losses[-1]
+        training,
+        "_training_loss",
+        lambda out, of, known=training._training_loss: losses.append(known(out, of)) or losses[-1],
     )
     for start in (network, None):
         train(dataset, TrainingSettings(steps=1, batch=16), start=start)

@@ -12,7 +12,7 @@ from enliven_edge.fusion.live.blending import (
     side_costs,
     trunk_distances,
 )
-from enliven_edge.fusion.live.side_assignment import MIDDLES, OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.live.side_assignment import MIDDLES, OTHER_SIDE, midline_points, midline_weights
 
 LATERAL = np.arange(20) != OTHER_SIDE
 """(20,) whether a joint has a side."""
@@ -115,8 +115,8 @@ def test_distances_and_sides_match_the_slow_reference():
     trunk_distances(a, sa, b, sb, MIDDLES, out)
     for m in range(3):
         for n in range(2):
-            weights = middle_weights(sa[m]) * middle_weights(sb[n]) + 1e-3
-            distances = np.linalg.norm(middles(a[m]) - middles(b[n]), axis=1)
+            weights = midline_weights(sa[m]) * midline_weights(sb[n]) + 1e-3
+            distances = np.linalg.norm(midline_points(a[m]) - midline_points(b[n]), axis=1)
             assert np.isclose(out[m, n], (weights * distances).sum() / weights.sum())
     weights = np.minimum(sa[0], sa[0][OTHER_SIDE])[LATERAL] + 1e-3
     for cost, x in zip(side_costs(a[0], sa[0], b[0], OTHER_SIDE), (a[0], a[0][OTHER_SIDE]), strict=True):

@@ -192,7 +192,7 @@ def with_properties(folder, orbbec, monkeypatch, about):
     def write(bag, messages):
         others = [each for each in messages if each[0] != "property"]
         if len(others) < len(messages):
-            others += [("property", 1_000_000, playback._property(*each)) for each in about.items()]
+            others += [("property", 1_000_000, playback._property_message(*each)) for each in about.items()]
         write_bag(bag, others)
 
     monkeypatch.setattr(playback._Bag, "write", write)

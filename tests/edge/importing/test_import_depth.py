@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from enliven.camera import project, rays, unproject
+from enliven.camera import pixel_rays, project, unproject_depth
 from enliven.errors import InputError
 from enliven_edge.importing.base import ImportOptions, natural_order
 from enliven_edge.importing.mirror import mirror_frames
@@ -171,8 +171,8 @@ def test_mirroring_keeps_every_point_in_its_place_across(tmp_path):
     (tmp_path / "0_camera.xml").write_text(XML)
     (frame,) = read(tmp_path)[1]
     (mirror,) = mirror_frames(iter([frame]))
-    points = unproject(frame.depth, rays(frame.intrinsics))
-    reflected = unproject(mirror.depth, rays(mirror.intrinsics))[:, ::-1] * [-1, 1, 1]
+    points = unproject_depth(frame.depth, pixel_rays(frame.intrinsics))
+    reflected = unproject_depth(mirror.depth, pixel_rays(mirror.intrinsics))[:, ::-1] * [-1, 1, 1]
     assert np.allclose(points, reflected)
     (again,) = mirror_frames(iter([mirror]))
     assert again.intrinsics == frame.intrinsics

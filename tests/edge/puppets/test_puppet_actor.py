@@ -16,7 +16,7 @@ from sample_meshes.cactus_puppet import cactus_project
 from enliven.document.character import Pose
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_examples import examples_of
+from enliven.examples.puppet_examples import examples_from_key_poses
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
@@ -79,7 +79,7 @@ def test_puppet_rests_until_attached_performer_moves_it() -> None:
 def test_puppet_reaches_the_key_pose_of_the_performers_pose() -> None:
     show = Show(fade=0.0)
     bodies = [person(left=a, right=a) for a in (0.0, 1.45, 2.9)]
-    mapping = ExampleMap(examples_of(PROJECT, PUPPET), PUPPET.examples)
+    mapping = ExampleMap(examples_from_key_poses(PROJECT, PUPPET), PUPPET.examples)
     show.play(bodies[0], frames=2)
     show.stage.possess("cactus")
     for body in bodies:

@@ -7,11 +7,11 @@ from sample_meshes.cactus_puppet import cactus_project
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Pose
-from enliven.document.puppet import character_of_puppet
+from enliven.document.puppet import character_from_puppet
 from enliven_edge.physics.playground import skin_to_control_points
 
 PUPPET = cactus_project(0.05).puppet("cactus")
-CHARACTER = character_of_puppet(PUPPET)
+CHARACTER = character_from_puppet(PUPPET)
 
 
 def skinned(character, pose: Pose) -> np.ndarray:

@@ -17,7 +17,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.samples.shipped import load_sample
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
-from enliven.scanning.decimation import distances
+from enliven.scanning.decimation import distance_bounds
 from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven.scanning.objects.moved_step import ObjectState
 from enliven.scanning.objects.surface_points import sample_surface
@@ -197,7 +197,7 @@ def test_both_halves_are_one_surface_with_its_undersides(scanned):
     under = truth.points[(truth.normals[:, 1] < -0.7) & (truth.points[:, 1] > 0.05)]
     assert complete(whole, under) > complete(alone, under) + 0.15
     assert complete(whole, truth.points) > complete(alone, truth.points)
-    error = distances(CHAIR, sample_surface(whole, 20_000).points)
+    error = distance_bounds(CHAIR, sample_surface(whole, 20_000).points)
     # Voxels are twice the default size, and images half as wide.
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.009
     # A second layer, or a hand: at most a hundredth of the surface may be that far off.

@@ -13,7 +13,7 @@ from turning import TurningPerson
 
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project
-from enliven.meshes import load_mesh, submesh
+from enliven.meshes import extract_submesh, load_mesh
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
@@ -118,7 +118,7 @@ def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, o
 def test_partial_scan_of_a_person_keeps_its_size(scanned):
     person = scanned[0].person()
     high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
-    upper = submesh(person.mesh, high)
+    upper = extract_submesh(person.mesh, high)
     actor = create_mesh_actor(
         upper, "me", settings=ActorSettings(how="mapped"), fit=False, joints=person.bones
     )

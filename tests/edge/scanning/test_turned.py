@@ -21,7 +21,7 @@ from enliven.scanning import (
     largest_part,
     settings_within,
 )
-from enliven.scanning.decimation import distances
+from enliven.scanning.decimation import distance_bounds
 from enliven.scanning.objects.registration import align_from_starts
 from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven.scanning.rigid import invert_pose
@@ -67,7 +67,7 @@ def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
     ]
     assert max(apart) < 0.025 and apart[-1] < 0.015, "the way closes"
     surface = scanner.surface()
-    error = distances(THING, surface.vertices)
+    error = distance_bounds(THING, surface.vertices)
     assert error.mean() < 0.004 and np.quantile(error, 0.95) < 0.012
 
 
@@ -108,6 +108,6 @@ def test_object_turned_in_two_hands_is_scanned_without_hands():
     ((pose,), _) = align_from_starts(
         grid, sample_surface(mesh, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
     )
-    error = distances(SMALL, sample_surface(mesh, 6000).points @ pose[:3, :3].T + pose[:3, 3])
+    error = distance_bounds(SMALL, sample_surface(mesh, 6000).points @ pose[:3, :3].T + pose[:3, 3])
     assert error.mean() < 0.004 and (error > 0.015).mean() < 0.03, "hardly a trace of the first holds"
     assert mesh.area > 0.6 * SMALL.area, "more than what one side shows"

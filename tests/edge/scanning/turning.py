@@ -51,5 +51,5 @@ class TurningPerson:
             self._renderer.draw(
                 self._anatomy.place(figure, np.linalg.inv(self.pose) @ placed), depth, material
             )
-        image = self._noise.corrupt(depth, material, number)
+        image = self._noise.add_noise(depth, material, number)
         return DepthFrame(image, self.camera, number * STEP_NS, "turning")

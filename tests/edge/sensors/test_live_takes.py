@@ -115,7 +115,7 @@ def lived(sensor) -> list[tuple]:
             return events
         health.admit(frame)
         condition = sensor.condition()
-        health.judge_device(condition, np.eye(4), floor_known=True)
+        health.check_device(condition, np.eye(4), floor_known=True)
         image = (
             frame.depth.tobytes(),
             frame.intrinsics,

@@ -11,7 +11,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven_edge.landmarks.colour_pose import pinhole
+from enliven_edge.landmarks.colour_pose import pinhole_camera
 from enliven_edge.landmarks.source import NAMES, Landmarks
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.webcam import WebcamSensor
@@ -34,7 +34,7 @@ class Truth:
 
     def find(self, colour: np.ndarray, time_ns: int) -> list[Landmarks]:
         self.images.append((colour.shape, int(colour.mean())))
-        camera = pinhole(colour.shape[1], colour.shape[0], math.radians(65))
+        camera = pinhole_camera(colour.shape[1], colour.shape[0], math.radians(65))
         local = (self.joints(time_ns) - MOUNT[:3, 3]) @ MOUNT[:3, :3]
         places = np.tile(local[Joint.HEAD], (len(NAMES), 1))
         for landmark, joint in zip(

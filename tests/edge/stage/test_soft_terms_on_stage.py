@@ -13,7 +13,7 @@ from enliven.camera import Intrinsics
 from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.deformation.constraints.observed import ObservedPoints, ObservedSurface
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
-from enliven.deformation.constraints.soft import Points
+from enliven.deformation.constraints.soft import ConstrainedPoints
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
@@ -172,7 +172,7 @@ def depth_in_each_other(trousers, states, contact):
     character, graph = trousers
     left = np.flatnonzero((character.vertices[:, 0] > 0.08) & (character.vertices[:, 1] < 0.6))
     right = np.flatnonzero((graph.positions[:, 0] < -0.08) & (graph.positions[:, 1] < 0.65))
-    surface, worst = Points.of(character, left), 0.0
+    surface, worst = ConstrainedPoints.of(character, left), 0.0
     for state in states:
         centres = contact._balls.deformed(*state)[right]
         gaps = np.linalg.norm(surface.deformed(*state)[:, None] - centres, axis=2) - contact.radii[right]
@@ -236,7 +236,7 @@ def test_surface_follows_depth_without_a_skeleton():
         ObservedSurface(character),
         EmbeddedSolver(graph, held_at(graph, []), EmbeddedSettings()),
     )
-    every = Points.of(character, np.arange(len(character.vertices)))
+    every = ConstrainedPoints.of(character, np.arange(len(character.vertices)))
     front = mesh.vertex_normals()[:, 2] > 0.5
     errors, unmoved = [], []
     for bend in np.linspace(0, 0.9, 30):
@@ -259,7 +259,7 @@ def test_an_error_that_is_there_falls():
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
     character = character_from(mesh, graph, "arm")
     surface, solver = ObservedSurface(character), EmbeddedSolver(graph, held_at(graph, []))
-    every, seen = Points.of(character, np.arange(len(character.vertices))), seen_of(arm(0.25))
+    every, seen = ConstrainedPoints.of(character, np.arange(len(character.vertices))), seen_of(arm(0.25))
     errors = []
     for _ in range(12):
         solver.solve(np.empty((0, 3)), None, surface.planes(*solver.state(), seen.points, seen.normals))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from enliven.arrays import Float
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.profile import SensorProfile, load_profile
 
@@ -38,7 +38,7 @@ def test_a_wall_scatters_as_published(name: str, z: float) -> None:
     for n in range(8):
         true = z + profile.step(z) * n / 8
         depth, material = _wall(true)
-        errors.append(noise.corrupt(depth, material, n)[::4, ::4] / 1000.0 - true)
+        errors.append(noise.add_noise(depth, material, n)[::4, ::4] / 1000.0 - true)
     all_errors = np.stack(errors)
     assert all_errors.std() == pytest.approx(profile.sigma(z), rel=0.12, abs=0.0004)
     assert abs(all_errors.mean()) < 0.25 * profile.sigma(z)
@@ -48,7 +48,7 @@ def test_depth_comes_in_steps_of_disparity() -> None:
     profile = load_profile("kinect1")
     depth, material = _wall(1.0)
     depth *= np.linspace(1.0, 3.6, 320)
-    seen = DepthNoise(profile, CAMERA).corrupt(depth, material, 0)
+    seen = DepthNoise(profile, CAMERA).add_noise(depth, material, 0)
     values = np.unique(seen[seen > 0])
     eighths = 8 * 580.0 * 75.0 / values
     assert np.abs(eighths - np.rint(eighths)).max() * values.max() ** 2 / (8 * 580 * 75) < 30.0
@@ -61,14 +61,14 @@ def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
     depth, material = _wall(2.6)
     frozen = load_profile("kinect1").noise.frozen
     kinect = DepthNoise(_profile("kinect1"), CAMERA, seed=2)
-    first, second = (kinect.corrupt(depth, material, n).astype(float) for n in (0, 1))
+    first, second = (kinect.add_noise(depth, material, n).astype(float) for n in (0, 1))
     a, b = first - first.mean(), second - second.mean()
     assert (a[:, 1:] * a[:, :-1]).mean() / a.var() > 0.6
     assert abs((a[:, 12:] * a[:, :-12]).mean()) / a.var() < 0.02
     # The fixed pattern is a part of the scatter before quantisation, which adds a ninth to a third of the
     # variance.
     assert 0.6 * frozen < (a * b).mean() / a.var() < frozen + 0.05
-    tof = DepthNoise(_profile("tof"), CAMERA, seed=2).corrupt(depth, material, 0)
+    tof = DepthNoise(_profile("tof"), CAMERA, seed=2).add_noise(depth, material, 0)
     c = tof - tof.mean()
     assert abs((c[:, 1:] * c[:, :-1]).mean()) / c.var() < 0.01
 
@@ -77,7 +77,7 @@ def _before_a_wall(profile: SensorProfile) -> np.ndarray:
     """Returns (H, W) depth of a board at 1.5 m, columns 100..219, in front of a wall at 3 m."""
     depth, material = _wall(3.0)
     depth[60:180, 100:220] = 1.5
-    return DepthNoise(profile, CAMERA, seed=1).corrupt(depth, material, 0)
+    return DepthNoise(profile, CAMERA, seed=1).add_noise(depth, material, 0)
 
 
 def test_the_projectors_shadow_is_as_wide_as_geometry_says() -> None:
@@ -110,7 +110,7 @@ def test_dark_and_mirroring_surfaces_answer_in_part() -> None:
     material[:, :160], material[:, 160:] = 1, 2
     seen = np.stack(
         [
-            DepthNoise(_profile("kinect1", dark=0.3, mirror=0.8), CAMERA, s).corrupt(depth, material, 0)
+            DepthNoise(_profile("kinect1", dark=0.3, mirror=0.8), CAMERA, s).add_noise(depth, material, 0)
             for s in range(8)
         ]
     )
@@ -122,15 +122,15 @@ def test_depth_out_of_range_is_not_reported() -> None:
     profile = load_profile("kinect1")
     for z in (0.1, 0.6, 4.4, 60.0, math.inf):
         depth, material = _wall(z)
-        assert not DepthNoise(profile, CAMERA).corrupt(depth, material, 0).any()
+        assert not DepthNoise(profile, CAMERA).add_noise(depth, material, 0).any()
 
 
 def test_a_floor_seen_at_a_grazing_angle_is_lost() -> None:
-    ray = rays(CAMERA)
+    ray = pixel_rays(CAMERA)
     with np.errstate(divide="ignore"):
         floor = np.where(ray[..., 1] > 0, 0.35 / ray[..., 1], np.inf)  # 35 cm below the camera
     profile = _profile("kinect1", grazing=80.0, edge=0.0)
-    seen = DepthNoise(profile, CAMERA).corrupt(floor, np.zeros((240, 320), np.uint8), 0)
+    seen = DepthNoise(profile, CAMERA).add_noise(floor, np.zeros((240, 320), np.uint8), 0)
     slant = np.degrees(np.arctan2(np.sqrt(1 + ray[..., 0] ** 2), ray[..., 1]))
     middle = np.s_[:, 150:170]
     assert not seen[middle][slant[middle] > 80.5].any()
@@ -142,25 +142,25 @@ def test_the_same_seed_and_number_give_the_same_image() -> None:
     depth, material = _wall(2.0)
     depth[50:, 40:90] = 1.2
     first, again, other = (
-        DepthNoise(load_profile("oak-d"), CAMERA, seed).corrupt(depth, material, 3) for seed in (1, 1, 2)
+        DepthNoise(load_profile("oak-d"), CAMERA, seed).add_noise(depth, material, 3) for seed in (1, 1, 2)
     )
     assert (first == again).all()
     assert (first != other).mean() > 0.7
     sensor = DepthNoise(load_profile("oak-d"), CAMERA, 1)
-    sensor.corrupt(depth, material, 0)  # the result does not depend on the order of the frames
-    assert (sensor.corrupt(depth, material, 3) == first).all()
-    assert (sensor.corrupt(depth, material, 4) != first).any()
+    sensor.add_noise(depth, material, 0)  # the result does not depend on the order of the frames
+    assert (sensor.add_noise(depth, material, 3) == first).all()
+    assert (sensor.add_noise(depth, material, 4) != first).any()
 
 
 @pytest.mark.parametrize("window", [1, 2, 5, 9, 14])
 def test_noise_fields_are_the_box_filters_they_claim(window: int) -> None:
     noise = DepthNoise(load_profile("kinect1"), CAMERA, seed=9)
-    field = noise._field(4, 0, window)
+    field = noise._noise_field(4, 0, window)
     box = max(1, round(0.7 * window))
     assert field.std() == pytest.approx(1.0, abs=0.05) and abs(field.mean()) < 0.05
     if box == 1:
         return
-    raw = noise._bytes(4, 0, (240 + 2 * box - 2, 320 + 2 * box - 2)).astype(float)
+    raw = noise._random_bytes(4, 0, (240 + 2 * box - 2, 320 + 2 * box - 2)).astype(float)
     kernel = np.convolve(np.ones(box), np.ones(box))
     patch = raw[30 : 30 + len(kernel), 77 : 77 + len(kernel)]
     slow = (kernel @ (patch - 127.5) @ kernel) / ((kernel**2).sum() * math.sqrt((256**2 - 1) / 12))

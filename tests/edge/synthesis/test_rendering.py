@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from enliven.camera import Intrinsics, project, rays, world_from_level_camera
+from enliven.camera import Intrinsics, pixel_rays, project, world_from_level_camera
 from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.body_sdf import (
     BLEND_BETWEEN_GROUPS_M,
@@ -76,7 +76,7 @@ def _drawn(
 )
 def test_the_picture_is_the_surface(name: str, time: float, build: Proportions | None) -> None:
     sdf, depth, _, _ = _drawn(name, time, build)
-    ray = np.concatenate([rays(CAMERA), np.ones((122, 162, 1))], -1)
+    ray = np.concatenate([pixel_rays(CAMERA), np.ones((122, 162, 1))], -1)
     hit = np.isfinite(depth)
     assert 500 < hit.sum() < 0.4 * hit.size
     assert np.abs(slow_field(sdf, ray[hit] * depth[hit][:, None])).max() < 1.5e-3
@@ -132,7 +132,7 @@ def test_a_still_room_hides_the_performer() -> None:
 
 def test_the_room_is_where_it_should_be() -> None:
     depth, material = cast_room(CAMERA, WORLD_FROM_CAMERA)
-    points = np.concatenate([rays(CAMERA), np.ones((122, 162, 1))], -1) * depth[..., None]
+    points = np.concatenate([pixel_rays(CAMERA), np.ones((122, 162, 1))], -1) * depth[..., None]
     world = points @ WORLD_FROM_CAMERA[:3, :3].T + WORLD_FROM_CAMERA[:3, 3]
     assert np.isfinite(depth).all()
     assert np.allclose(world[-1, 60:100, 1], 0.0, atol=1e-9)  # the floor at the bottom of the image
@@ -166,7 +166,7 @@ def test_room_matches_the_slow_reference(boxes: list, at: tuple, yaw: float) -> 
     mount = world_from_level_camera(1.0, 0.3 * yaw, yaw) if yaw else np.eye(4)
     mount[:3, 3] = at
     depth, material = cast_room(camera, mount, room)
-    ray = np.concatenate([rays(camera), np.ones((18, 24, 1))], 2)
+    ray = np.concatenate([pixel_rays(camera), np.ones((18, 24, 1))], 2)
     hits = np.stack(
         [slow_entry(mount[:3, 3], (ray[..., None, :] * mount[:3, :3]).sum(-1), box) for box in room]
     )
@@ -210,7 +210,7 @@ def test_a_ray_that_lies_in_a_side_of_a_box_meets_it(boxes: list, at: tuple, tur
 
 def test_a_box_is_cut_by_the_ray_where_geometry_says() -> None:
     depth, _ = cast_room(CAMERA, np.eye(4), (Box((-1, -1, 2.0), (1, 1, 3.0)),))
-    ray = rays(CAMERA)
+    ray = pixel_rays(CAMERA)
     inside = (np.abs(ray) * 2.0 < 1).all(-1)
     assert (depth[inside] == 2.0).all()
     assert np.isinf(depth[(np.abs(ray) * 2.0 > 1.001).any(-1)]).all()

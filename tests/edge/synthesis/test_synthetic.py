@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.camera import unproject
+from enliven.camera import unproject_depth
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven_edge.sensors.registry import open_sensor
@@ -38,7 +38,7 @@ def test_rendered_performer_agrees_with_the_truth(noise: bool, share: float) -> 
     assert frame is not None
     empty, _ = cast_room(frame.intrinsics, frame.world_from_camera)
     figure = (frame.depth > 0) & (frame.depth / 1000.0 < empty - 0.25)
-    points = unproject(frame.depth, sensor.studio._renderer.ray)[figure]
+    points = unproject_depth(frame.depth, sensor.studio._renderer.ray)[figure]
     world = points @ frame.world_from_camera[:3, :3].T + frame.world_from_camera[:3, 3]
     body = sensor.truth(frame.time_ns)
     assert figure.sum() > 4000

@@ -16,7 +16,7 @@ from screen import drawn_by_iterm, drawn_by_kitty, drawn_by_sixel, drawn_in_half
 
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.terminal.image_encoding import encode_image, half_blocks
+from enliven_edge.terminal.image_encoding import encode_half_blocks, encode_image
 from enliven_edge.terminal.protocol_query import image_protocol
 
 PATIENCE = 60.0
@@ -54,7 +54,9 @@ def test_a_large_picture_is_sent_in_pieces_and_made_to_fit():
 
 
 def test_older_terminals_get_one_of_their_fixed_colours():
-    text = half_blocks(np.array([[[0, 0, 0], [255, 0, 0]], [[255, 255, 255], [0, 0, 255]]], np.uint8), False)
+    text = encode_half_blocks(
+        np.array([[[0, 0, 0], [255, 0, 0]], [[255, 255, 255], [0, 0, 255]]], np.uint8), False
+    )
     assert re.findall(r"38;5;(\d+);48;5;(\d+)", text) == [("232", "255"), ("196", "21")]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, chest_facing
 from enliven_edge.tracking.estimator.crop import Crop
 from enliven_edge.tracking.estimator.estimator import Estimate
 from enliven_edge.tracking.estimator.labels import FACINGS, PARTS
@@ -18,7 +18,7 @@ def ways_of(posture: Posture | None, plainly: float) -> np.ndarray:
     """Returns (8,) log probabilities of a posture's facing, with a contrast; uniform if it is None."""
     ways = np.zeros(FACINGS)
     if posture is not None:
-        ways = plainly * np.cos(np.arange(FACINGS) * 2 * np.pi / FACINGS - facing(posture, EYE))
+        ways = plainly * np.cos(np.arange(FACINGS) * 2 * np.pi / FACINGS - chest_facing(posture, EYE))
     return ways - np.log(np.exp(ways).sum())
 
 

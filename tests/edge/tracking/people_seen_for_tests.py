@@ -13,7 +13,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_at_points
 from enliven_edge.tracking.detect.detection import estimates_by_facing
 from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
-from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
+from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe_person, world_points
 from enliven_edge.tracking.work_budget import run_to_end
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.training.body_poses import random_figure
@@ -57,7 +57,7 @@ def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
     mask, pose = picture.z > 0, picture.world_from_camera
     z = np.where(mask, picture.z, picture.around).astype(np.float64)
     camera = WorkingCamera(Intrinsics(z.shape[1], z.shape[0], *picture.camera), z.shape[1])
-    return observe(z, world_points(z, camera.ray, pose), mask, camera, pose, 900), picture.figure
+    return observe_person(z, world_points(z, camera.ray, pose), mask, camera, pose, 900), picture.figure
 
 
 def seen_in(observation: Observation, facing: float | None = None) -> tuple[EstimateAtPoints, list[Estimate]]:

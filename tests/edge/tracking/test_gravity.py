@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.camera import rays, unproject, world_from_level_camera
+from enliven.camera import pixel_rays, unproject_depth, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person.joints import Joint
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
@@ -56,7 +56,7 @@ def frames_of(tilt: float, count: int, *, floor: bool):
             frame = sensor.read()
             mount, depth = frame.world_from_camera, frame.depth.copy()
             if not floor:
-                points = unproject(depth, rays(frame.intrinsics)) @ mount[:3, :3].T + mount[:3, 3]
+                points = unproject_depth(depth, pixel_rays(frame.intrinsics)) @ mount[:3, :3].T + mount[:3, 3]
                 depth[points[..., 1] < 0.15] = 0
             yield dataclasses.replace(frame, depth=depth, world_from_camera=None), mount
 

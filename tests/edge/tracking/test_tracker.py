@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from enliven.camera import Intrinsics, rays, unproject, world_from_level_camera
+from enliven.camera import Intrinsics, pixel_rays, unproject_depth, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person.body import Body
 from enliven.person.joints import Joint
@@ -108,7 +108,7 @@ def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second()
     for i, (frame, _) in enumerate(recording):
         depth = frame.depth.copy()
         if i < 30:
-            points = unproject(depth, rays(frame.intrinsics)) @ true[:3, :3].T + true[:3, 3]
+            points = unproject_depth(depth, pixel_rays(frame.intrinsics)) @ true[:3, :3].T + true[:3, 3]
             depth[(points[..., 1] < 0.1) | (points[..., 2] < -3.6)] = 0
         bodies = tracker.track(dataclasses.replace(frame, depth=depth))
         if i == 29:

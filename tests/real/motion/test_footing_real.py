@@ -14,7 +14,7 @@ from enliven.exporters import performance_of
 from enliven.exporters.gltf.write import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.ground import floor_of, posed_surfaces
+from enliven.mapping.ground import floor_height_under, posed_surfaces
 from enliven.mapping.quality import quality_of
 from enliven.modeling.edits import lock_feet
 from enliven.motion.contact.pin import resolve_pins, unpin
@@ -114,6 +114,6 @@ def test_a_real_weapon_does_not_lift_the_body() -> None:
     result = retarget(shape, clip, plan)
     assert min(
         at[:, 1].min() for at in posed_surfaces(result.project, result.shape_id, np.linspace(0.0, 0.8, 9))
-    ) < (floor_of(shape) - 0.1)
+    ) < (floor_height_under(shape) - 0.1)
     quality = quality_of(result.project, result.shape_id, clip, result.duration, plan)
     assert quality.afloat < 0.01 and quality.slide < 5.0

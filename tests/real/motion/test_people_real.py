@@ -14,7 +14,7 @@ from enliven.exporters.gltf.write import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
 from enliven.mapping.quality import quality_of
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
@@ -75,7 +75,7 @@ def test_the_humanoid_map_of_a_vrm_names_its_joints():
         pytest.skip("no VRM")
     skeleton = read_gltf(path).shape.skeleton
     assert {"hips", "leftUpperArm", "rightLowerLeg", "head"} <= set(skeleton.names)
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     # A VRM 0 model faces -Z.
     assert abs(abs(anatomy.facing) - np.pi) < 0.1
     assert [skeleton.names[j] for j in anatomy.arms[0][0].main] == [

@@ -15,7 +15,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic_mapping import retarget
 from enliven.motion.layers.evaluate import Player
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 from enliven.takes.files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "formats"))
@@ -73,7 +73,7 @@ def test_the_parts_of_real_models(stem, legs, arms, tail):
     path = next((p for p in MODELS if p.stem == stem), None)
     if path is None:
         pytest.skip(f"no {stem}")
-    anatomy = anatomy_of(read_gltf(path).shape.skeleton)
+    anatomy = find_anatomy(read_gltf(path).shape.skeleton)
     assert (len(anatomy.legs), len(anatomy.arms), anatomy.tail is not None) == (legs, arms, tail)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from enliven.document import Project
 from enliven.exporters import exporter_of, performance_of
-from enliven.exporters.vrm.humanoid import humanoid_of
+from enliven.exporters.vrm.humanoid import humanoid_from_skeleton
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 
@@ -34,7 +34,7 @@ def test_limbs_of_a_real_humanoid_are_straight_at_rest_and_right_in_motion(path,
         project, shape = play_clip(Project(), rig.shape, rig.clips[0])
         name, end = shape.id, min(rig.clips[0].duration, 0.5)
     performance = performance_of(project, name, 0.0, end, 20.0)
-    bones = humanoid_of(performance.skeleton, name).bones
+    bones = humanoid_from_skeleton(performance.skeleton, name).bones
     for kind, extension in (("vrm", "VRMC_vrm"), ("vrma", "VRMC_vrm_animation")):
         target = tmp_path / f"out.{kind}"
         exporter_of(target).save(target, [performance], "out")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from enliven.batch.jobs import finished_result
+from enliven.batch.jobs import find_finished_result
 from enliven.batch.plan import BatchPlan, plan_jobs
 from enliven.batch.scheduler import open_client, run_jobs
 from enliven.cli import run
@@ -84,7 +84,7 @@ def test_workers_that_are_killed_lose_nothing(library: Path) -> None:
     assert killed
     assert sorted(result.job.output for result in results) == sorted(job.output for job in jobs)
     assert [result.problem for result in results if result.problem] == []
-    assert all(finished_result(job) for job in jobs)
+    assert all(find_finished_result(job) for job in jobs)
     leftovers = [path for path in (library / "out").rglob("*") if path.is_file() and ".part" in path.name]
     assert len(leftovers) <= len(killed), "only the file that a killed worker was writing may remain"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from enliven.batch.jobs import BatchJob, finished_result, run_job
+from enliven.batch.jobs import BatchJob, find_finished_result, run_job
 from enliven.batch.plan import BatchPlan, plan_jobs
 from enliven.batch.report import write_report
 from enliven.formats.gltf.read import read_gltf
@@ -24,12 +24,12 @@ def _first_job(library: Path, options: RetargetOptions | None = None) -> BatchJo
 
 def test_a_job_writes_what_retarget_writes_and_is_then_done(library: Path) -> None:
     job = _first_job(library)
-    assert finished_result(job) is None
+    assert find_finished_result(job) is None
     result = run_job(job)
     assert (result.problem, result.is_new) == ("", True)
     assert result.measures["seconds"] == pytest.approx(0.55)
     assert read_gltf(job.output).clips[0].id == "walk on horse"
-    again = finished_result(_first_job(library))
+    again = find_finished_result(_first_job(library))
     assert again is not None
     assert (again.output_digest, again.is_new, again.measures) == (
         result.output_digest,
@@ -41,7 +41,7 @@ def test_a_job_writes_what_retarget_writes_and_is_then_done(library: Path) -> No
 def test_a_changed_file_or_option_makes_another_job(library: Path) -> None:
     before = _first_job(library)
     run_job(before)
-    assert finished_result(_first_job(library, RetargetOptions(travel=True))) is None
+    assert find_finished_result(_first_job(library, RetargetOptions(travel=True))) is None
     motion = library / "motions" / "walk.bvh"
     motion.write_bytes(motion.read_bytes().replace(b"Frame Time: 0.05", b"Frame Time: 0.06") + b"\n")
     assert _first_job(library).digest != before.digest
@@ -58,9 +58,9 @@ def test_a_damaged_result_or_record_is_done_again(library: Path, damage: str) ->
         output.unlink()
     else:
         job.record.write_bytes(job.record.read_bytes()[:20] if damage == "cut record" else b"[]")
-    assert finished_result(job) is None
+    assert find_finished_result(job) is None
     assert run_job(job).problem == ""
-    assert finished_result(job) is not None
+    assert find_finished_result(job) is not None
 
 
 def test_a_failure_has_its_reason_and_leaves_no_file(library: Path) -> None:

@@ -98,7 +98,7 @@ def test_key_depends_on_inputs_and_code(monkeypatch) -> None:
     assert key != key_of("mesh", "digest", 129, settings)
     assert key != key_of("mesh", "digest", 128, replace(settings, height_ratio=1.25))
     assert key != key_of("mesh", "digest", 128, replace(settings, embedded=replace(settings.embedded)), "up")
-    monkeypatch.setattr(store, "_code_state", lambda: ("other",))
+    monkeypatch.setattr(store, "_code_version", lambda: ("other",))
     assert key != key_of("mesh", "digest", 128, settings)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from enliven.commands.terminal import facts_table, plain_console, progress_lines, say
+from enliven.commands.terminal import facts_table, plain_console, print_line, progress_lines
 
 HOSTILE = "a\x1b[31m\u202e[red]\nforged:rm\x07\x9b2J"
 SHOWN = r"a\x1b[31m\u202e[red]\nforged:rm\x07\x9b2J"
@@ -20,12 +20,12 @@ OWN = {
     "shared/enliven/commands/doctor.py": 1,  # JSON in ASCII
     "edge/enliven_edge/commands/sensors.py": 2,  # JSON in ASCII, and a picture
 }
-"""Prints without :func:`enliven.commands.terminal.say`, by module."""
+"""Prints without :func:`enliven.commands.terminal.print_line`, by module."""
 
 
 def test_a_line_from_outside_is_one_line(capsys):
-    say(f"enliven: {HOSTILE}")
-    say(HOSTILE, err=True)
+    print_line(f"enliven: {HOSTILE}")
+    print_line(HOSTILE, err=True)
     assert capsys.readouterr() == (f"enliven: {SHOWN}\n", f"{SHOWN}\n")
 
 
@@ -72,4 +72,4 @@ def test_commands_print_in_one_place(package):
             tables = name in ("shared/enliven/commands/terminal.py", "shared/enliven/commands/doctor.py")
             more = 2 if name.endswith("terminal.py") else 1
             allowed = OWN.get(name, 0) + more * tables + (name == "edge/enliven_edge/commands/import_.py")
-            assert prints(path) <= allowed, f"{name} prints without enliven.commands.terminal.say"
+            assert prints(path) <= allowed, f"{name} prints without enliven.commands.terminal.print_line"

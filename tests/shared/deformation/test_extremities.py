@@ -9,7 +9,7 @@ from enliven.deformation.graph.surface_ends import (
     _MAX_SMALL_SHELL_POINTS,
     _local_maxima,
     extremities,
-    joined_shells,
+    shell_connections,
 )
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, refine
@@ -88,7 +88,7 @@ def test_shells_are_joined_by_the_shortest_pairs_that_make_them_one(seed, sizes)
     chance, (shells, largest) = np.random.default_rng(seed), sizes
     label = np.concatenate([np.full(n, k) for k, n in enumerate(chance.integers(1, largest + 1, shells))])
     points = chance.normal(size=(len(label), 3)) + 4.0 * chance.normal(size=(shells, 3))[label]
-    joints = joined_shells(points, label)
+    joints = shell_connections(points, label)
     between = np.linalg.norm(points[:, None] - points, axis=2)
     piece, expected = label.copy(), 0.0
     for a, b in zip(*np.unravel_index(np.argsort(between, axis=None), between.shape), strict=True):

@@ -10,7 +10,7 @@ from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.connectivity import components, find_weak_edges, joining_edges
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.graph.sampling import nearest_on_surface
+from enliven.deformation.graph.sampling import find_nearest_surface_points
 from enliven.deformation.graph.surface import build_net, path_lengths, voronoi_cells
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
@@ -64,7 +64,7 @@ def test_the_nearest_place_is_that_of_all_faces(seed, off, far):
     )
     on = mesh.vertices[mesh.faces[rng.integers(0, 20, 5)]].mean(1)
     points = on + off * rng.normal(size=(5, 3))
-    nearest = nearest_on_surface(mesh, points).positions
+    nearest = find_nearest_surface_points(mesh, points).positions
     for point, place in zip(points, nearest, strict=True):
         shares = clamped_shares(mesh.vertices[mesh.faces], point)
         every = np.linalg.norm((mesh.vertices[mesh.faces] * shares).sum(1) - point, axis=1)

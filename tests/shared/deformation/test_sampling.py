@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.sampling import distance, distance_matrix, poisson_disk, scatter, throw_darts
+from enliven.deformation.graph.sampling import (
+    distance,
+    distance_matrix,
+    sample_poisson_disk,
+    scatter,
+    throw_darts,
+)
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 
@@ -70,13 +76,13 @@ def chair():
 
 @pytest.mark.parametrize("nodes", [1, 2, 17, 128])
 def test_exactly_as_many_nodes_as_asked_for_and_none_too_near(chair, nodes):
-    samples = poisson_disk(chair, nodes, seed=4)
+    samples = sample_poisson_disk(chair, nodes, seed=4)
     assert samples.positions.shape == (nodes, 3)
     assert distance_matrix(samples).min() >= samples.radius
 
 
 def test_a_given_radius_covers_the_surface(chair):
-    samples = poisson_disk(chair, radius=0.15, seed=1)
+    samples = sample_poisson_disk(chair, radius=0.15, seed=1)
     assert distance_matrix(samples).min() >= 0.15
     probes = scatter(chair, 400, np.random.default_rng(9))
     pairs = zip(probes.positions, probes.normals, strict=True)
@@ -87,9 +93,9 @@ def test_a_given_radius_covers_the_surface(chair):
 
 def test_the_same_seed_gives_the_same_samples(chair):
     a, b, other = (
-        poisson_disk(chair, 64, seed=5),
-        poisson_disk(chair, 64, seed=5),
-        poisson_disk(chair, 64, seed=6),
+        sample_poisson_disk(chair, 64, seed=5),
+        sample_poisson_disk(chair, 64, seed=5),
+        sample_poisson_disk(chair, 64, seed=6),
     )
     np.testing.assert_array_equal(a.positions, b.positions)
     assert not np.array_equal(a.positions, other.positions)
@@ -127,10 +133,10 @@ def test_normals_are_smooth_on_a_smooth_surface_and_not_across_an_edge():
 def test_invalid_mesh_is_not_sampled(chair):
     point = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
     for call in (
-        lambda: poisson_disk(point),
-        lambda: poisson_disk(chair, 0),
-        lambda: poisson_disk(chair, radius=0.0),
-        lambda: poisson_disk(chair, radius=float("nan")),
+        lambda: sample_poisson_disk(point),
+        lambda: sample_poisson_disk(chair, 0),
+        lambda: sample_poisson_disk(chair, radius=0.0),
+        lambda: sample_poisson_disk(chair, radius=float("nan")),
     ):
         with pytest.raises(InputError):
             call()

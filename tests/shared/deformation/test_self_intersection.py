@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.arap.self_intersection import SelfIntersection, newly_crossing
+from enliven.deformation.arap.self_intersection import SelfIntersection, find_new_intersections
 from enliven.meshes.mesh import Mesh
 
 
@@ -111,7 +111,7 @@ def test_intersections_at_rest_are_not_reported():
     now = crossing.newly_crossing(moved)
     assert len(now) and len(np.intersect1d(now, crossing.crossing(mesh.vertices))) == 0
     assert np.array_equal(
-        now, newly_crossing(crossing.crossing(mesh.vertices), crossing_faces(moved, mesh.faces))
+        now, find_new_intersections(crossing.crossing(mesh.vertices), crossing_faces(moved, mesh.faces))
     )
 
 

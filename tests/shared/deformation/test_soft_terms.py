@@ -16,7 +16,7 @@ from enliven.deformation.constraints.observed import (
     _compatible_surface_points,
 )
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
-from enliven.deformation.constraints.soft import Points, grid_subsample, join_planes
+from enliven.deformation.constraints.soft import ConstrainedPoints, join_planes, subsample_on_grid
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Pose
@@ -64,7 +64,7 @@ def turned(graph, seed):
 
 def slack(planes, graph, linear, positions):
     """(M,) n·φ(p) − b."""
-    at = Points(planes.points, planes.node_indices, planes.node_weights, graph.positions)
+    at = ConstrainedPoints(planes.points, planes.node_indices, planes.node_weights, graph.positions)
     return np.einsum("ma,ma->m", planes.normals, at.deformed(linear, positions)) - planes.offsets
 
 
@@ -74,7 +74,7 @@ def test_points_move_as_vertices_do(trousers, seed):
     character, graph, _ = trousers
     linear, positions = turned(graph, seed)
     pose = Pose("trousers", 0, linear.astype(np.float32), positions.astype(np.float32))
-    every = Points.of(character, np.arange(len(character.vertices)))
+    every = ConstrainedPoints.of(character, np.arange(len(character.vertices)))
     np.testing.assert_allclose(every.deformed(linear, positions), skin_vertices(character, pose), atol=1e-5)
 
 
@@ -82,7 +82,7 @@ def test_points_move_as_vertices_do(trousers, seed):
 @settings(max_examples=40, deadline=None)
 def test_a_spread_is_no_more_than_asked_and_misses_no_place(count, most, seed):
     points = np.random.default_rng(seed).uniform(size=(count, 3))
-    few = grid_subsample(points, most)
+    few = subsample_on_grid(points, most)
     assert 1 <= len(few) <= min(most, count) and len(set(few)) == len(few)
     if count <= most:
         assert len(few) == count

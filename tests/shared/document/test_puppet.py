@@ -11,7 +11,7 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.history import History
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
-from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_of_puppet
+from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_from_puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
@@ -60,7 +60,7 @@ def test_history_shares_unchanged_data():
 
 
 def test_the_wire_keeps_its_character():
-    character = character_of_puppet(puppet())
+    character = character_from_puppet(puppet())
     again = message_to_character(character_to_message(character, 3))
     assert again.kind == "points"
     assert again.held is not None and again.held.tolist() == [0, 9]

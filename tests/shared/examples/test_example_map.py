@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import to_body_frame
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime.banded import accelerations, pulled
+from enliven.examples.spacetime.banded import apply_transposed_differences, compute_accelerations
 from enliven.examples.spacetime.constraints import convert_constraints
 from enliven.skeletons.facing import rotate_about_y
 
@@ -154,7 +154,7 @@ def test_long_motions_are_solved_to_the_end(seed, margin, weight, nearest, far, 
     poses = motion_of(mapping.examples, 240, seed)
     poses += noise * np.random.default_rng(seed).normal(size=poses.shape)
     places = mapping.solution(poses, convert_constraints((), mapping.examples, 240, STEP), STEP).places
-    pull = weight**2 * pulled(accelerations(places), 240)
+    pull = weight**2 * apply_transposed_differences(compute_accelerations(places), 240)
     best = np.empty_like(places)
     mapping.nodes(poses).respond(pull, -margin, 1.0 + margin, best)
     np.testing.assert_allclose(best, places, atol=1e-6 * np.abs(places).max())

@@ -13,7 +13,7 @@ from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import motion_of, state_of
 from enliven.examples.spacetime.following import PathFollower
-from enliven.examples.travel import alternating_feet, travel_of
+from enliven.examples.travel import alternating_feet, find_travel
 from enliven.modeling.puppet.edits import play_take
 from enliven.modeling.puppet.points import change_point
 from enliven.modeling.puppet.poses import change_key_pose
@@ -79,7 +79,7 @@ def loose(project):
 def test_nobody_is_led_astray_in_a_minute(seed, kind, body):
     project = project_of(seed, kind, body, 60)
     puppet = project.puppets["stool"]
-    assert bool(travel_of(project, puppet).feet) == (body == "steps")
+    assert bool(find_travel(project, puppet).feet) == (body == "steps")
     walk = motion_of(project, puppet, 0)
     assert walk.travels
     size = float(np.linalg.norm(np.ptp(puppet.rest, axis=0)))
@@ -107,14 +107,14 @@ def test_the_path_is_the_performers_in_its_strides_and_from_its_own_front(seed, 
     turned_project = project.with_takes(moved)
     paths = [motion_of(each, each.puppets["stool"], 0).path for each in (project, turned_project)]
     np.testing.assert_allclose(paths[0], paths[1], atol=1e-7)
-    stride = travel_of(project, project.puppets["stool"]).stride
+    stride = find_travel(project, project.puppets["stool"]).stride
     far = np.linalg.norm((clip.root - clip.root[0])[:, [0, 2]], axis=1)
     np.testing.assert_allclose(np.linalg.norm(paths[0], axis=1), abs(stride) * far, atol=1e-9)
 
 
 def test_a_walker_goes_as_far_as_its_own_steps_and_another_size_counts_where_nobody_walks():
     walks = project_of(3, "walks", "steps", 6)
-    travel = travel_of(walks, walks.puppets["stool"])
+    travel = find_travel(walks, walks.puppets["stool"])
     assert set(travel.feet) == {0, 1}
     own = motion_of(*loose(walks), 0)
     far = [
@@ -123,7 +123,7 @@ def test_a_walker_goes_as_far_as_its_own_steps_and_another_size_counts_where_nob
     assert far[0] == pytest.approx(far[1], rel=0.15)
     stays = project_of(3, "stays", "swims", 6)
     # The stool is 1 m tall and wide; the performer 1.75 m tall, and arms of 1.4 m are less than that.
-    assert travel_of(stays, stays.puppets["stool"]).stride == pytest.approx(1.0 / 1.75)
+    assert find_travel(stays, stays.puppets["stool"]).stride == pytest.approx(1.0 / 1.75)
 
 
 @given(st.integers(0, 10**6), st.floats(-3, 3))

@@ -18,8 +18,8 @@ from enliven.document.skeleton import Skeleton
 from enliven.examples.pairing import (
     foot_joints,
     guess_joints,
-    joint_motion,
     keep_one_point_per_hand,
+    measure_joint_motion,
     mirror_joint,
 )
 from enliven.person.body import Body
@@ -78,7 +78,7 @@ def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
     """This holds for any mesh. The base of an object on a single foot may follow the hips."""
     random = np.random.default_rng(seed)
     clip = random_motion(random, man(), frames=6, size=0.5)
-    motion = joint_motion(clip)
+    motion = measure_joint_motion(clip)
     still = motion.still
     assert "hips" in still and not still & {"Left finger", "Right toe", "top"}
     rest = random.normal(size=(count, 3)) * random.uniform(0.2, 2.0, 3)
@@ -93,7 +93,7 @@ def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
 
 def test_a_fish_follows_nothing_that_does_not_move_and_a_chess_piece_stands():
     clip = random_motion(np.random.default_rng(1), man(), frames=6, size=0.5)
-    motion = joint_motion(clip)
+    motion = measure_joint_motion(clip)
     fish = [(0, 0.2, 1.5), (0, 0.2, -1.5), (0, 0.5, 0), (0, 0, 0.1), (0.3, 0.15, 0.5), (-0.3, 0.15, 0.5)]
     assert not set(guess_joints(clip.skeleton, np.array(fish), motion=motion)) & motion.still
     piece = np.array([(0.02, 1, 0.1), (0, 0, 0)], float)
@@ -127,7 +127,7 @@ def test_fins_follow_hands_when_only_hands_act_and_feet_when_only_feet_do(seed, 
         (("Left knee", "Right knee", "Left ankle", "Right ankle"), ("Left toe", "Right toe")),
     ):
         clip = acting(limbs, seed)
-        motion = joint_motion(clip)
+        motion = measure_joint_motion(clip)
         joints = guess_joints(clip.skeleton, FISH[order], motion=motion, partners=partners)
         fins = tuple(joints[order.index(k)] for k in (3, 4))
         assert fins == ends
@@ -143,7 +143,7 @@ def test_mirror_images_follow_the_same_joint_of_both_sides(seed, middle, pairs):
     side = random.uniform([0.1, 0.0, -1.0], [1.0, 1.5, 1.0], (pairs, 3))
     rest = np.concatenate([side, side * [-1, 1, 1], random.uniform(size=(middle, 3)) * [0, 1.5, 1]])
     partners = (*range(pairs, 2 * pairs), *range(pairs), *range(2 * pairs, len(rest)))
-    joints = guess_joints(clip.skeleton, rest, motion=joint_motion(clip), partners=partners)
+    joints = guess_joints(clip.skeleton, rest, motion=measure_joint_motion(clip), partners=partners)
     for own, other in enumerate(partners):
         assert joints[other] == mirror_joint(clip.skeleton, joints[own])
         assert (joints[own] == mirror_joint(clip.skeleton, joints[own])) == (own == other)

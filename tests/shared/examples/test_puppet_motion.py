@@ -18,14 +18,14 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project
-from enliven.document.puppet import character_of_puppet
+from enliven.document.puppet import character_from_puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
-from enliven.examples.puppet_examples import examples_of, missing
+from enliven.examples.puppet_examples import examples_from_key_poses, missing
 from enliven.examples.puppet_motion import in_world, loop_position, motion_of, pose_of_state, state_of
-from enliven.examples.travel import travel_of
+from enliven.examples.travel import find_travel
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet.edits import play_take
 from enliven.modeling.puppet.points import add_point, change_point
@@ -97,7 +97,7 @@ def test_puppet_of_stationary_performer_stays(seed):
 def test_the_anchor_does_not_slide_also_between_frames(seed, part):
     project = leashed(puppet_project(seed), 1000.0)
     puppet, solved = project.puppets["stool"], motion(project)
-    assume(travel_of(project, puppet).feet)
+    assume(find_travel(project, puppet).feet)
     assert len(set(solved.anchors)) > 1
     standing = [f for f in range(1, solved.frames) if solved.anchors[f] >= 0 and solved.anchors[f - 1] >= 0]
     assert len(standing) > 30
@@ -137,7 +137,7 @@ def test_two_feet_are_equally_high_where_one_takes_over():
 def test_points_that_no_constraint_names_are_not_solved_again_and_the_same():
     project = puppet_project()
     puppet, took = project.puppets["stool"], project.takes["walk"]
-    mapping = ExampleMap(examples_of(project, puppet))
+    mapping = ExampleMap(examples_from_key_poses(project, puppet))
     poses = performed(took, mapping.examples.joints).poses
     first = mapping.solve(poses, STEP)
     asked = (
@@ -278,7 +278,7 @@ def test_the_pose_on_the_wire_is_the_state():
     )
     project = project.with_characters(puppet)
     now = state(project, 1.1)
-    pose, character = pose_of_state(puppet, now, 77), character_of_puppet(puppet)
+    pose, character = pose_of_state(puppet, now, 77), character_from_puppet(puppet)
     assert pose.time_ns == 77 and pose.positions.shape == character.pivots.shape
     np.testing.assert_allclose(pose.positions[1:], in_world(puppet, now, now.places), atol=1e-6)
     some = np.array([[0.1, 0.2, 0.3], [-1.0, 0.5, 0.0]])

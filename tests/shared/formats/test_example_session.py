@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from made_lanes import lanes
 from puppet_worlds import full_project, places_for, puppet_project, stool, walker
 
-from enliven.document import MotionKey, RootLayer, keyed_clip
+from enliven.document import MotionKey, RootLayer, clip_from_keys
 from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
@@ -193,8 +193,8 @@ def test_root_layers_survive_writing_and_reading(tmp_path_factory, made, second)
     path = tmp_path_factory.mktemp("session") / "stool.toml"
     first = MotionKey(second, (3.0, -20.0, 0.1), "linear", (0.5, 0.0, -1.25))
     clips = [
-        keyed_clip("stool keys", "root", [first, MotionKey(second + 1.0)]),
-        keyed_clip("other keys", "root", [MotionKey(0.5, metres=(1.0, 0.0, 0.0))]),
+        clip_from_keys("stool keys", "root", [first, MotionKey(second + 1.0)]),
+        clip_from_keys("other keys", "root", [MotionKey(0.5, metres=(1.0, 0.0, 0.0))]),
     ]
     project = puppet_project(poses=0).with_takes(*clips)
     project = project.with_characters(project.puppets["stool"].with_changes(root_layers=tuple(made)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from enliven.document.character import Character, Pose, SkinWeights
-from enliven.document.puppet import PuppetLayer, character_of_puppet
+from enliven.document.puppet import PuppetLayer, character_from_puppet
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.examples.puppet_motion import pose_of_state, state_of
@@ -112,7 +112,7 @@ def test_a_puppet_that_was_performed_moves_again_within_the_stated_error(tmp_pat
     def put(character, second):
         return pose_of_state(puppet, state_of(project, puppet, second), round(second * 1e9))
 
-    write(tmp_path / "take.mcap", (character_of_puppet(puppet), 1, seconds), pose=put)
+    write(tmp_path / "take.mcap", (character_from_puppet(puppet), 1, seconds), pose=put)
     notes = []
     read = read_possessed(tmp_path / "take.mcap", notes)
     (note,) = notes

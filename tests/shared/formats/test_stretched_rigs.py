@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from slow_gltf import SlowGltf
 
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import Project, character_of, joint_places, smoothed
+from enliven.document import Project, character_of, joint_places, smooth_take
 from enliven.exporters import performance_of
 from enliven.exporters.bvh import bvh_text
 from enliven.exporters.gltf.write import glb_of
@@ -164,7 +164,7 @@ def test_saving_smoothing_and_retargeting_keep_stretch_tracks(folder):
     loaded = read_project(folder / "kept.enliven")
     np.testing.assert_array_equal(seen(loaded, shape.id, 0.31), seen(project, shape.id, 0.31))
     clip = rig.clips[0]
-    even = smoothed(clip, 0.1)
+    even = smooth_take(clip, 0.1)
     assert np.abs(np.diff(even.strains, axis=0)).max() < np.abs(np.diff(clip.strains, axis=0)).max()
     # Its own clip is taken with its stretches, bone by bone; that of another body with its turns alone.
     project = Project().with_takes(clip).with_characters(rig.shape)

@@ -37,7 +37,7 @@ def attempt(desk: PairingDesk, code: str) -> tuple[Introduction, Introduction]:
     viewer = ViewerExchange(code)
     edge = desk.start(viewer.message)
     learnt = edge.read(viewer.introduce(edge.message, VIEWER))
-    desk.succeed()
+    desk.finish_pairing()
     return learnt, viewer.read(edge.introduce(EDGE))
 
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from made_bodies import horse, man, snake, spider
 
 from enliven.mapping.assignment import Drive, assign_limbs, joints_at_one_arc, matching_joints, split_drive
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 
 
 def told(source, target):
     """For each role the last joints of both chains."""
-    drives = assign_limbs(anatomy_of(source), anatomy_of(target))
+    drives = assign_limbs(find_anatomy(source), find_anatomy(target))
     return {d.role: (source.names[d.source[-1]], target.names[d.target[-1]]) for d in drives}
 
 

@@ -17,13 +17,13 @@ from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
+    change_rest_pose,
     first_heading,
     hanging_pose,
     mean_pose,
     mean_turn,
     pose_at,
     pose_skeleton,
-    rebase,
 )
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
@@ -113,7 +113,7 @@ def test_another_rest_pose_changes_nothing_of_where_joints_are(seed):
         pose_at(clip, 0.3),
         normalized(random.normal(size=(len(horse()), 4))),
     ):
-        other = rebase(clip, since)
+        other = change_rest_pose(clip, since)
         for frame in (0, 4):
             np.testing.assert_allclose(joints_of(other, frame), joints_of(clip, frame), atol=1e-9)
 
@@ -142,7 +142,7 @@ def test_modes_by_build():
 def test_the_anatomy_of_a_take_that_rests_in_a_bad_pose():
     """Walkers whose file rests in mid-stride are known by how they are built."""
     clip = random_motion(np.random.default_rng(4), man())
-    strange = rebase(clip, pose_at(clip, 0.3))
+    strange = change_rest_pose(clip, pose_at(clip, 0.3))
     assert len(source_anatomy(strange).pairs) == 2
 
 

@@ -13,8 +13,8 @@ from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.ground import (
     body_points,
-    clearance,
-    floor_of,
+    floor_height_under,
+    leap_heights,
     level_root,
     posed_surfaces,
     stands_on_floor,
@@ -41,8 +41,8 @@ def test_the_lowest_point_of_what_stands_is_on_the_floor(seed, travel):
         if travel and target.names == clip.skeleton.names:
             continue
         frames = np.arange(5) * clip.step
-        leap = clearance(clip) if travel else np.zeros(5)
-        off = lowest(result, frames) - floor_of(shape)
+        leap = leap_heights(clip) if travel else np.zeros(5)
+        off = lowest(result, frames) - floor_height_under(shape)
         np.testing.assert_allclose(off[leap == 0.0], 0.0, atol=1e-5)
         assert (off > -1e-5).all()
 
@@ -53,8 +53,8 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     turns, root = np.repeat(still.turns, 9, 0), np.repeat(still.root, 9, 0)
     root[4, 1] += 0.5
     clip = replace(still, turns=turns, root=root)
-    np.testing.assert_allclose(clearance(clip)[[0, 3, 5, 8]], 0.0)
-    assert 0.35 < clearance(clip)[4] < 0.5
+    np.testing.assert_allclose(leap_heights(clip)[[0, 3, 5, 8]], 0.0)
+    assert 0.35 < leap_heights(clip)[4] < 0.5
     over = turns.copy()
     over[5:] = multiply(np.array([0.0, 1.0, 0.0, 0.0]), turns[5:])
     upside = replace(still, turns=over, root=np.repeat(still.root, 9, 0))
@@ -63,7 +63,9 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     top = max(horse().positions[:, 1])
     upright, inverted = (Player(result.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
     assert inverted == pytest.approx(top - upright, abs=0.1)
-    assert lowest(result, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(floor_of(shape), abs=1e-5)
+    assert lowest(result, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(
+        floor_height_under(shape), abs=1e-5
+    )
 
 
 def test_what_swims_or_flies_keeps_its_height():
@@ -141,8 +143,8 @@ def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
     plan = replace(automatic(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
     at = np.array(list(posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
-    assert at[:, ~body, 1].min() < floor_of(shape) - 0.2
-    np.testing.assert_allclose(at[:, body, 1].min(1), floor_of(shape), atol=0.002)
+    assert at[:, ~body, 1].min() < floor_height_under(shape) - 0.2
+    np.testing.assert_allclose(at[:, body, 1].min(1), floor_height_under(shape), atol=0.002)
     quality = quality_of(result.project, "armed", clip, result.duration, plan)
     assert quality.slide < 25.0 and quality.sunk < 0.01 and quality.afloat < 0.01
 

@@ -12,7 +12,7 @@ from made_gaits import HEEL, STEP, TOE, gait, shod
 from enliven.document.clip import joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.ground import floor_of, posed_surfaces
+from enliven.mapping.ground import floor_height_under, posed_surfaces
 from enliven.mapping.planting import (
     PosedLeg,
     Sole,
@@ -120,7 +120,7 @@ def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
     low = [
         at[:, 1].min() for at in posed_surfaces(result.project, "man", np.linspace(0.0, result.duration, 20))
     ]
-    assert min(low) > floor_of(shape) - 1e-3
+    assert min(low) > floor_height_under(shape) - 1e-3
     free = retarget(shape, clip, replace(plan, pin=False))
     ways = [Player(each.project, "man").root(np.array([0.0, clip.duration])) for each in (result, free)]
     assert np.linalg.norm(ways[0][1] - ways[0][0]) > 0.5 * np.linalg.norm(ways[1][1] - ways[1][0])
@@ -156,7 +156,11 @@ def slide_of(shape, clip, stands, plan):
     """(cm/s, ...) of the lowest points of feet that stand on the floor, and metres of feet in mid-swing."""
     result = retarget(shape, clip, plan)
     moments = np.arange(len(clip.turns)) * STEP
-    at = np.array(list(posed_surfaces(result.project, shape.id, moments))) - [0.0, floor_of(shape), 0.0]
+    at = np.array(list(posed_surfaces(result.project, shape.id, moments))) - [
+        0.0,
+        floor_height_under(shape),
+        0.0,
+    ]
     speeds, swinging = [], []
     for side in (0, 1):
         foot = at[:, len(at[0]) - 24 + 12 * side :][:, :12]

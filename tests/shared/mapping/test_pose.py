@@ -10,13 +10,13 @@ from made_bodies import horse, man, meshed, random_motion, walk
 from made_people import CONVENTIONS, name_in, person
 
 from enliven.document.clip import Clip
-from enliven.mapping.applying import facings
+from enliven.mapping.applying import initial_facings
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
 from enliven.mapping.pose_error import limb_errors
 from enliven.mapping.quality import MAX_POSE_DEGREES, quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.facing import rotate_about_y
 
 FAST = [Phase.explicit, Phase.generate]
@@ -187,7 +187,7 @@ def test_planted_feet_stand_still_at_any_proportions(seed, convention, stride):
     result = retarget(shape, clip, plan)
     times = np.arange(0.0, result.duration, 1 / 60)
     joints = Player(result.project, "model").sample(times)[1]
-    legs = [limb for pair in anatomy_of(skeleton).legs for limb in pair]
+    legs = [limb for pair in find_anatomy(skeleton).legs for limb in pair]
     toes = joints[:, [limb.chain[-1] for limb in legs]]
     speed = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0), axis=2) * 60
     length = float(skeleton.lengths[list(legs[0].main[1:])].sum())
@@ -205,4 +205,4 @@ def test_facings_do_not_depend_on_the_convention():
     clip = walk()
     for convention in CONVENTIONS:
         shape = meshed("model", person(convention))
-        assert facings(clip, shape, automatic(clip, shape)) == pytest.approx((0.0, 0.0), abs=1e-6)
+        assert initial_facings(clip, shape, automatic(clip, shape)) == pytest.approx((0.0, 0.0), abs=1e-6)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_bodies import horse, man, meshed, random_motion, walk, webbed
 
 from enliven.document.project import Project
-from enliven.mapping.alternatives import next_best
+from enliven.mapping.alternatives import find_better_mapping
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.quality import (
     MAX_FLOOR_DISTANCE,
@@ -81,13 +81,15 @@ def test_the_next_best_mapping_is_better_or_none():
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(5), man(), size=2.0)
     result = retarget(shape, clip, automatic(clip, shape))
     before = quality_of(result.project, "horse", clip, result.duration)
-    other = next_best(result, shape, before)
+    other = find_better_mapping(result, shape, before)
     assert other.how and other.quality.faults < before.faults and other.quality.stretch < before.stretch
     other_result = retarget(shape, clip, other.plan)
     assert quality_of(other_result.project, "horse", clip, other_result.duration) == other.quality
     calm, clip = meshed("horse", horse()), walk()
     result = retarget(calm, clip)
-    assert next_best(result, calm, quality_of(result.project, "horse", clip, result.duration)) is None
+    assert (
+        find_better_mapping(result, calm, quality_of(result.project, "horse", clip, result.duration)) is None
+    )
 
 
 def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_alone():
@@ -97,7 +99,7 @@ def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_a
     result = retarget(shape, clip, plan)
     before = quality_of(result.project, "horse", clip, result.duration)
     assert before.sunk > MAX_FLOOR_DISTANCE and before.slide > MAX_SLIDE_CM_S and before.feet
-    other = next_best(result, shape, before)
+    other = find_better_mapping(result, shape, before)
     assert other.plan == replace(plan, floor=True) and other.how == "with --floor"
     assert other.quality.sunk < MAX_FLOOR_DISTANCE and other.quality.slide < MAX_SLIDE_CM_S
     less = tuple(c if "whole" in c.role else replace(c, weight=0.6) for c in plan.chains)

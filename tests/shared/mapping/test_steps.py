@@ -11,12 +11,12 @@ from made_bodies import crawler, horse, man, meshed, random_motion, snake, spide
 from enliven.document.clip import joint_places
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.gait import legs_that_step
-from enliven.mapping.ground import floor_of, posed_surfaces
+from enliven.mapping.ground import floor_height_under, posed_surfaces
 from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 
 MODELS = {"horse": horse, "spider": spider}
 FRAMES = 61
@@ -31,7 +31,7 @@ def feet(made):
     """(T, L, 3) where the legs of a shape end."""
     shape = made.project.shape(made.shape_id)
     _, joints = Player(made.project, made.shape_id).sample(np.arange(FRAMES) * STEP)
-    ends = [limb.proper[-1] for pair in anatomy_of(shape.skeleton).legs for limb in pair]
+    ends = [limb.proper[-1] for pair in find_anatomy(shape.skeleton).legs for limb in pair]
     return joints, joints[:, ends]
 
 
@@ -73,7 +73,7 @@ def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
     assert len(legs_that_step(shape, clip, automatic(clip, shape))) == free.shape[1]
     assert np.linalg.norm(held - free, axis=2).max() < 0.12 * gone
     low = [at[:, 1].min() for at in posed_surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)]
-    assert min(low) - floor_of(shape) > -0.015 * tall
+    assert min(low) - floor_height_under(shape) > -0.015 * tall
     loose = made_of(shape, clip, pin=True, floor=False)
     assert feet(loose)[1][..., 1].min() > -1e-3 * tall, "without the floor kept, feet that hold keep it"
 
@@ -150,4 +150,4 @@ def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
     joints, _ = feet(result)
     assert np.ptp(joints[:, 0, 1]) < 0.02 * tall, "the body stays at one height as the performer's does"
     low = [at[:, 1].min() for at in posed_surfaces(result.project, model, np.arange(0, FRAMES, 3) * STEP)]
-    assert np.abs(np.array(low) - floor_of(shape)).max() < 0.02 * tall
+    assert np.abs(np.array(low) - floor_height_under(shape)).max() < 0.02 * tall

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from enliven.matching.abstraction import abstract
-from enliven.matching.assignment import all_choices, assign, best_choices, binomials, least_cost
+from enliven.matching.abstraction import abstract_joint_tree
+from enliven.matching.assignment import all_choices, assign, best_choices, binomials, solve_assignment
 from enliven.matching.ranking import Matcher, RankingSettings
-from enliven.matching.source import source_of
+from enliven.matching.source import match_source_from_joints
 from enliven.matching.views import ScreenView
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -59,7 +59,7 @@ def random_view(seed):
 @settings(max_examples=60, deadline=None)
 def test_equals_brute_force(tree, m, seed):
     positions, links = tree
-    abstraction = abstract(positions, links)
+    abstraction = abstract_joint_tree(positions, links)
     source = np.random.default_rng(seed).normal(size=(m + 1, 3))
     view = random_view(seed + 1)
     ranking = Matcher(abstraction, positions, settings=ALL).rank(source, view)
@@ -78,9 +78,9 @@ def test_neither_place_nor_size_nor_order_of_children_matters(tree, m, seed, sca
     positions, links = tree
     rng = np.random.default_rng(seed)
     source, view = rng.normal(size=(m + 1, 3)), random_view(seed + 1)
-    ranking = Matcher(abstract(positions, links), positions, settings=ALL).rank(source, view)
+    ranking = Matcher(abstract_joint_tree(positions, links), positions, settings=ALL).rank(source, view)
     moved = Matcher(
-        abstract(scale * positions + rng.normal(size=3), links), settings=ALL, positions=positions
+        abstract_joint_tree(scale * positions + rng.normal(size=3), links), settings=ALL, positions=positions
     )
     again = moved.rank(
         other_scale * source + rng.normal(size=3), view, positions=scale * positions + rng.normal(size=3)
@@ -96,7 +96,7 @@ def test_neither_place_nor_size_nor_order_of_children_matters(tree, m, seed, sca
     by_chain = {match.key: match.score for match in ranking}
     other = {
         match.key: match.score
-        for match in Matcher(abstract(renamed, shuffled), renamed, settings=ALL).rank(source, view)
+        for match in Matcher(abstract_joint_tree(renamed, shuffled), renamed, settings=ALL).rank(source, view)
     }
     assert len(other) == len(by_chain)
     for key, score in by_chain.items():
@@ -109,7 +109,7 @@ def test_the_order_of_the_sources_branches_only_reorders_the_pairs(tree, m, seed
     positions, links = tree
     rng = np.random.default_rng(seed)
     source, order = rng.normal(size=(m + 1, 3)), rng.permutation(m)
-    matcher = Matcher(abstract(positions, links), positions, settings=ALL)
+    matcher = Matcher(abstract_joint_tree(positions, links), positions, settings=ALL)
     ranking = matcher.rank(source, ScreenView())
     other = matcher.rank(np.concatenate([source[:1], source[1:][order]]), ScreenView())
     scores = {match.key: match.score for match in ranking}
@@ -168,7 +168,7 @@ def test_assignment_respects_required_and_excluded_pairs(gain):
 def test_the_least_cost_is_scipys(m, n, seed, never):
     cost = np.random.default_rng(seed).uniform(0, 3, (m, n))
     cost[cost > 2] += never
-    rows, columns = least_cost(cost)
+    rows, columns = solve_assignment(cost)
     expected = linear_sum_assignment(cost)
     np.testing.assert_array_equal(rows, expected[0])
     assert len(set(columns)) == len(columns) == min(m, n)
@@ -178,7 +178,7 @@ def test_the_least_cost_is_scipys(m, n, seed, never):
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_cost_that_is_not_finite_is_refused(bad):
     with pytest.raises(ValueError, match="not finite"):
-        least_cost(np.array([[1.0, bad], [2.0, 3.0]]))
+        solve_assignment(np.array([[1.0, bad], [2.0, 3.0]]))
 
 
 def star(arms, seed=0):
@@ -191,14 +191,14 @@ def star(arms, seed=0):
 def test_of_a_sea_urchins_millions_of_choices_the_best_are_the_same():
     positions, links = star(16)
     source = np.random.default_rng(5).normal(size=(6, 3))
-    whole = Matcher(abstract(positions, links), positions).rank(source, ScreenView())
-    few = Matcher(abstract(positions, links), positions, settings=RankingSettings(exhaustive=1))
+    whole = Matcher(abstract_joint_tree(positions, links), positions).rank(source, ScreenView())
+    few = Matcher(abstract_joint_tree(positions, links), positions, settings=RankingSettings(exhaustive=1))
     best = few.rank(source, ScreenView())
     assert whole.total == best.total == 4368
     np.testing.assert_allclose(best.scores, whole.scores, atol=1e-12)
     assert [match.key for match in best] == [match.key for match in whole]
     positions, links = star(60)
-    ranking = Matcher(abstract(positions, links), positions).rank(source, ScreenView())
+    ranking = Matcher(abstract_joint_tree(positions, links), positions).rank(source, ScreenView())
     assert ranking.total == 5_461_512
     assert len(ranking) == 256
     assert len(np.unique(np.sort(ranking.columns, axis=1), axis=0)) == 256
@@ -211,7 +211,7 @@ def test_a_performer_with_more_limbs_than_the_target_still_gets_matches():
     tree.limb(fork, (-1.0, 0.0))
     tree.limb(fork, (0.0, -1.0))
     source = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0.5, -1, 0], [-0.5, -1, 0], [0, 1, 0]], float)
-    ranking = Matcher(abstract(tree.points, tree.links), np.array(tree.points, float)).rank(
+    ranking = Matcher(abstract_joint_tree(tree.points, tree.links), np.array(tree.points, float)).rank(
         source, ScreenView()
     )
     assert len(ranking) == len(list(ranking)) == 10
@@ -231,7 +231,7 @@ def test_of_equal_matches_the_order_stays():
         tree.limb(fork, (x + 1.0, 1.0))
         tree.limb(fork, (x - 1.0, 1.0))
     positions = np.array(tree.points)
-    matcher = Matcher(abstract(positions, tree.links), positions)
+    matcher = Matcher(abstract_joint_tree(positions, tree.links), positions)
     orders = set()
     for seed in range(20):
         noise = 1e-13 * np.random.default_rng(seed).normal(size=positions.shape)
@@ -247,7 +247,7 @@ def test_a_bone_that_points_at_the_eye_counts_for_nothing():
     tree.limb(fork, (1.0, 0.0))
     tree.limb(fork, (-1.0, 0.0))
     positions = np.array([*tree.points, (1e-9, 0.0, 1.0)])
-    abstraction = abstract(positions, [*tree.links, (0, 3)])
+    abstraction = abstract_joint_tree(positions, [*tree.links, (0, 3)])
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     scores = {
         match.pairs[0].chain[1]: match.score
@@ -269,7 +269,7 @@ def test_dot_products_let_long_branches_decide():
 
     def best(measure):
         matcher = Matcher(
-            abstract(positions, tree.links), positions, settings=RankingSettings(measure=measure)
+            abstract_joint_tree(positions, tree.links), positions, settings=RankingSettings(measure=measure)
         )
         return matcher.rank(source, ScreenView())[0]
 
@@ -281,7 +281,7 @@ def test_dot_products_let_long_branches_decide():
 def test_ranking_uses_projected_directions_in_perspective():
     points = np.array([[1, 0, -4], [1, 0, -3], [2, 0, -4], [1, 1, -4]], float)
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
-    flat = Matcher(abstract(points, [(0, 1), (0, 2), (0, 3)]), points)
+    flat = Matcher(abstract_joint_tree(points, [(0, 1), (0, 2), (0, 3)]), points)
     scores = {m.pairs[0].chain[1]: m.score for m in flat.rank(source, ScreenView())}
     assert scores[1] == pytest.approx(0.0, abs=1e-9)
     seen = {
@@ -299,9 +299,11 @@ def test_a_part_of_a_body_plays_with_its_own_branches():
     left = tree.limb(neck, (0.2, 1.5), (0.5, 1.5), (0.8, 1.5))
     right = tree.limb(neck, (-0.2, 1.5), (-0.5, 1.5), (-0.8, 1.5))
     tree.limb(neck, (0.0, 1.8))
-    whole = source_of(tree.points, tree.links, neck)
+    whole = match_source_from_joints(tree.points, tree.links, neck)
     assert len(whole.branches) == 4
-    arms = source_of(tree.points, tree.links, neck, [neck, *range(2, left + 1), *range(left + 1, right + 1)])
+    arms = match_source_from_joints(
+        tree.points, tree.links, neck, [neck, *range(2, left + 1), *range(left + 1, right + 1)]
+    )
     assert arms.chains == ((1, 2, 3, 4), (1, 5, 6, 7))
     points = arms.points(np.array(tree.points))
     np.testing.assert_allclose(points[0], tree.points[neck])

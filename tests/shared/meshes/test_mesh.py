@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.meshes.kernels import corner_sums, edge_lengths, face_areas, longest_edge, normals_of, shells
-from enliven.meshes.mesh import Mesh, fit_height, refine, submesh, weld
+from enliven.meshes.mesh import Mesh, extract_submesh, fit_height, refine, weld
 from enliven.meshes.repair import repair
 
 BOX_VERTICES = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)])
@@ -188,6 +188,6 @@ def test_a_mesh_without_faces_is_refused(faces):
 
 def test_submesh_keeps_vertex_colours():
     colours = np.arange(24, dtype=np.uint8).reshape(8, 3)
-    part = submesh(Mesh(BOX_VERTICES, np.array(BOX_FACES), "box", colours), np.arange(12) < 2)
+    part = extract_submesh(Mesh(BOX_VERTICES, np.array(BOX_FACES), "box", colours), np.arange(12) < 2)
     np.testing.assert_array_equal(part.vertices, BOX_VERTICES[[0, 1, 2, 3]])
     np.testing.assert_array_equal(part.colours, colours[[0, 1, 2, 3]])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.meshes.files import load_mesh
-from enliven.meshes.scan_surface import parse_pcd, surface_through
+from enliven.meshes.scan_surface import parse_pcd, surface_through_points
 
 
 def ball(centre: np.ndarray, radius: float, count: int = 20_000) -> np.ndarray:
@@ -26,7 +26,7 @@ def ball(centre: np.ndarray, radius: float, count: int = 20_000) -> np.ndarray:
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(1.0, 4.0), st.floats(0.15, 0.4))
 def test_of_a_ball_the_near_half_is_there_and_faces_the_sensor(x, y, away, radius) -> None:
     viewpoint, centre = np.array([x, y, 0.5]), np.array([0.2, 0.9, -away])
-    mesh = surface_through(ball(centre, radius), viewpoint)
+    mesh = surface_through_points(ball(centre, radius), viewpoint)
     distance = np.linalg.norm(mesh.vertices - centre, axis=1)
     assert np.abs(distance - radius).max() < 0.01
     towards = viewpoint - centre
@@ -42,7 +42,7 @@ def test_a_step_and_a_gap_stay_open() -> None:
     x, y = (g.reshape(-1) for g in np.meshgrid(np.arange(0, 0.6, 0.008), np.arange(0, 0.6, 0.008)))
     depth = np.where(x < 0.3, 2.0, 2.2)
     points = np.stack([x, y, -depth], -1)[(x < 0.4) | (x > 0.46)]
-    mesh = surface_through(points, np.zeros(3))
+    mesh = surface_through_points(points, np.zeros(3))
     corners = mesh.vertices[mesh.faces]
     assert np.ptp(corners[..., 2], axis=1).max() < 0.05
     assert np.ptp(corners[..., 0], axis=1).max() < 0.05
@@ -52,14 +52,14 @@ def test_a_step_and_a_gap_stay_open() -> None:
 def test_unmeasured_areas_and_specks_are_left_out() -> None:
     points = ball(np.array([0.0, 0.0, -2.0]), 0.3)
     specks = np.array([[1.0, 1.0, -2.0], [1.005, 1.0, -2.0], [1.0, 1.008, -2.0], [np.nan, 0.0, -2.0]])
-    mesh = surface_through(np.concatenate([points, specks]), np.zeros(3))
+    mesh = surface_through_points(np.concatenate([points, specks]), np.zeros(3))
     assert mesh.vertices[:, 0].max() < 0.4
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_too_few_points_are_reported(count: int) -> None:
     with pytest.raises(InputError, match="too few for a surface"):
-        surface_through(np.ones((count, 3)), np.zeros(3))
+        surface_through_points(np.ones((count, 3)), np.zeros(3))
 
 
 def pcd(path: Path, points: np.ndarray, kind: str) -> Path:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_character_laws import WORLDS
 
-from enliven.document import EASES, KEY_STEP, MotionKey, Project, key_values, keyed_clip, same
+from enliven.document import EASES, KEY_STEP, MotionKey, Project, clip_from_keys, key_values, same
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project.file import project_bytes, project_of
@@ -174,7 +174,7 @@ def test_invalid_key_is_refused():
         (lambda: remove_key(PROJECT, ARM, BONE, 0), "key 0 does not exist"),
         (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "can only be moved"),
         (lambda: set_key(late, ARM, BONE, 0.2, (0, 0, 0)), "begins at 1.00 s"),
-        (lambda: keyed_clip("keys", "arm", []), "no key was given"),
+        (lambda: clip_from_keys("keys", "arm", []), "no key was given"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()

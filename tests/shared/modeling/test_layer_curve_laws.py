@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rig_worlds import WORLDS, kind
 from test_character_laws import near
 
-from enliven.document import EASES, MAX_SPEED, MIN_SPEED, CurveKey, GraphPart, Layer, curve_of, same
+from enliven.document import EASES, MAX_SPEED, MIN_SPEED, CurveKey, GraphPart, Layer, curve_from_keys, same
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project.file import project_bytes, project_of
@@ -94,7 +94,7 @@ def test_time_rises_as_the_sum_of_its_speeds_and_is_found_again(keys, moments, o
     for time, at in zip(moments, even, strict=True):
         assert layer.uneven(at) == pytest.approx(time, abs=1e-6)
         fine = np.linspace(0, time - offset, 4001)
-        rows = curve_of(keys)((fine[1:] + fine[:-1]) / 2)  # the slow twin: a sum of thin slices
+        rows = curve_from_keys(keys)((fine[1:] + fine[:-1]) / 2)  # the slow twin: a sum of thin slices
         # A step within a slice is off by that slice at most.
         assert at - offset == pytest.approx(rows.mean() * (time - offset), abs=4 * 6 * 4.0 / 4000)
     assert layer.even(offset) == pytest.approx(offset)

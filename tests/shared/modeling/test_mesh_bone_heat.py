@@ -9,9 +9,15 @@ from mesh_makers import ball, flat_shaded, line, partition_of_unity, tube
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.skinning.heat_diffusion import bone_heat, cotangents, heat_weights, outward, segments_of
-from enliven.modeling.skinning.skin_values import dense, sparse
-from enliven.modeling.skinning.skins import renumbered
+from enliven.modeling.skinning.heat_diffusion import (
+    bone_heat,
+    bone_segments,
+    cotangent_laplacian,
+    heat_weights,
+    outward_normals,
+)
+from enliven.modeling.skinning.skin_values import dense_weights, keep_largest_weights
+from enliven.modeling.skinning.skins import renumber_bones
 from enliven.modeling.skinning.visibility import nearest_seen
 
 
@@ -36,7 +42,7 @@ def test_weights_are_bounded_and_sum_to_one_for_any_bones(seed, joints, flat, he
     skeleton = Skeleton(tuple(map(str, range(joints))), parents, places)
     skin = bone_heat(mesh, skeleton)
     assert partition_of_unity(skin) and skin.indices.max() < joints
-    segments, owners = segments_of(skeleton)
+    segments, owners = bone_segments(skeleton)
     whole = heat_weights(mesh, segments, owners, joints)
     assert whole.min() >= 0 and whole.max() <= 1
     np.testing.assert_allclose(whole.sum(1), 1, atol=1e-6)
@@ -55,14 +61,14 @@ def test_a_symmetric_shape_has_symmetric_weights():
     )
     # The tube's own diagonals are not symmetric: both ways about, they are.
     turned = Mesh(mesh.vertices * [1, -1, -1] + [0, 0, 2], mesh.faces)
-    weights = dense(bone_heat(mesh, skeleton), 5)
-    other = dense(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]
+    weights = dense_weights(bone_heat(mesh, skeleton), 5)
+    other = dense_weights(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]
     np.testing.assert_allclose(weights, other, atol=1e-5)
 
 
 def test_a_vertex_on_the_middle_of_a_bone_belongs_to_it():
     mesh, skeleton = tube(0.1, 2.0, 16, 0.05), line([[0, 0, 0], [0, 0, 1.0], [0, 0, 2.0]])
-    weights = dense(bone_heat(mesh, skeleton), 3)
+    weights = dense_weights(bone_heat(mesh, skeleton), 3)
     for bone, z in ((1, 0.5), (2, 1.5)):
         ring = np.abs(mesh.vertices[:, 2] - z) < 1e-9
         assert ring.sum() == 16 and weights[ring, bone].min() > 0.95
@@ -83,7 +89,7 @@ def test_a_bone_behind_another_limb_gives_no_heat():
         np.array([-1, 0, 0, 2]),
         np.array([[0.08, 0, 0.0], [0.08, 0, 1.0], [0.32, 0, 0.0], [0.32, 0, 1.0]]),
     )
-    weights = dense(bone_heat(mesh, skeleton), 4)
+    weights = dense_weights(bone_heat(mesh, skeleton), 4)
     middle = np.abs(mesh.vertices[:, 2] - 0.5) < 0.2
     on_right = mesh.vertices[:, 0] > 0.125
     assert weights[middle & on_right, 1].max() < 0.01 and weights[middle & on_right, 3].min() > 0.8
@@ -94,14 +100,14 @@ def test_a_part_that_sees_no_bone_follows_the_nearest():
     shell = ball(0.3, detail=3)
     inner = Mesh(ball(0.1, detail=2).vertices, ball(detail=2).faces[:, ::-1])
     skeleton = line([[0.5, 0, 0], [0.9, 0, 0], [1.4, 0, 0]])
-    weights = dense(bone_heat(both(shell, inner), skeleton), 3)
+    weights = dense_weights(bone_heat(both(shell, inner), skeleton), 3)
     assert weights[len(shell.vertices) :, 1].min() > 0.9
 
 
 def test_sight_agrees_with_trying_every_face():
     rng = np.random.default_rng(5)
     mesh = both(ball(0.3, detail=2), ball(0.2, (0.45, 0, 0), detail=2))
-    normals = outward(mesh)
+    normals = outward_normals(mesh)
     segments = rng.uniform(-0.4, 0.7, (7, 2, 3))
     chosen, distance = nearest_seen(mesh.vertices, normals, mesh.faces, segments, 1e-9)
     vectors = segments[:, 1] - segments[:, 0]
@@ -120,8 +126,8 @@ def test_sight_agrees_with_trying_every_face():
 def test_normals_look_outward_also_of_a_mesh_that_is_inside_out():
     mesh = ball()
     turned = Mesh(mesh.vertices, mesh.faces[:, ::-1])
-    np.testing.assert_allclose(outward(mesh), outward(turned), atol=1e-12)
-    assert ((outward(mesh) * mesh.vertices).sum(1) > 0).all()
+    np.testing.assert_allclose(outward_normals(mesh), outward_normals(turned), atol=1e-12)
+    assert ((outward_normals(mesh) * mesh.vertices).sum(1) > 0).all()
 
 
 def hidden(mesh, v, target):
@@ -138,7 +144,7 @@ def test_the_laplacian_is_an_m_matrix_whatever_the_triangles():
     rng = np.random.default_rng(2)
     vertices = rng.normal(size=(30, 3)) * [1, 1, 1e-6]
     faces = rng.integers(0, 30, (80, 3)).astype(np.int32)
-    laplacian, mass = cotangents(vertices, faces)
+    laplacian, mass = cotangent_laplacian(vertices, faces)
     full = laplacian.toarray()
     assert np.isfinite(full).all() and mass.min() > 0
     np.testing.assert_allclose(full.sum(1), 0, atol=1e-6 * np.abs(full).max())
@@ -151,7 +157,7 @@ def test_known_weights_stay_and_others_join_them():
     given_weights = np.zeros((len(mesh.vertices), 3))
     given_weights[:, 0] = 1.0
     free = mesh.vertices[:, 2] > 1.0
-    weights = heat_weights(mesh, *segments_of(skeleton), 3, known=given_weights, free=free)
+    weights = heat_weights(mesh, *bone_segments(skeleton), 3, known=given_weights, free=free)
     assert (weights[~free] == given_weights[~free]).all()
     np.testing.assert_allclose(weights.sum(1), 1, atol=1e-6)
     step = np.abs(np.diff(weights[:-2, 0].reshape(-1, 16).mean(1)))
@@ -169,14 +175,14 @@ def test_four_of_many_and_back(seed, bones):
     rng = np.random.default_rng(seed)
     whole = rng.dirichlet(np.full(bones, 0.3), 20)
     for smooth in (False, True):
-        skin = sparse(whole, smooth)
+        skin = keep_largest_weights(whole, smooth)
         assert partition_of_unity(skin)
-        back = dense(skin, bones)
+        back = dense_weights(skin, bones)
         assert ((back > 0).sum(1) <= 4).all()
         if bones <= 4:
             np.testing.assert_allclose(back, whole, atol=1e-6)
     halves = np.arange(bones) // 2
-    merged = dense(renumbered(skin, halves), bones)
+    merged = dense_weights(renumber_bones(skin, halves), bones)
     np.testing.assert_allclose(
         merged, np.stack([back[:, halves == k].sum(1) for k in range(bones)], 1), atol=1e-6
     )

@@ -13,7 +13,7 @@ from enliven.document import History, Plane, Project, graph_shape_of
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.formats.project.one_character import character_bytes
-from enliven.meshes import refine, submesh
+from enliven.meshes import extract_submesh, refine
 from enliven.modeling.edits import (
     brush_stiffness,
     copy_character,
@@ -132,5 +132,5 @@ def test_all_edits_keep_paint():
     fine = refine(mesh, 0.1)
     np.testing.assert_array_equal(fine.stiffness[: len(own)], own)
     assert len(fine.stiffness) == len(fine.vertices) and fine.stiffness.max() <= own.max() * 1.001
-    some = submesh(mesh, np.arange(len(mesh.faces)) < 40)
+    some = extract_submesh(mesh, np.arange(len(mesh.faces)) < 40)
     assert set(some.stiffness.tolist()) <= set(own.tolist())

@@ -8,7 +8,7 @@ from tolerances import assert_alike
 
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import GraphPart, PoseStream, character_of_graph, graph_shape_of
+from enliven.document import GraphPart, PoseStream, character_from_graph_shape, graph_shape_of
 from enliven.document.character import Pose
 from enliven.document.history import History
 from enliven.document.project import Project, same
@@ -98,7 +98,7 @@ def test_shape_plays_the_recording(walking):
     for k in (0, 5, 12):
         expected = skin_vertices(character, poses[k])
         np.testing.assert_allclose(vertices_at(project, "block", k * 0.2), expected, atol=1e-5)
-        shown = skin_vertices(character_of_graph(shape), pose_of_graph(project, shape, k * 0.2))
+        shown = skin_vertices(character_from_graph_shape(shape), pose_of_graph(project, shape, k * 0.2))
         np.testing.assert_allclose(shown, expected, atol=1e-5)
     stream = project.streams["sway"]
     between = graph_pose(project, shape, 0.3)[1]

@@ -12,7 +12,7 @@ from performed_arm import ARM, BEGIN, STEP, performed, waving
 from scipy.optimize import minimize
 from swaying import possessed_chair
 
-from enliven.document import GraphShape, Project, character_of_graph
+from enliven.document import GraphShape, Project, character_from_graph_shape
 from enliven.document.character import Pose
 from enliven.document.project import same
 from enliven.document.time_map import Segment
@@ -45,7 +45,7 @@ def chair() -> Project:
 
 def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> PerformedMotion:
     """Returns an edge's messages for the chair held at its top: it swings, away from its playing position."""
-    character, poses = character_of_graph(shape), []
+    character, poses = character_from_graph_shape(shape), []
     top = shape.positions[:, 1] > np.quantile(shape.positions[:, 1], 0.7)
     stands = to_matrix(from_rotation_vector(np.array([0.0, 0.7, 0.0])))
     for frame in range(frames):

@@ -18,7 +18,7 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.spans import joined_spans, split_spans
 from enliven.motion.layers.copying import copy_motion
 from enliven.motion.layers.evaluate import Player
-from enliven.motion.layers.retarget import bind_chain, branch, clear_chain, extend_to_leaf, set_travel
+from enliven.motion.layers.retarget import bind_chain, chain_between, clear_chain, extend_to_leaf, set_travel
 from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -241,8 +241,8 @@ def test_the_longest_way_down():
     assert extend_to_leaf(tree, 1) == (1, 3, 4)
     assert extend_to_leaf(tree, 0) == (0, 5)
     assert extend_to_leaf(tree, 4) == (4,)
-    assert branch(tree, 0, 1) == (0, 1, 3, 4)
-    assert branch(tree, 0, 1, extend=False) == (0, 1)
+    assert chain_between(tree, 0, 1) == (0, 1, 3, 4)
+    assert chain_between(tree, 0, 1, extend=False) == (0, 1)
 
 
 def test_an_edit_that_cannot_be_changes_nothing():

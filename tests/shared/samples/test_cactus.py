@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.project import same
-from enliven.examples.puppet_examples import examples_of, missing
+from enliven.examples.puppet_examples import examples_from_key_poses, missing
 from enliven.meshes.mesh import Mesh
 from enliven.samples.shipped import load_sample
 
@@ -43,7 +43,7 @@ def test_the_puppet_can_move_and_is_the_same_every_time() -> None:
     puppet = project.puppet("cactus")
     assert missing(project, puppet) == ()
     assert len({point.vertex for point in puppet.points}) == len(puppet.points)
-    examples = examples_of(project, puppet)
+    examples = examples_from_key_poses(project, puppet)
     assert len(examples) > len(puppet.poses)
     assert same(project, cactus_project(0.05))
 
@@ -51,7 +51,7 @@ def test_the_puppet_can_move_and_is_the_same_every_time() -> None:
 def test_arms_follow_the_performers_arms() -> None:
     project = cactus_project(0.05)
     puppet = project.puppet("cactus")
-    examples = examples_of(project, puppet)
+    examples = examples_from_key_poses(project, puppet)
     hand = examples.point("left hand")
     heights = examples.sources[:, hand, 1], examples.targets[:, hand, 1]
     assert np.corrcoef(*heights)[0, 1] > 0.8

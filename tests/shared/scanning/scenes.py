@@ -3,7 +3,7 @@
 import numpy as np
 
 from enliven import rotation
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.scanning import DepthNoiseModel, DepthPreparation, TsdfVolume, VolumeSettings
 
 CAMERA = Intrinsics(96, 72, 90.0, 90.0, 47.5, 35.5)
@@ -20,7 +20,7 @@ def prepared(depth, camera=CAMERA, settings=SETTINGS, colour=None):
 
 def plane_depth(normal, distance, pose, camera=CAMERA):
     """(H, W) metres at which rays meet the plane normal . x = distance, world."""
-    ray = np.concatenate([rays(camera), np.ones((camera.height, camera.width, 1))], -1) @ pose[:3, :3].T
+    ray = np.concatenate([pixel_rays(camera), np.ones((camera.height, camera.width, 1))], -1) @ pose[:3, :3].T
     with np.errstate(divide="ignore"):
         depth = (distance - normal @ pose[:3, 3]) / (ray @ normal)
     return np.where(depth > 0, depth, np.inf)
@@ -28,7 +28,7 @@ def plane_depth(normal, distance, pose, camera=CAMERA):
 
 def sphere_depth(centre, radius, pose, camera=CAMERA):
     """(H, W) metres at which rays meet a sphere first, inf where they miss it."""
-    ray = np.concatenate([rays(camera), np.ones((camera.height, camera.width, 1))], -1)
+    ray = np.concatenate([pixel_rays(camera), np.ones((camera.height, camera.width, 1))], -1)
     to = pose[:3, :3].T @ (np.asarray(centre, float) - pose[:3, 3])
     a, b, c = (ray * ray).sum(-1), ray @ to, to @ to - radius**2
     under = b * b - a * c

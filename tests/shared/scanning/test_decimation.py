@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from enliven.meshes import Mesh
 from enliven.scanning import decimate
-from enliven.scanning.decimation import distances
+from enliven.scanning.decimation import distance_bounds
 
 
 def ball(wobble=0.0, detail=4):
@@ -33,7 +33,7 @@ def test_decimation_keeps_budget_and_reported_error(faces, wobble):
     mesh = ball(wobble)
     result = decimate(mesh, faces)
     assert 0.8 * faces <= len(result.mesh.faces) <= faces
-    errors = np.abs(distances(result.mesh, mesh.vertices))
+    errors = np.abs(distance_bounds(result.mesh, mesh.vertices))
     assert np.quantile(errors, 0.99) <= 1.1 * result.most and 0 < result.mean <= result.most
     low, high = mesh.bounds
     assert np.abs(np.subtract(result.mesh.bounds, (low, high))).max() <= 0.03 + 3 * result.most
@@ -57,7 +57,7 @@ def test_flat_areas_need_few_faces():
 @given(place=st.tuples(*[st.floats(-0.5, 0.5)] * 3))
 def test_the_distance_is_the_slow_one(place):
     mesh = ball(detail=1)
-    distance, slow = distances(mesh, np.array([place]))[0], slow_distance(mesh, np.array(place))
+    distance, slow = distance_bounds(mesh, np.array([place]))[0], slow_distance(mesh, np.array(place))
     # The net's points lie 3 mm apart, and the middle of the ball is as near to all faces.
     assert abs(distance - slow) < 0.004
 

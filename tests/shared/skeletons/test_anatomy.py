@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import body, horse, man, snake, spider, turned_body
 
-from enliven.document.skeleton import Skeleton, skeleton_of
-from enliven.skeletons.anatomy import anatomy_of
-from enliven.skeletons.facing import facing_of, rotate_about_y, side_of
+from enliven.document.skeleton import Skeleton, skeleton_from_links
+from enliven.skeletons.anatomy import find_anatomy
+from enliven.skeletons.facing import facing_of, rotate_about_y, side_from_name
 
 ANGLES = st.floats(-np.pi + 0.01, np.pi - 0.01)
 
@@ -42,7 +42,7 @@ def test_symmetry_and_toes_tell_where_the_front_is(angle):
     ],
 )  # fmt: skip
 def test_sides_by_name(name, side):
-    assert side_of(name) == side
+    assert side_from_name(name) == side
 
 
 def named(skeleton, chain):
@@ -51,7 +51,7 @@ def named(skeleton, chain):
 
 def test_the_parts_of_a_man():
     skeleton = man()
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert named(skeleton, anatomy.trunk) == ["hips", "spine", "chest"]
     ((left, right),) = anatomy.arms
     assert named(skeleton, left.proper) == ["Left shoulder", "Left elbow", "Left wrist", "Left finger"]
@@ -65,7 +65,7 @@ def test_the_parts_of_a_man():
 
 def test_the_parts_of_a_horse():
     skeleton = horse()
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert named(skeleton, anatomy.trunk) == ["croup", "loin", "withers"]
     assert [skeleton.names[pair[0].chain[-1]] for pair in anatomy.legs] == [
         "Left fore hoof",
@@ -78,13 +78,13 @@ def test_the_parts_of_a_horse():
 
 def test_eight_legs_from_front_to_back_and_none():
     skeleton = spider()
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert [skeleton.names[pair[0].chain[-1]] for pair in anatomy.pairs] == [
         f"Left foot {k}" for k in range(4)
     ]
     assert len(anatomy.legs) == 4
     skeleton = snake()
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert not anatomy.pairs
     assert (skeleton.names[anatomy.head.chain[-1]], skeleton.names[anatomy.tail.chain[-1]]) == (
         "fore 3",
@@ -103,7 +103,7 @@ def test_ears_on_a_trunk_that_goes_on_are_no_arms():
         ("Lhip", "hips", (0.3, 0.9, 0)),
         ("Lfoot", "Lhip", (0.3, 0, 0)),
     )
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert named(skeleton, anatomy.head.chain) == ["chest", "head"]
     assert [skeleton.names[pair[0].chain[-1]] for pair in anatomy.pairs] == ["Left hand", "Left foot"]
 
@@ -117,8 +117,8 @@ def test_parts_do_not_depend_on_size_place_heading_or_order(seed, angle, scale):
         at = moved.positions * scale + random.normal(size=3) * [1, 0, 1]
         order = [0, *(1 + random.permutation(len(skeleton) - 1))]
         links = [(order.index(int(p)), order.index(j)) for j, p in enumerate(skeleton.parents) if p >= 0]
-        shuffled, _ = skeleton_of([skeleton.names[j] for j in order], links, at[order])
-        before, after = anatomy_of(skeleton), anatomy_of(shuffled)
+        shuffled, _ = skeleton_from_links([skeleton.names[j] for j in order], links, at[order])
+        before, after = find_anatomy(skeleton), find_anatomy(shuffled)
 
         def told(anatomy, skeleton):
             ends = [[skeleton.names[limb.chain[-1]] for limb in pair] for pair in anatomy.pairs]
@@ -133,7 +133,7 @@ def test_turning_level_is_about_the_upright():
 
 def test_a_single_bone_is_a_head():
     skeleton = Skeleton(("foot", "top"), np.array([-1, 0]), np.array([[0, 0, 0], [0, 1, 0.0]]))
-    assert named(skeleton, anatomy_of(skeleton).head.chain) == ["foot", "top"]
+    assert named(skeleton, find_anatomy(skeleton).head.chain) == ["foot", "top"]
 
 
 def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():
@@ -144,13 +144,13 @@ def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():
         ("Leyebrow", "shell", (0.5, 0.9, 0.4)),
         ("Leyebrow end", "Leyebrow", (0.5, 1.3, 0.4)),
     )
-    assert anatomy_of(crab).pairs == ()
+    assert find_anatomy(crab).pairs == ()
     unnamed = replace(crab, names=tuple(name.replace("eyebrow", "claw") for name in crab.names))
-    assert len(anatomy_of(unnamed).pairs) == 1
-    arm = anatomy_of(man()).arms[0][0]
+    assert len(find_anatomy(unnamed).pairs) == 1
+    arm = find_anatomy(man()).arms[0][0]
     assert man().names[arm.chain[-1]] == "Left finger"
     longer = body(*FINGERED)
-    assert [[longer.names[j] for j in limb.tip] for limb in anatomy_of(longer).arms[0]] == [
+    assert [[longer.names[j] for j in limb.tip] for limb in find_anatomy(longer).arms[0]] == [
         ["Left wrist", "Left finger"],
         ["Right wrist", "Right finger"],
     ]

@@ -7,7 +7,7 @@ from made_people import CONVENTIONS, name_in, person
 
 from enliven.document.skeleton import Skeleton
 from enliven.person import PARENTS
-from enliven.skeletons.anatomy import anatomy_of
+from enliven.skeletons.anatomy import find_anatomy
 from enliven.skeletons.human_names import finger_joints, human_joints
 from enliven.takes.capture_clip import BODY_NAMES
 
@@ -34,7 +34,7 @@ def test_limbs_are_found_by_name(convention, extras):
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_a_weapon_does_not_make_a_tail_of_an_arm(convention):
     skeleton = person(convention, extras=True)
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert (len(anatomy.arms), len(anatomy.legs), anatomy.tail) == (1, 1, None)
     left, right = anatomy.arms[0]
     assert [skeleton.names[j] for j in left.main] == [
@@ -86,8 +86,8 @@ def test_an_animal_with_human_names_is_told_by_its_level_back():
     upright = person("unreal")
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     level = Skeleton(upright.names, upright.parents, (upright.positions - [0, 1, 0]) @ turn + [0, 1, 0])
-    assert all(limb.knots for pair in anatomy_of(upright).pairs for limb in pair)
-    assert not any(limb.knots for pair in anatomy_of(level).pairs for limb in pair)
+    assert all(limb.knots for pair in find_anatomy(upright).pairs for limb in pair)
+    assert not any(limb.knots for pair in find_anatomy(level).pairs for limb in pair)
 
 
 def test_fingers_are_found_in_any_spelling():
@@ -113,6 +113,6 @@ def test_a_tail_is_found_by_name():
     places = np.vstack([plain.positions, [(0.0, 0.9, -0.3), (0.0, 0.6, -0.6)]])
     parents = np.array([*plain.parents, 0, len(plain)])
     skeleton = Skeleton((*plain.names, "Tail1", "Tail2"), parents, places)
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     assert [skeleton.names[j] for j in anatomy.tail.chain] == ["hips", "Tail1", "Tail2"]
     assert len(anatomy.arms) == len(anatomy.legs) == 1

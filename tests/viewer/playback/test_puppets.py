@@ -15,7 +15,7 @@ from tolerances import SOLVED, assert_alike
 from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Character, Pose
-from enliven.document.puppet import ControlPoint, Puppet, character_of_puppet
+from enliven.document.puppet import ControlPoint, Puppet, character_from_puppet
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh, refine
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -36,7 +36,7 @@ def puppet(mesh: Mesh = CHAIR, settings: ArapSettings | None = None) -> Puppet:
     return Puppet("chair", mesh, points, surface=settings or ArapSettings())
 
 
-CHARACTER = character_of_puppet(puppet())
+CHARACTER = character_from_puppet(puppet())
 
 
 def pose(places: Float, turn: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
@@ -132,7 +132,7 @@ def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
 def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
     loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
     points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
-    lost = character_of_puppet(Puppet("chair", loose, points))
+    lost = character_from_puppet(Puppet("chair", loose, points))
     surfaces, moved = SolvedSurfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
     for _ in range(3):
         assert surfaces.vertices(lost, moved) is None
@@ -143,7 +143,7 @@ def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
 
 
 def test_the_solver_has_the_puppets_own_settings() -> None:
-    plain = character_of_puppet(puppet(settings=ArapSettings(squash_and_stretch=False)))
+    plain = character_from_puppet(puppet(settings=ArapSettings(squash_and_stretch=False)))
     long = bent(0.0)
     long[0, 1] += 0.5
     solved = [SolvedSurfaces(wait=True).vertices(c, pose(long)) for c in (CHARACTER, plain)]

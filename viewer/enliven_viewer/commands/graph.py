@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError
 from enliven.files import require_folder
 
@@ -59,7 +59,7 @@ def graph(
     else:
         shape, notes = load_mesh(mesh)
         for note in notes:
-            say(f"enliven: {note}", err=True)
+            print_line(f"enliven: {note}", err=True)
         if height != 0:
             shape = refine(fit_height(shape, height, up), _MAX_EDGE_M * height / 1.75)
     deformation_graph = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
@@ -67,7 +67,7 @@ def graph(
     counts = write_graph_picture(
         output, character_from(shape, deformation_graph, name), deformation_graph, name, (size, size * 5 // 4)
     )
-    say(
+    print_line(
         f"enliven: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges and "
         f"{counts.cut_vertices} cut vertices are in {output}"
     )

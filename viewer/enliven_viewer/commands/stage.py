@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def put(
         _poll_until(client, lambda: answers, _PREPARATION_TIMEOUT_S)
         _require_done(answers, character)
     state_text = "is replaced" if is_replacing else "stands"
-    say(f"enliven: {name or default_name} {state_text} on the stage of {edge}")
+    print_line(f"enliven: {name or default_name} {state_text} on the stage of {edge}")
 
 
 @stage.command()
@@ -88,7 +88,7 @@ def remove(
         client.stage.remove(character, answers.append)
         _poll_until(client, lambda: answers, _ANSWER_TIMEOUT_S)
         _require_done(answers, character)
-    say(f"enliven: {character} is gone from the stage of {edge}")
+    print_line(f"enliven: {character} is gone from the stage of {edge}")
 
 
 @stage.command("list")
@@ -102,9 +102,9 @@ def list_(edge: Edge = "127.0.0.1") -> None:
         for name, character in client.characters.items():
             holders = _describe_holders(cues.get(name))
             description = f"{kind_labels[character.kind]}, {len(character.vertices)} vertices{holders}"
-            say(f"{name}: revision {client.edges[0].revision(name)}, {description}")
+            print_line(f"{name}: revision {client.edges[0].revision(name)}, {description}")
         if not client.characters:
-            say("enliven: the stage is empty")
+            print_line("enliven: the stage is empty")
 
 
 def _describe_holders(cues: ReceivedCues | None) -> str:
@@ -133,13 +133,13 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
         rig = read_gltf(path, floor=True)
         for note in rig.notes:
-            say(f"enliven: {note}", err=True)
+            print_line(f"enliven: {note}", err=True)
         return Project().with_characters(rig.shape), rig.shape.id, False
     from enliven.meshes import load_upright
 
     mesh, notes = load_upright(path, up)
     for note in notes:
-        say(f"enliven: {note}", err=True)
+        print_line(f"enliven: {note}", err=True)
     return project_of_mesh(mesh, path.stem), path.stem, True
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import InputError, ResourceError
 from enliven.files import require_folder
 from enliven.outputs.settings import LiveOutputSettings, outputs_of
@@ -127,11 +127,11 @@ def list_network_edges(local: str) -> bool:
 
     The window then lists them with their camera images, and a click connects.
     """
-    from enliven.peers.announcement import lacks_discovery
+    from enliven.peers.announcement import missing_discovery_reason
     from enliven.peers.edge_browser import answers_locally, describe_edge, find_edges
     from enliven.wire import parse_endpoint
 
-    if answers_locally(parse_endpoint(local)) or lacks_discovery():
+    if answers_locally(parse_endpoint(local)) or missing_discovery_reason():
         return False
     try:
         edges = find_edges(_SEARCH_S)
@@ -139,9 +139,9 @@ def list_network_edges(local: str) -> bool:
         return False
     for edge in edges:
         line, remedy = describe_edge(edge)
-        say(f"{edge.announcement.name}: {line}{f'. {remedy}' if remedy else ''}")
+        print_line(f"{edge.announcement.name}: {line}{f'. {remedy}' if remedy else ''}")
     if edges:
-        say("enliven: no edge runs on this machine. Choose one in the window, or give --edge ADDRESS.")
+        print_line("enliven: no edge runs on this machine. Choose one in the window, or give --edge ADDRESS.")
     return bool(edges)
 
 
@@ -184,7 +184,7 @@ def _make_film(
             feed, document, film, sheet, settings, seconds=seconds, title=_make_title(take), caption=hud
         )
     written_files = " and ".join(str(path) for path in (film, sheet) if path)
-    say(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written_files}")
+    print_line(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written_files}")
 
 
 def _open_window(

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from enliven.commands.processes import terminate_as_interrupt
-from enliven.commands.terminal import say
+from enliven.commands.terminal import print_line
 from enliven.errors import ResourceError
 
 DEFAULT_PORT = 5588
@@ -55,7 +55,7 @@ def web(
     address = str(parse_endpoint(edge))
     access = load_access(host, insecure, certificate, certificate_key)
     server = WebServer(address, access, port)
-    say(f"enliven: the edge at {edge} is shown at {server.link}")
+    print_line(f"enliven: the edge at {edge} is shown at {server.link}")
     if not access.is_local:
         _print_code(server.link)
     with terminate_as_interrupt():

@@ -36,7 +36,7 @@ _IDLE_SLEEP_S = 0.005
 """Sleep in seconds while no message arrives. It is short compared with the 33 ms between two poses."""
 _SILENCE_TIMEOUT_S = 3.0
 """Seconds without a pose or a heartbeat after which the edge counts as gone: six missed heartbeats."""
-ENDED = "ended"
+END_MARK = "ended"
 
 
 class FilmSource(Protocol):
@@ -171,7 +171,7 @@ def _iterate_moments(
     last_arrival_time = time.monotonic()
     while not parent_is_gone() and (seconds is None or count < round(seconds * rate)):
         due = start + round(count * NS_PER_S / rate)
-        is_stream_over = document.edge.phase == ENDED
+        is_stream_over = document.edge.phase == END_MARK
         arrived_count = feed.poll(document)
         last_arrival_time = time.monotonic() if arrived_count else last_arrival_time
         is_stream_over = is_stream_over and not arrived_count
@@ -203,7 +203,7 @@ def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
         if moment is not None and document.characters and set(moment.poses) <= set(document.characters):
             return
         if not arrived_count:
-            if document.edge.phase == ENDED or time.monotonic() > deadline or parent_is_gone():
+            if document.edge.phase == END_MARK or time.monotonic() > deadline or parent_is_gone():
                 break
             time.sleep(_IDLE_SLEEP_S)
     if document.edge.connected or len(document.timeline):

@@ -9,7 +9,7 @@ from pathlib import Path
 from enliven.arrays import Int16
 from enliven.exporters import Exporter, Performance
 from enliven.sounds import SOUND_RATE
-from enliven_viewer.film.film import ENDED, make_film
+from enliven_viewer.film.film import END_MARK, make_film
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.settings import ViewerSettings, with_size
@@ -38,7 +38,7 @@ class _SampledSource:
             document.add_character(performance.character)
             for pose in performance.poses():
                 document.add_pose(pose)
-        document.edge = EdgeState(connected=True, phase="playing" if arrived_poses else ENDED)
+        document.edge = EdgeState(connected=True, phase="playing" if arrived_poses else END_MARK)
         return len(arrived_poses)
 
 

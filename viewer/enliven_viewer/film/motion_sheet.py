@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
-from enliven.exporters import stick_mesh
+from enliven.exporters import octahedral_bone_mesh
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import RetargetedShape
 from enliven.motion.layers.evaluate import Player
@@ -113,7 +113,7 @@ def _make_take_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
 
 def make_stick_shape(name: str, skeleton: Skeleton) -> Shape:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
-    mesh, skin = stick_mesh(skeleton)
+    mesh, skin = octahedral_bone_mesh(skeleton)
     if mesh is not None:
         mesh = replace(
             mesh, name=name, colours=np.tile(np.array(PERFORMER_COLOUR, np.uint8), (len(mesh.vertices), 1))

@@ -25,7 +25,7 @@ from enliven_viewer.settings import LookName, RenderSettings
 
 _FIELD_OF_VIEW = math.radians(28)
 """Vertical field of view in radians: a long lens, as for a portrait."""
-_FILLED = 0.9
+_FRAMED_FRACTION = 0.9
 """Maximum fraction of the image's width and height that the subject occupies at any time of the film."""
 _HEAD_M = 0.16
 """Distance in metres from the head's joint to the top of the drawn head, with some room."""
@@ -85,13 +85,13 @@ def write_project_film(
         source.scene(version, time, people, loose_props)
         for time, version, people, loose_props in zip(
             times,
-            _for_each(times, [project] if isinstance(project, Project) else project, "projects"),
-            _for_each(times, bodies or [()], "bodies"),
-            _for_each(times, props or [None], "props"),
+            _value_per_time(times, [project] if isinstance(project, Project) else project, "projects"),
+            _value_per_time(times, bodies or [()], "bodies"),
+            _value_per_time(times, props or [None], "props"),
             strict=True,
         )
     ]
-    points = [_points_of(scene) for scene in scenes]
+    points = [_framed_points(scene) for scene in scenes]
     if not sum(map(len, points)):
         raise InputError("it is empty", where="project", remedy="Add a character or performers.")
     settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
@@ -105,14 +105,14 @@ def write_project_film(
     _write_images(path, images, rate)
 
 
-def _for_each(times: Sequence[float], values: Sequence[Any], name: str) -> Sequence[Any]:
+def _value_per_time(times: Sequence[float], values: Sequence[Any], name: str) -> Sequence[Any]:
     """Returns a value for each time. A single value is repeated for all times."""
     if len(values) not in (1, len(times)):
         raise ValueError(f"{len(values)} {name} for {len(times)} times")
     return values if len(values) == len(times) else [*values] * len(times)
 
 
-def _points_of(scene: Scene) -> Float:
+def _framed_points(scene: Scene) -> Float:
     """Returns (N, 3) the points in metres that the camera must show. Balls are left out, because they fly
     through the image.
     """
@@ -139,7 +139,7 @@ def _frame_points(
     rows = camera.view(aspect).camera_from_world[:3, :3]
     middle = (points.min(0) + points.max(0)) / 2
     right, up, back = rows @ (points - middle).T
-    slope = _FILLED * math.tan(camera.field_of_view / 2)
+    slope = _FRAMED_FRACTION * math.tan(camera.field_of_view / 2)
     offset, distance = np.zeros(3), 0.0
     for axis, coordinates, k in ((0, right, slope * aspect), (1, up, slope)):
         high, low = (coordinates + k * back).max(), (k * back - coordinates).max()

@@ -42,21 +42,21 @@ class ProjectScenes:
         Raises:
             InputError: if a character has no mesh.
         """
-        actors = tuple(self._actor(project, name, time) for name in project.characters)
+        actors = tuple(self._scene_character(project, name, time) for name in project.characters)
         return Scene(actors, tuple(bodies), self._style, props)
 
-    def _actor(self, project: Project, name: str, time: float) -> SceneCharacter:
+    def _scene_character(self, project: Project, name: str, time: float) -> SceneCharacter:
         """Returns a character of a project at a time. Its surface is solved."""
         if name not in self._surfaces or self._surfaces[name][0] is not project:
             character = project.character(name)
             self._surfaces[name] = project, rig_of(character).surface(project, character)
         vertices = self._surfaces[name][1](time)
-        drawn_character = self._drawn(project, name, vertices)
+        drawn_character = self._drawn_character(project, name, vertices)
         return SceneCharacter(
             drawn_character, drawn_character.rest_pose(), vertices=vertices.astype(np.float32)
         )
 
-    def _drawn(self, project: Project, name: str, vertices: Float) -> Character:
+    def _drawn_character(self, project: Project, name: str, vertices: Float) -> Character:
         """Returns a character in the form for drawing. It is a new object only if the faces of its mesh have
         changed.
         """

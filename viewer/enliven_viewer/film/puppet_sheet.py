@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document import Project, Puppet, character_of_puppet
+from enliven.document import Project, Puppet, character_from_puppet
 from enliven.examples.puppet_motion import in_world, loop_position, motion_of, pose_of_state, state_of
 from enliven.skeletons.facing import facing_of
 from enliven_viewer.film.motion_sheet import CAMERA_AZIMUTH, MotionRow, make_performer_row, write_rows
@@ -55,4 +55,4 @@ def _make_puppet_row(project: Project, puppet: Puppet, times: Float) -> MotionRo
     states = [state_of(project, puppet, time) for time in times]
     surfaces = [in_world(puppet, state, surface.settle(state.places)).astype(np.float32) for state in states]
     poses = [pose_of_state(puppet, state) for state in states]
-    return MotionRow(character_of_puppet(puppet), poses, CAMERA_AZIMUTH, surfaces)
+    return MotionRow(character_from_puppet(puppet), poses, CAMERA_AZIMUTH, surfaces)

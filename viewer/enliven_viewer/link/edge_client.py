@@ -160,7 +160,7 @@ class EdgeClient:
 
         They are refusals, restarts, version mismatches and name clashes.
         """
-        return _drain(self._notices)
+        return _empty_queue(self._notices)
 
     def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
         """Sends an order to the edge of its character, or to all edges. A notice reports a refusal.
@@ -220,7 +220,7 @@ class EdgeClient:
         )
 
 
-def _drain(queue: deque[Any]) -> list[Any]:
+def _empty_queue(queue: deque[Any]) -> list[Any]:
     """Empties a queue and returns its contents."""
     contents = list(queue)
     queue.clear()

@@ -365,7 +365,7 @@ class EdgeConnection:
             elif self._after_silence and not latched:
                 self._unsure.append(data, len(data))
                 return
-            elif self.status is not None and self._admits(topic, message):
+            elif self.status is not None and self._accepts_message(topic, message):
                 own_message = relabel(message, lambda character: self._label(self.name, character))
                 track = track_of(topic)
                 self._keep(
@@ -402,7 +402,7 @@ class EdgeConnection:
         for data in self._unsure.take():
             self._receive(data, latched=False)
 
-    def _admits(self, topic: Topic, message: Any) -> bool:
+    def _accepts_message(self, topic: Topic, message: Any) -> bool:
         """Returns True if a message is about a listed character, or about one of a few unlisted ones."""
         if (
             not topic.is_per_character
@@ -454,7 +454,7 @@ class EdgeConnection:
             if latched:
                 return
             self._begin(message.instance)
-        self._admits(POSE, message)
+        self._accepts_message(POSE, message)
         last = self._sequences.get(message.character)
         if last is not None and (latched or message.sequence <= last):
             return

@@ -89,7 +89,7 @@ class _SolvedSurface:
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
         """Returns (V, 3) metres in the world; None before it is prepared, or if that failed."""
         surface = self._surface(wait)
-        frame, pivot = _frame(pose), self.character.pivots[0].astype(np.float64)
+        frame, pivot = _puppet_frame(pose), self.character.pivots[0].astype(np.float64)
         if surface is None or frame is None:
             return None
         linear, position = frame
@@ -203,7 +203,7 @@ def carry(local: Float32, by: Float, world: Float32) -> None:
             world[v, c] = by[c, 0] * x + by[c, 1] * y + by[c, 2] * z + by[c, 3]
 
 
-def _frame(pose: Pose) -> tuple[Float, Float] | None:
+def _puppet_frame(pose: Pose) -> tuple[Float, Float] | None:
     """Returns the linear part (3, 3) and the offset (3,) of the first transform, or None if it is not
     invertible.
     """

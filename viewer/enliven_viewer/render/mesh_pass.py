@@ -76,7 +76,7 @@ class MeshPass:
         for mesh in meshes:
             for drawn_part in mesh.parts:
                 if drawn_part.part.alpha != "OPAQUE":
-                    program = self._get_program("caster", ("CUT", *drawn_part.part.cutter))
+                    program = self._get_program("caster", ("CUT", *drawn_part.part.shadow_defines))
                     program["clip_from_caster"] = tuple(clip_from_world.T.astype("f4").ravel())
                     self._render(mesh, drawn_part, program)
 

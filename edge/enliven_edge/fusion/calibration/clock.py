@@ -41,7 +41,7 @@ def find_likely_lags(
     score, common_samples = _correlate(signal_a, seen_a, signal_b, seen_b)
     lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _SAMPLE_RATE_HZ + a.times[0] - b.times[0]
     score = np.where(common_samples >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
-    candidates = [] if known is None or not _overlap(a, b, known, settings) else [known]
+    candidates = [] if known is None or not _overlap_range(a, b, known, settings) else [known]
     while len(candidates) < _MAX_CANDIDATES and np.isfinite(score).any():
         best = int(np.argmax(score))
         candidates.append(float(lags[best]))
@@ -49,7 +49,7 @@ def find_likely_lags(
     return candidates
 
 
-def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettings) -> bool:
+def _overlap_range(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettings) -> bool:
     start, stop = max(a.times[0], b.times[0] + lag), min(a.times[-1], b.times[-1] + lag)
     return bool(stop - start >= settings.overlap)
 

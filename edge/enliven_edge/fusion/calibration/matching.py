@@ -12,7 +12,7 @@ from enliven.arrays import Bool, Float
 from enliven.space.rigid_transform import fit_rigid, transform_points
 from enliven_edge.fusion.calibration.clock import find_likely_lags
 from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack
-from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, midline_points, midline_weights
 from enliven_edge.fusion.settings import MAX_TRACK_GAP_S, CalibrationSettings
 
 _MAX_FRAMES = 240
@@ -75,7 +75,7 @@ def generate_guesses(
 
 def _estimate_transforms(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
     """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of the sides."""
-    by_midline = _ransac_transform(middles(p), middles(q), middle_weights(w), upright)
+    by_midline = _ransac_transform(midline_points(p), midline_points(q), midline_weights(w), upright)
     flat_weights = w.reshape(-1)
     by_sides = fit_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat_weights, upright=upright)
     by_swapped_sides = fit_rigid(
@@ -130,9 +130,9 @@ def match_bodies(a: BodyStream, b: BodyStream, a_from_b: Float, lag: float) -> t
 
 def _trunk_distances(p: Float, q: Float, w: Float) -> Float:
     """Returns (N,) the mean distance of the midline points in metres, inf if both see none."""
-    weights = middle_weights(w)
+    weights = midline_weights(w)
     total = weights.sum(1)
-    distances = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)
+    distances = (weights * np.linalg.norm(midline_points(p) - midline_points(q), axis=2)).sum(1)
     return np.where(total > 0, distances / np.where(total > 0, total, 1.0), np.inf)
 
 

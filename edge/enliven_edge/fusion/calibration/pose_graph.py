@@ -49,7 +49,7 @@ def solve_pose_graph(names: Sequence[str], edges: list[Edge]) -> SensorPlacement
     if len(used_edges) > len(free_names):
         places = _optimise_poses(names[0], free_names, places, used_edges)
         lags = _solve_lags(names[0], free_names, used_edges)
-    errors = [_error(places[a], places[b], fit) for a, b, fit, _ in used_edges]
+    errors = [_placement_error(places[a], places[b], fit) for a, b, fit, _ in used_edges]
     loop_error_m = max((float(np.linalg.norm(e[3:6])) for e in errors), default=0.0)
     return SensorPlacement(
         places, lags, loop_error_m, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0)
@@ -104,7 +104,7 @@ def _optimise_poses(
         poses = poses_after(x)
         return np.concatenate(
             [
-                factor @ _error(poses[a], poses[b], fit)
+                factor @ _placement_error(poses[a], poses[b], fit)
                 for factor, (a, b, fit, _) in zip(factors, edges, strict=True)
             ]
         )
@@ -113,7 +113,7 @@ def _optimise_poses(
     return poses_after(np.asarray(least_squares(compute_residuals, start, x_scale="jac").x))
 
 
-def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
+def _placement_error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
     """Returns (6,) the difference of the placements from the fit: rotation about its centre, and shift."""
     measured_from_b = invert(world_from_a) @ world_from_b
     rotation_error = rotation_vector(measured_from_b[:3, :3] @ fit.a_from_b[:3, :3].T)

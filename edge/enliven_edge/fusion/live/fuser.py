@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body
 from enliven.rotation import IDENTITY
-from enliven_edge.fusion.live.grouping import FORBIDDEN_COST, Group, assign, distances, group_by_person
+from enliven_edge.fusion.live.grouping import FORBIDDEN_COST, Group, assign, body_distances, group_by_person
 from enliven_edge.fusion.live.person import FusedPerson
 from enliven_edge.fusion.live.sensor_view import STATE_SENTENCES, SensorState, SensorView, SensorWarning
 from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
@@ -129,7 +129,7 @@ class Fuser:
         person before.
         """
         s = self.settings
-        cost = distances(
+        cost = body_distances(
             np.array([g.mean for g in groups]),
             np.array([g.sure for g in groups]),
             np.array([p.expected(time_ns) for p in self.people]),
@@ -137,7 +137,7 @@ class Fuser:
         )
         gates = np.array(
             [
-                _MAX_SAME_PERSON_DISTANCE_M + _GATE_GROWTH * min(max(p.unseen(time_ns), 0.0), 1.0)
+                _MAX_SAME_PERSON_DISTANCE_M + _GATE_GROWTH * min(max(p.seconds_unseen(time_ns), 0.0), 1.0)
                 for p in self.people
             ]
         )
@@ -153,7 +153,7 @@ class Fuser:
         self.people = [
             p
             for p in self.people
-            if p.unseen(time_ns) <= (s.remember if p.hits >= s.sure_after else MAX_BODY_AGE_S)
+            if p.seconds_unseen(time_ns) <= (s.remember if p.hits >= s.sure_after else MAX_BODY_AGE_S)
         ]
 
     def _drop_silent_sensors(self, time_ns: int) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching.assignment import least_cost
+from enliven.matching.assignment import solve_assignment
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
@@ -59,7 +59,7 @@ def is_plausible(body: Body) -> bool:
     return bool(bones_within(body.joints, _BONES, _MIN_BONE_LENGTHS_M, _MAX_BONE_LENGTHS_M))
 
 
-def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
+def body_distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
     """Returns (A, B) distances in metres between bodies (A, 20, 3) and (B, 20, 3). Exchanged sides do not
     matter.
     """
@@ -112,7 +112,7 @@ def _find_partners(
     groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
     """Returns the group of each body of one sensor, or None if none is near enough."""
-    group_distances = distances(
+    group_distances = body_distances(
         np.array([g.mean for g in groups]),
         np.array([g.sure for g in groups]),
         np.array([joints for _, joints in seen]),
@@ -134,5 +134,5 @@ def assign(cost: Float) -> list[tuple[int, int]]:
     """
     if not cost.size:
         return []
-    rows, columns = least_cost(cost)
+    rows, columns = solve_assignment(cost)
     return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < FORBIDDEN_COST / 2]

@@ -106,14 +106,14 @@ class OutputSchedule:
             step = (time_ns - previous_ns) * 1e-9
             self._steps[sensor] = step + 0.9 * (self._steps.get(sensor, step) - step)
         self._last[sensor] = max(time_ns, previous_ns)
-        if self._leader is None or self._leads_better(sensor, time_ns):
+        if self._leader is None or self._should_lead(sensor, time_ns):
             self._leader = sensor
         if sensor != self._leader or (self._last_sent_ns is not None and time_ns <= self._last_sent_ns):
             return False
         self._last_sent_ns = time_ns
         return True
 
-    def _leads_better(self, sensor: str, time_ns: int) -> bool:
+    def _should_lead(self, sensor: str, time_ns: int) -> bool:
         """Returns True if a sensor should lead: it is faster than the leading one, or the leading one is
         late.
         """

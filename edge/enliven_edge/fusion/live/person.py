@@ -10,7 +10,7 @@ from enliven.rotation import normalized
 from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.live.grouping import Group
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
-from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment, walks_backward
+from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment, walking_direction_sign
 from enliven_edge.fusion.settings import MAX_BODY_AGE_S, FusionSettings
 
 _BLEND_TIME_CONSTANT_S = 0.25
@@ -59,17 +59,17 @@ class FusedPerson:
         self._had_orientation = np.zeros((sensors, 20), bool)
         self._offsets, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
-    def unseen(self, time_ns: int) -> float:
+    def seconds_unseen(self, time_ns: int) -> float:
         """Returns seconds since any sensor saw this person. Infinite before the first time."""
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
     def expected(self, time_ns: int) -> Float:
         """Returns (20, 3) the predicted joints."""
-        return self.joints + min(max(self.unseen(time_ns), 0.0), MAX_BODY_AGE_S) * self.velocity
+        return self.joints + min(max(self.seconds_unseen(time_ns), 0.0), MAX_BODY_AGE_S) * self.velocity
 
     def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
         """Returns the body of this person, fused from all sensors of the group."""
-        seconds = self.unseen(time_ns)
+        seconds = self.seconds_unseen(time_ns)
         has_prediction = seconds < _MAX_GLIDE_S
         expected = self.expected(time_ns) if self.hits else group.mean
         if not has_prediction:
@@ -127,7 +127,9 @@ class FusedPerson:
         reference = expected if has_prediction else next(iter(bodies.values())).joints
         self._sides.compare(bodies, reference, np.asarray(self._had_value.any(1)), has_prediction)
         weights = {s: float(b.confidence.mean()) / _joint_noise(b, views[s]) ** 2 for s, b in bodies.items()}
-        if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, has_prediction):
+        if self._sides.vote(
+            weights, walking_direction_sign(self.joints, self.velocity), seconds, has_prediction
+        ):
             self._swap_sides()
             expected = expected[OTHER_SIDE]
         return self._sides.put_right(bodies), expected

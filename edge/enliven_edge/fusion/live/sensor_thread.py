@@ -200,5 +200,5 @@ class TrackingThread(SensorThread):
             self._tracker.learn_room()
         bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
         self._health.judge(frame, bodies, camera, self._tracker.state)
-        self._health.judge_device(self.sensor.condition(), camera, floor_known=True)
+        self._health.check_device(self.sensor.condition(), camera, floor_known=True)
         return bodies

@@ -22,12 +22,12 @@ _HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
 """(4,) the quaternion of half a turn about a bone's length."""
 
 
-def middles(joints: Float) -> Float:
+def midline_points(joints: Float) -> Float:
     """Returns (..., 12, 3) the points of a body that do not move if the sides are exchanged."""
     return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
 
 
-def middle_weights(weights: Float) -> Float:
+def midline_weights(weights: Float) -> Float:
     """Returns (..., 12) weights of the midpoints from (..., 20) weights of joints: the smaller of the two
     joints' weights.
     """
@@ -88,7 +88,7 @@ class SideAssignment:
         """
         margins = {}
         for sensor, body in bodies.items():
-            margin = self._margin(sensor, body, expected)
+            margin = self._swap_cost_margin(sensor, body, expected)
             if margin < (-_MIN_SIDE_SWAP_GAIN_M if spoke[sensor] else 0.0):
                 self._is_swapped[sensor] ^= True
                 margin = -margin
@@ -96,7 +96,10 @@ class SideAssignment:
         if len(bodies) > 1 and known:
             smallest = min(margins, key=lambda s: margins[s])
             others = [self._restore_names(s, body).joints for s, body in bodies.items() if s != smallest]
-            if self._margin(smallest, bodies[smallest], np.mean(others, axis=0)) < -_MIN_SIDE_SWAP_GAIN_M:
+            if (
+                self._swap_cost_margin(smallest, bodies[smallest], np.mean(others, axis=0))
+                < -_MIN_SIDE_SWAP_GAIN_M
+            ):
                 self._is_swapped[smallest] ^= True
 
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
@@ -122,7 +125,7 @@ class SideAssignment:
             self._is_swapped, self._doubt = ~self._is_swapped, 0.0
         return majority
 
-    def _margin(self, sensor: int, body: Body, reference: Float) -> float:
+    def _swap_cost_margin(self, sensor: int, body: Body, reference: Float) -> float:
         """Returns how much better the present sides fit than exchanged ones, in metres per joint."""
         kept_cost, swapped_cost = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
         return float(kept_cost - swapped_cost if self._is_swapped[sensor] else swapped_cost - kept_cost)
@@ -132,7 +135,7 @@ class SideAssignment:
         return swap_sides(body) if self._is_swapped[sensor] else body
 
 
-def walks_backward(joints: Float, velocity: Float) -> float:
+def walking_direction_sign(joints: Float, velocity: Float) -> float:
     """Returns 1 for walking backward with the present sides, -1 forward, 0 standing.
 
     Args:

@@ -131,11 +131,11 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
         topics: dict[bytes, str] = {}
         while (offset := file.tell()) < size:
             header = _parse_header(_read_sized(file, _MAX_HEADER_BYTES, path), path)
-            if _kind(header) != _CHUNK:
+            if _record_kind(header) != _CHUNK:
                 remaining = _read_size(file, path)
                 if remaining > size - file.tell():
                     raise _cut_off_error(offset, path)
-                if _kind(header) == _CONNECTION:
+                if _record_kind(header) == _CONNECTION:
                     _add_connection(header, topics)
                 file.seek(remaining, os.SEEK_CUR)
                 continue
@@ -153,9 +153,9 @@ def _chunk_messages(
         header_range, offset = _find_part(chunk, offset, path)
         header = _parse_header(chunk[header_range:offset], path)
         data_range, offset = _find_part(chunk, offset, path)
-        if _kind(header) == _CONNECTION:
+        if _record_kind(header) == _CONNECTION:
             _add_connection(header, topics)
-        elif _kind(header) == _MESSAGE:
+        elif _record_kind(header) == _MESSAGE:
             topic = topics.get(header.get(b"conn", b""))
             if topic is None:
                 raise InputError("a message has no topic", where=str(path), remedy=_COPY_HINT)
@@ -228,7 +228,7 @@ def _add_connection(header: dict[bytes, bytes], topics: dict[bytes, str]) -> Non
     topics[header.get(b"conn", b"")] = header.get(b"topic", b"").decode("utf-8", errors="replace")
 
 
-def _kind(header: dict[bytes, bytes]) -> int:
+def _record_kind(header: dict[bytes, bytes]) -> int:
     return int.from_bytes(header.get(b"op", b"")[:1], "little")
 
 

@@ -16,7 +16,7 @@ from enliven_edge.sensors.stereo.calibration import load_calibration
 from enliven_edge.sensors.stereo.matching import StereoMatcher
 from enliven_edge.sensors.stereo.pair_folder import RecordedPairs
 from enliven_edge.sensors.stereo.pairing import CameraImage, Pairing
-from enliven_edge.sensors.stereo.rectification import Rectification, opencv
+from enliven_edge.sensors.stereo.rectification import Rectification, import_opencv
 
 _MAX_TEMPERATURE_C = 75.0
 """Maximum degrees Celsius of the image sensor in the specification of the IMX296 (Global Shutter Camera)."""
@@ -134,7 +134,7 @@ class LibcameraSensor(Sensor):
     def _prepare(self, calibration: str, near: float, far: float) -> tuple[int, int]:
         """Creates the matcher of a calibration. Returns the calibrated image size (width, height)."""
         stereo_calibration = load_calibration(Path(calibration))
-        opencv().setNumThreads(1)
+        import_opencv().setNumThreads(1)
         self._rectification = Rectification(stereo_calibration)
         self._matcher = StereoMatcher(self._rectification, near, far)
         return stereo_calibration.width, stereo_calibration.height

@@ -64,7 +64,7 @@ class OakSensor(Sensor):
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
         # Store crash dumps of the firmware here. They must not be sent to the manufacturer without consent.
-        os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
+        os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.reports_folder()))
         os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
         self._dai = import_library("depthai", "oak")
         self._device: Any = None
@@ -288,7 +288,7 @@ class OakSensor(Sensor):
 def store_crash_dump(device: Any) -> None:
     """Stores a camera's dump of a firmware crash, and clears it on the camera."""
     try:
-        crash_reports.folder().mkdir(parents=True, exist_ok=True)
+        crash_reports.reports_folder().mkdir(parents=True, exist_ok=True)
         crash_reports.remove_old_reports()
         if device.hasCrashDump():
             dump = device.getCrashDump()

@@ -44,7 +44,7 @@ def open_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
     """
     try:
         listed = context.query_devices()
-        all_names = [_names(listed, index) for index in range(len(listed))]
+        all_names = [_accepted_names(listed, index) for index in range(len(listed))]
         # If the user has no permission to open a camera, the camera has no serial number.
         indices = {names[0] or names[2]: index for index, names in enumerate(all_names)}
         matching = {name: index for name, index in indices.items() if wanted in ("", *all_names[index])}
@@ -84,7 +84,7 @@ def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) ->
     )
 
 
-def _names(listed: Any, index: int) -> list[str]:
+def _accepted_names(listed: Any, index: int) -> list[str]:
     """Returns the accepted names of a connected camera, its serial number first."""
     ask = ("serial_number", "name", "uid", "ip_address", "user_name")
     return [getattr(listed, f"get_device_{word}_by_index")(index) for word in ask]

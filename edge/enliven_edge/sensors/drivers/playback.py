@@ -110,12 +110,12 @@ def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame
     with _Bag(path) as bag:
         for frame in itertools.chain([first], frames):
             time_us = (frame.time_ns - shift_ns) // 1000
-            bag.write([("image", time_us, _image(frame.depth, time_us, before + images))])
+            bag.write([("image", time_us, _image_message(frame.depth, time_us, before + images))])
             images += 1
         about = {
-            "device": _device(),
-            "stream": _stream(camera, fps),
-            "property": _property(0, struct.pack("<d", _FILE_VERSION)),
+            "device": _device_message(),
+            "stream": _stream_message(camera, fps),
+            "property": _property_message(0, struct.pack("<d", _FILE_VERSION)),
         }
         bag.write([(kind, BEGINNING_US, data) for kind, data in about.items()])
     return Playback(path, images, shift_ns)
@@ -225,7 +225,7 @@ def _ros_header(time_us: int = BEGINNING_US) -> bytes:
     return struct.pack("<I", 0) + _time(time_us) + _with_size(b"")
 
 
-def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
+def _image_message(depth: np.ndarray, time_us: int, number: int) -> bytes:
     """Returns ``sensor_msgs/Image``, followed by Orbbec's fields: bits per pixel, number, times and
     metadata."""
     height, width = depth.shape
@@ -235,7 +235,7 @@ def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
     return _ros_header(time_us) + shape + pixels + orbbec_fields + _with_size(b"") + struct.pack("<I", 0)
 
 
-def _device() -> bytes:
+def _device_message() -> bytes:
     """Returns ``custom_msg/OBDeviceInfo``."""
     vendor, product, name = _CAMERA
     serial, link = b"rehearsal", b"USB3.0"
@@ -245,7 +245,7 @@ def _device() -> bytes:
     return _ros_header() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _with_size(b"")
 
 
-def _stream(camera: Intrinsics, fps: int) -> bytes:
+def _stream_message(camera: Intrinsics, fps: int) -> bytes:
     """Returns ``custom_msg/OBStreamProfileInfo``: the intrinsics of the depth camera."""
     k1, k2, p1, p2, k3 = camera.distortion
     distortion = any(camera.distortion)
@@ -260,7 +260,7 @@ def _stream(camera: Intrinsics, fps: int) -> bytes:
     )
 
 
-def _property(number: int, value: bytes) -> bytes:
+def _property_message(number: int, value: bytes) -> bytes:
     """Returns ``custom_msg/OBProperty``."""
     return _ros_header() + struct.pack("<I", number) + _with_size(value) + struct.pack("<I", len(value))
 

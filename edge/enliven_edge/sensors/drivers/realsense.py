@@ -20,7 +20,7 @@ from enliven_edge.sensors.drivers.realsense_library import (
     depth_mode,
     find_colour_mode,
     intrinsics,
-    lens_of,
+    lens_from_intrinsics,
     realsense_library,
     round_depth_step,
 )
@@ -238,7 +238,7 @@ class RealSenseSensor(Sensor):
         stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 0, rs.format.z16
         stream.width, stream.height, stream.bpp = camera.width, camera.height, 2
         stream.fps = round(self._driver_replay.fps)
-        stream.intrinsics = lens_of(rs, camera, camera.width, camera.height)
+        stream.intrinsics = lens_from_intrinsics(rs, camera, camera.width, camera.height)
         return self._sensor.add_video_stream(stream).as_video_stream_profile()
 
     def _send(self, frame: DepthFrame, number: int) -> None:

@@ -177,7 +177,7 @@ class ReplayedColour:
         stream = rs.video_stream()
         stream.type, stream.index, stream.uid, stream.fmt = rs.stream.color, 0, 1, rs.format.rgb8
         stream.width, stream.height, stream.bpp, stream.fps = width, height, 3, fps
-        stream.intrinsics = lens_of(rs, first.intrinsics, width, height)
+        stream.intrinsics = lens_from_intrinsics(rs, first.intrinsics, width, height)
         self._stream = self._sensor.add_video_stream(stream)
         same = rs.extrinsics()
         same.rotation, same.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [0, 0, 0]
@@ -194,7 +194,7 @@ class ReplayedColour:
         self._sensor.on_video_frame(image)
 
 
-def lens_of(rs: Any, camera: Intrinsics, width: int, height: int) -> Any:
+def lens_from_intrinsics(rs: Any, camera: Intrinsics, width: int, height: int) -> Any:
     """Returns the library's description of a camera, scaled to images of this size."""
     x, y = width / camera.width, height / camera.height
     lens = rs.intrinsics()

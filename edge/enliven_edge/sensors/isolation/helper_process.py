@@ -68,7 +68,7 @@ class HelperProcess:
         Raises:
             InputError, ResourceError: the driver's error, or the end of its process.
         """
-        self._say("open")
+        self._send_request("open")
         message = self._answer(OPEN_TIMEOUT_S, "opened", "failed")
         if message is None:
             self.end()
@@ -88,7 +88,7 @@ class HelperProcess:
         Raises:
             SensorFault: if the process has ended.
         """
-        self._say("go")
+        self._send_request("go")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
         """Returns the next message for the sensor within ``timeout`` seconds. None without one.
@@ -127,7 +127,7 @@ class HelperProcess:
     def end(self) -> None:
         """Closes the device and ends the process, by force if it does not end itself."""
         with contextlib.suppress(SensorFault):
-            self._say("close")
+            self._send_request("close")
             self._answer(_CLOSE_TIMEOUT_S, "closed")
         self._pipe.close()
         self._words.close()
@@ -144,7 +144,7 @@ class HelperProcess:
         self._camera = camera or self._camera
         slots.release(slot)
 
-    def _say(self, *message: Any) -> None:
+    def _send_request(self, *message: Any) -> None:
         try:
             self._pipe.send(message)
         except OSError:
@@ -186,7 +186,7 @@ class HelperProcess:
         """Creates shared memory for images of ``size`` bytes. Earlier memory stays until it is unused."""
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
-        self._say("memory", self._slots.name, size, count)
+        self._send_request("memory", self._slots.name, size, count)
         while self._pipe.poll(_CLOSE_TIMEOUT_S + SILENCE_TIMEOUT_S):
             try:
                 message = self._pipe.recv()

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.rectification import opencv
+from enliven_edge.sensors.stereo.rectification import import_opencv
 
 _MARKER_RATIO = 0.75
 """Side of a marker relative to that of its square: OpenCV needs a white margin around it."""
@@ -69,14 +69,14 @@ class CalibrationBoard:
     @cached_property
     def drawing(self) -> Any:
         """OpenCV's board."""
-        cv = opencv()
+        cv = import_opencv()
         markers = cv.aruco.getPredefinedDictionary(cv.aruco.DICT_4X4_50)
         size = (self.columns, self.rows)
         return cv.aruco.CharucoBoard(size, self.square, _MARKER_RATIO * self.square, markers)
 
     @cached_property
     def _detector(self) -> Any:
-        cv = opencv()
+        cv = import_opencv()
         settings = cv.aruco.DetectorParameters()
         settings.cornerRefinementMethod = cv.aruco.CORNER_REFINE_SUBPIX
         return cv.aruco.CharucoDetector(self.drawing, cv.aruco.CharucoParameters(), settings)
@@ -84,7 +84,7 @@ class CalibrationBoard:
     def rectangles(self) -> Float:
         """Returns (N, 4) left, top, width, height of all black rectangles, metres from the board's upper
         left corner."""
-        cv, side = opencv(), self.square
+        cv, side = import_opencv(), self.square
         black = [
             (column * side, row * side, side, side)
             for row in range(self.rows)

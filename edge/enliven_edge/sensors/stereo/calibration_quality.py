@@ -110,7 +110,7 @@ class CalibrationQuality:
         return self.verdict != "not good enough"
 
 
-def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuality:
+def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuality:
     """Returns the rating of a solution."""
     facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
     facts += [("left out", f"{name}: {reason}") for name, reason in solution.left_out.items()]
@@ -118,7 +118,7 @@ def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuali
     if calibration is None:
         lacking = f"Take {MIN_PAIRS} pairs or more in which both cameras see most of the board, held still."
         return CalibrationQuality("not good enough", facts, [lacking])
-    error = expected_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
+    error = expected_depth_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
     covered = {side: _find_covered_fields(calibration, solution, side) for side in ("left", "right")}
     facts += [
         ("baseline", f"{1e3 * calibration.baseline:.1f} mm"),
@@ -143,7 +143,7 @@ def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuali
     return CalibrationQuality("not good enough" if bad else "fair" if advice else "good", facts, advice)
 
 
-def expected_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
+def expected_depth_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
     """Returns the expected depth error in metres at a distance in metres."""
     disparity = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
     return distance**2 * disparity / (calibration.left.fx * calibration.baseline)

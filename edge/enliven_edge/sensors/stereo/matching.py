@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.rectification import Rectification, opencv
+from enliven_edge.sensors.stereo.rectification import Rectification, import_opencv
 
 STEPS = 16
 """Subpixel steps per pixel of the matcher's disparity."""
@@ -52,7 +52,7 @@ class StereoMatcher:
             raise InputError(
                 f"the range is {near} to {far} m", where="stereo", remedy="Give near < far, 0.05 to 65 m."
             )
-        self._cv: Any = opencv()
+        self._cv: Any = import_opencv()
         self._rectification = rectification
         focal_baseline = rectification.intrinsics.fx * rectification.baseline
         self._lowest = math.floor(focal_baseline / far)

@@ -13,7 +13,7 @@ from enliven_edge.sensors.attached_cameras import import_library
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
 
 
-def opencv() -> Any:
+def import_opencv() -> Any:
     """Imports the module cv2.
 
     Raises:
@@ -35,7 +35,7 @@ class Rectification:
     """
 
     def __init__(self, calibration: StereoCalibration) -> None:
-        cv = self._cv = opencv()
+        cv = self._cv = import_opencv()
         size = (calibration.width, calibration.height)
         lenses = [
             (each.matrix(), np.array(each.distortion)) for each in (calibration.left, calibration.right)

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
-from enliven_edge.sensors.stereo.rectification import Rectification, opencv
+from enliven_edge.sensors.stereo.rectification import Rectification, import_opencv
 
 _MIN_CORNERS = 8
 """Minimum number of corners that both cameras must see of a board: six fix its pose, the others reveal
@@ -31,7 +31,7 @@ class BoardSighting:
     left: dict[int, Float]
     right: dict[int, Float]
 
-    def common(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
+    def common_corners(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
         """Returns the corners that both cameras see: (N, 3) on the board, (N, 2) and (N, 2) in the images."""
         numbers = sorted(self.left.keys() & self.right.keys())
         left, right = ([side[n] for n in numbers] for side in (self.left, self.right))
@@ -93,8 +93,8 @@ def disparity_offset(
 
     The distance comes from the left image alone, by the board's size in it.
     """
-    cv, lens = opencv(), calibration.left
-    points, left, right = sighting.common(board)
+    cv, lens = import_opencv(), calibration.left
+    points, left, right = sighting.common_corners(board)
     columns = [each[:, 0] for each in _rectify_points(rectification, calibration, left, right)]
     _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
     depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
@@ -115,7 +115,7 @@ def _fit(
     board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]
 ) -> tuple[StereoCalibration, Float]:
     """Returns the calibration from all these sightings, and the error of each, (N,) pixels."""
-    cv = opencv()
+    cv = import_opencv()
     lenses = []
     for side in ("left", "right"):
         side_corners = [getattr(sighting, side) for sighting in used]
@@ -123,7 +123,9 @@ def _fit(
         pixels = [np.array([c[n] for n in sorted(c)], np.float32)[:, None] for c in side_corners]
         _, matrix, distortion, *_ = cv.calibrateCamera(points, pixels, size, None, None)
         lenses += [matrix, np.ravel(distortion)[:5]]
-    common = [[part.astype(np.float32)[:, None] for part in sighting.common(board)] for sighting in used]
+    common = [
+        [part.astype(np.float32)[:, None] for part in sighting.common_corners(board)] for sighting in used
+    ]
     error, *lenses, turn, shift, _, _, _, _, errors = cv.stereoCalibrateExtended(
         *zip(*common, strict=True),
         *lenses,
@@ -145,7 +147,7 @@ def _fit(
     )
     rectification = Rectification(calibration)
     rectified = [
-        _rectify_points(rectification, calibration, *sighting.common(board)[1:]) for sighting in used
+        _rectify_points(rectification, calibration, *sighting.common_corners(board)[1:]) for sighting in used
     ]
     row_errors = np.concatenate([left[:, 1] - right[:, 1] for left, right in rectified])
     epipolar = float(np.sqrt(np.mean(row_errors**2)))
@@ -165,7 +167,7 @@ def _rectify_points(
     camera = rectification.intrinsics
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
-    undistort = opencv().undistortPoints
+    undistort = import_opencv().undistortPoints
     flat_left, flat_right = (
         undistort(pixels[:, None], lens.matrix(), np.array(lens.distortion), R=turn, P=matrix)[:, 0]
         for pixels, lens, turn in sides
@@ -186,11 +188,11 @@ def _cross_validate(board: CalibrationBoard, used: list[BoardSighting], size: tu
 
 def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:
     """Returns the largest angle between two boards' normals, degrees."""
-    cv = opencv()
+    cv = import_opencv()
     lens = calibration.left
     normals = []
     for sighting in used:
-        points, left, _ = sighting.common(board)
+        points, left, _ = sighting.common_corners(board)
         _, turn, _ = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
         normals.append(cv.Rodrigues(turn)[0][:, 2])
     smallest = float(np.min(np.array(normals) @ np.array(normals).T))

@@ -18,9 +18,9 @@ from enliven.person import (
     ROKOKO_PORT,
     Body,
     HumanPose,
-    body_of_human,
-    placements_of_rokoko,
-    turns_of_rokoko,
+    body_from_human_pose,
+    placements_from_rokoko,
+    rotations_from_rokoko,
 )
 from enliven.rotation import normalized
 from enliven.supervision.closeable import Closeable
@@ -110,7 +110,7 @@ class RokokoSensor(StreamSensor[list[HumanPose]]):
             if human.name not in self._ids and len(self._ids) >= _MAX_NAMES:
                 self._ids.pop(next(iter(self._ids)))
             number = self._ids.setdefault(human.name, max(self._ids.values(), default=0) + 1)
-            bodies.append(body_of_human(human, number))
+            bodies.append(body_from_human_pose(human, number))
         return bodies
 
 
@@ -189,7 +189,7 @@ def unpack_rokoko(data: bytes) -> list[HumanPose]:
         while name in names:
             name += "'"
         names.add(name)
-        human = _human(name, (actor.body or {}).items())
+        human = _figure_from_actor(name, (actor.body or {}).items())
         if human is not None:
             humans.append(human)
     return humans
@@ -222,22 +222,22 @@ def _check_version(head: _Head) -> None:
         raise RokokoVersionError(f"JSON of version {shown} came", where="sensor rokoko", remedy=remedy)
 
 
-def _human(name: str, joints: Iterable[tuple[str, _Placement]]) -> HumanPose | None:
+def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> HumanPose | None:
     """Returns the figure of the known joints with usable numbers. None without a hip."""
     rows = {}
     for joint, placement in joints:
         number = _NUMBERS.get(joint)
-        if number is not None and (values := _values(placement)) is not None:
+        if number is not None and (values := _joint_values(placement)) is not None:
             rows[ROKOKO_BONES[number]] = number, values
     if "Hips" not in rows:
         return None
     bones = tuple(HumanPose.ordered(rows))
     numbers = np.array([rows[bone][0] for bone in bones])
-    positions, turns = placements_of_rokoko(np.stack([rows[bone][1] for bone in bones]))
-    return HumanPose(name, bones, positions, turns_of_rokoko(normalized(turns), numbers))
+    positions, turns = placements_from_rokoko(np.stack([rows[bone][1] for bone in bones]))
+    return HumanPose(name, bones, positions, rotations_from_rokoko(normalized(turns), numbers))
 
 
-def _values(placement: _Placement) -> Float | None:
+def _joint_values(placement: _Placement) -> Float | None:
     """Returns (7,) the numbers of a joint, or None if they are not a position and a rotation."""
     at, turn = placement.position, placement.rotation
     values = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)

@@ -59,7 +59,7 @@ class TrackerSensor(StreamSensor[list[Message]]):
     """
 
     def __init__(self, port: int = 9000, host: str = "127.0.0.1", order: str = USUAL_ORDER) -> None:
-        self._places = _places(order)
+        self._places = _joint_by_tracker(order)
         super().__init__("osc-trackers", "trackers", open_osc_port("osc-trackers", port, host))
         self._points: dict[Joint, tuple[Float, float]] = {}
 
@@ -97,7 +97,7 @@ def body_of_points(points: dict[Joint, Float]) -> Body:
     hip, chest = points[Joint.HIP_CENTER], points[Joint.SHOULDER_CENTER]
     up = unit(chest - hip)
     size = float(np.linalg.norm(chest - hip)) / _TRUNK_M
-    across = _left_of(points, up)
+    across = _left_direction(points, up)
     joints = np.empty((len(Joint), 3))
     joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER] = hip, chest
     joints[Joint.SPINE] = hip + _SPINE_FRACTION * (chest - hip)
@@ -124,7 +124,7 @@ def body_of_points(points: dict[Joint, Float]) -> Body:
     return Body(1, joints, confidence)
 
 
-def _left_of(points: dict[Joint, Float], up: Float) -> Float:
+def _left_direction(points: dict[Joint, Float], up: Float) -> Float:
     """Returns the (3,) unit direction to the person's left, from pairs of trackers, or else +X."""
     across = np.zeros(3)
     for name in ("ELBOW", "KNEE", "ANKLE"):
@@ -139,7 +139,7 @@ _SIDE_JOINTS = ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "F
 """Names of the joints of one side of the body."""
 
 
-def _places(order: str) -> dict[str, Joint]:
+def _joint_by_tracker(order: str) -> dict[str, Joint]:
     """Returns the joint of each tracker by its name in the address.
 
     Raises:

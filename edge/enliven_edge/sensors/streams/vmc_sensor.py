@@ -10,7 +10,7 @@ from enliven.errors import InputError
 from enliven.person import (
     Body,
     HumanPose,
-    body_of_human,
+    body_from_human_pose,
     from_unity_position,
     from_unity_rotation,
     standing_offset,
@@ -58,7 +58,7 @@ class VmcSensor(StreamSensor[list[Message]]):
             if address == _STATUS and arguments and isinstance(arguments[0], int):
                 self._is_loaded = arguments[0] != 0
                 counts = counts or not self._is_loaded
-            elif address in (_BONE, _ROOT) and (placed := _placement(arguments)) is not None:
+            elif address in (_BONE, _ROOT) and (placed := _parse_bone_placement(arguments)) is not None:
                 name, place, turn = placed
                 if address == _ROOT:
                     self._root = (place, turn)
@@ -87,10 +87,10 @@ class VmcSensor(StreamSensor[list[Message]]):
             positions.append(start + rotate(above, offset))
             turns.append(multiply(above, own))
         human = HumanPose(self.name, tuple(names), np.stack(positions), np.stack(turns))
-        return [body_of_human(human, 1)]
+        return [body_from_human_pose(human, 1)]
 
 
-def _placement(arguments: list[object]) -> tuple[str, np.ndarray, np.ndarray] | None:
+def _parse_bone_placement(arguments: list[object]) -> tuple[str, np.ndarray, np.ndarray] | None:
     """Returns the name, position and rotation of a bone in enliven's axes. None for unusable arguments."""
     if len(arguments) < 8 or not isinstance(arguments[0], str):
         return None

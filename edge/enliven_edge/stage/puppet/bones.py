@@ -138,14 +138,14 @@ def _trunk_rotations(body: Body, known: Bool) -> tuple[Float, Bool]:
         (j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.HEAD, j.SHOULDER_CENTER),
     )
     for k, (left, right, upper, lower) in enumerate(ends):
-        frame = _frame(at[left] - at[right], at[upper] - at[lower]) if sure[k] else None
+        frame = _frame_from_axes(at[left] - at[right], at[upper] - at[lower]) if sure[k] else None
         sure[k] = frame is not None
         if frame is not None:
             turns[k] = frame
     return turns, sure
 
 
-def _frame(left: Float, up: Float) -> Float | None:
+def _frame_from_axes(left: Float, up: Float) -> Float | None:
     """Returns a (3, 3) rotation with columns left, up, front. None if the vectors are too short."""
     size = float(np.linalg.norm(up))
     if size < _MIN_LENGTH_M:

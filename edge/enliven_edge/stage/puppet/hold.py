@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.examples.spacetime.following import floor_numbers
+from enliven.examples.spacetime.following import complex_from_floor
 from enliven.person import Body, Joint, mirror_body
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length
@@ -64,7 +64,7 @@ class ControlPointHold:
         self._legs = [total + leg_length(body), frames + 1.0]
         at = body.joints[Joint.HIP_CENTER]
         if body.confidence[Joint.HIP_CENTER] > 0 and np.isfinite(at).all():
-            hips = complex(floor_numbers(at))
+            hips = complex(complex_from_floor(at))
             if self._hips is not None:
                 self.way += (hips - self._hips) * legs * self._legs[1] / self._legs[0]
             self._hips = hips

@@ -20,7 +20,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
 from enliven.examples.puppet_motion import State
 from enliven.examples.spacetime.anchoring import stand
-from enliven.examples.spacetime.following import PathFollower, floor_numbers, floor_positions
+from enliven.examples.spacetime.following import PathFollower, complex_from_floor, floor_from_complex
 from enliven.examples.travel import PuppetTravel
 from enliven.person import Body, Joint
 from enliven.skeletons.facing import rotate_about_y
@@ -204,7 +204,7 @@ class Locomotion:
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
-        self._following, self._from = self._new(), (way, complex(floor_numbers(self.root)))
+        self._following, self._from = self._new(), (way, complex(complex_from_floor(self.root)))
 
     def stands(self, state: State) -> Float:
         """Returns (3,) metres, the centre of the feet, rotated by the yaw and moved to the root, without
@@ -218,7 +218,7 @@ class Locomotion:
         """Moves the root, including past roots, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
-        self._from = self._from[0], self._from[1] + complex(floor_numbers(by))
+        self._from = self._from[0], self._from[1] + complex(complex_from_floor(by))
 
     def go(
         self, places: Float, yaw: float, footing: Footing, size: float, way: complex
@@ -251,12 +251,14 @@ class Locomotion:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
-        off = way - self._from[0] - (complex(floor_numbers(root)) - self._from[1])
-        root += floor_positions(self._following.next(off, stands.tolist()))
+        off = way - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
+        root += floor_from_complex(self._following.next(off, stands.tolist()))
         if not self._following.held:
             return places
         out = places.copy()
-        out[self._feet] += rotate_about_y(floor_positions(np.array(self._following.held)), np.asarray(-yaw))
+        out[self._feet] += rotate_about_y(
+            floor_from_complex(np.array(self._following.held)), np.asarray(-yaw)
+        )
         return out
 
     def _move_without_steps(self, turned: Float, root: Float) -> None:

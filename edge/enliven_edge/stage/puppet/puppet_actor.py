@@ -9,12 +9,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints.observed import ObservedPoints
-from enliven.document import Pose, Project, Puppet, character_of_puppet
+from enliven.document import Pose, Project, Puppet, character_from_puppet
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.puppet_examples import examples_of, reference_performer
+from enliven.examples.puppet_examples import examples_from_key_poses, reference_performer
 from enliven.examples.puppet_motion import State, pose_of_state
-from enliven.examples.travel import travel_of
+from enliven.examples.travel import find_travel
 from enliven.person import MIRROR, Body, parse_parts
 from enliven.possession import Actor, Cues, Mode, PoseBlend, make_cues
 from enliven.rotation import rotate
@@ -46,14 +46,14 @@ class PuppetActor(Actor):
     def __init__(self, project: Project, puppet: Puppet, settings: PuppetSettings | None = None) -> None:
         self.settings = settings or PuppetSettings()
         self._project, self._puppet = project, puppet
-        self._examples = examples_of(project, puppet)
+        self._examples = examples_from_key_poses(project, puppet)
         self._retargeting = Retargeting(reference_performer(project, puppet), self._examples.joints)
-        self.character = character_of_puppet(puppet)
+        self.character = character_from_puppet(puppet)
         self.holds: list[ControlPointHold] = []
         can_walk = self.settings.place == "walks"
         feet = [k for k, point in enumerate(puppet.points) if point.foot]
         sides = [side_of_foot(self._retargeting.joints[k]) for k in feet]
-        self._travel = travel_of(project, puppet)
+        self._travel = find_travel(project, puppet)
         how = (1.0 / self.settings.rate, puppet.locomotion, sides, self._travel if can_walk else None)
         locomotion = Locomotion(puppet.rest, feet, *how)
         mapping = ExampleMap(self._examples, puppet.examples)
@@ -126,8 +126,8 @@ class PuppetActor(Actor):
     def cues(self, bodies: list[Body]) -> Cues:
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
-        held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
-        preview = None if body is None else (body.id, self._strengths(self._paired_points(parts)))
+        held = [(hold.body, self._highlight_strengths(hold.points)) for hold in self.holds]
+        preview = None if body is None else (body.id, self._highlight_strengths(self._paired_points(parts)))
         return make_cues(held, preview)
 
     def warm_up(self) -> None:
@@ -155,7 +155,7 @@ class PuppetActor(Actor):
         """Returns the names of the joints that control points are paired with."""
         return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
-    def _strengths(self, points: frozenset[int]) -> Float:
+    def _highlight_strengths(self, points: frozenset[int]) -> Float:
         """Returns (P + 1,) weights, 1 for the transforms of these control points and 0 for the others."""
         strengths = np.zeros(len(self._puppet.points) + 1)
         strengths[[1 + point for point in points]] = 1.0
@@ -193,7 +193,7 @@ class PuppetActor(Actor):
 
     def _update_state(self, time_ns: int, paused: bool) -> None:
         """Updates the state from the holds' last poses."""
-        lead = self._leader()
+        lead = self._leading_hold()
         if lead is not self._lead:
             self._lead, self._yaw_offset = lead, self._state.yaw - lead.yaw
         pose = lead.pose.copy()
@@ -211,7 +211,7 @@ class PuppetActor(Actor):
         else:
             self._state = self._live.advance(time_ns, sample)
 
-    def _leader(self) -> ControlPointHold:
+    def _leading_hold(self) -> ControlPointHold:
         """Returns the hold that moves the puppet through the world: one with a foot, or else the oldest."""
         feet = {k for k, point in enumerate(self._puppet.points) if point.foot}
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])

@@ -14,7 +14,7 @@ from enliven.formats.project.file import read_project
 from enliven.wire import character_to_message
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
-from enliven_edge.stage.puppet.spec import MADE, file_of
+from enliven_edge.stage.puppet.spec import BUILT_IN_PUPPETS, puppet_file
 
 log = logging.getLogger(__name__)
 
@@ -28,8 +28,8 @@ def create_puppet_actor(
     """Returns the actor of a puppet, ready to be driven.
 
     Args:
-        spec: a name in ``MADE``, a session (.toml), or a project (.enliven). If a project has several
-            puppets, append "#" and a name.
+        spec: a name in ``BUILT_IN_PUPPETS``, a session (.toml), or a project (.enliven). If a project has
+            several puppets, append "#" and a name.
         name: the character's id. If empty, the puppet's id is used.
         taken: ids that are already in use. A number is appended to the id if it is among them.
 
@@ -60,10 +60,10 @@ def create_actor_from_project(
 
 
 def _read(spec: str) -> tuple[Project, Puppet]:
-    if spec in MADE:
-        sample = MADE[spec]()
+    if spec in BUILT_IN_PUPPETS:
+        sample = BUILT_IN_PUPPETS[spec]()
         return sample, sample.puppet(spec)
-    file, name = file_of(spec)
+    file, name = puppet_file(spec)
     if file.lower().endswith(".toml"):
         session = read_session(Path(file))
         for note in session.notes:

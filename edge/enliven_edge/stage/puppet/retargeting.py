@@ -17,7 +17,7 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.person import Body, Joint
 from enliven.possession import rotation_about_y
-from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, anatomy_of
+from enliven.skeletons.anatomy import Anatomy, SkeletonLimb, find_anatomy
 from enliven.skeletons.facing import facing_of
 from enliven.takes.capture_clip import BODY_NAMES
 from enliven_edge.stage.puppet.bones import BonePose, Bones
@@ -146,7 +146,7 @@ def _normalise_name(name: str) -> str:
 
 def _similar_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     """Returns the bones paired by anatomy. Bones that are not similar to any of a person's are left out."""
-    anatomy = anatomy_of(skeleton)
+    anatomy = find_anatomy(skeleton)
     bones: dict[int, _Bone] = {}
     _add_trunk(anatomy, bones)
     for pairs, chains, lengths in ((anatomy.arms, ARMS, _ARM), (anatomy.legs, LEGS, _LEG)):

@@ -15,7 +15,7 @@ def _cactus() -> Project:
     return cactus_project()
 
 
-MADE = {"cactus": _cactus}
+BUILT_IN_PUPPETS = {"cactus": _cactus}
 """The puppets that ship with enliven, which are given by name instead of by path."""
 ENDINGS = (".toml", ".enliven")
 """The suffixes of files that a puppet can be read from."""
@@ -24,10 +24,10 @@ ENDINGS = (".toml", ".enliven")
 def is_puppet(spec: str) -> bool:
     """Returns True if a spec names a puppet: a shipped one, a session, or a project with an optional name
     after "#"."""
-    return spec in MADE or Path(file_of(spec)[0]).suffix.lower() in ENDINGS
+    return spec in BUILT_IN_PUPPETS or Path(puppet_file(spec)[0]).suffix.lower() in ENDINGS
 
 
-def file_of(spec: str) -> tuple[str, str]:
+def puppet_file(spec: str) -> tuple[str, str]:
     """Returns the file and the name of the puppet in it. The name is empty if none is given."""
     file, mark, name = spec.rpartition("#")
     return (file, name) if mark and Path(file).suffix.lower() in ENDINGS else (spec, "")

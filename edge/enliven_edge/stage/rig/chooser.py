@@ -93,13 +93,17 @@ class Chooser:
             return []
         return [
             (tuple(int(joint) for joint in chain), target)
-            for chain, target in zip(self._source.chains, self._chains(match), strict=True)
+            for chain, target in zip(self._source.chains, self._chains_for_source(match), strict=True)
             if target
         ]
 
     def targets(self) -> list[tuple[int, ...]]:
         """Returns the character's chains of the picked match."""
-        return [] if self.pick.match is None else [chain for chain in self._chains(self.pick.match) if chain]
+        return (
+            []
+            if self.pick.match is None
+            else [chain for chain in self._chains_for_source(self.pick.match) if chain]
+        )
 
     def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
         """Returns the rows of the best matches with the picked one, and its index. -1 if there are none.
@@ -112,16 +116,16 @@ class Chooser:
         places = list(range(min(self._settings.listed, len(self._ranking))))
         if self.pick.place not in places:
             places.append(self.pick.place)
-        rows = tuple(self._row(self._ranking[place], place, joints) for place in places)
+        rows = tuple(self._match_row(self._ranking[place], place, joints) for place in places)
         return rows, places.index(self.pick.place)
 
-    def _row(self, match: Match, place: int, joints: Float) -> MatchRow:
-        lines = tuple(joints[list(chain)] for chain in self._chains(match))
+    def _match_row(self, match: Match, place: int, joints: Float) -> MatchRow:
+        lines = tuple(joints[list(chain)] for chain in self._chains_for_source(match))
         limbs = () if self._source is None else tuple(limb_number(chain) for chain in self._source.chains)
         name = self._skeleton.names[match.candidate.root]
         return MatchRow(name, place, match.score, lines, limbs, self.body)
 
-    def _chains(self, match: Match) -> list[tuple[int, ...]]:
+    def _chains_for_source(self, match: Match) -> list[tuple[int, ...]]:
         """Returns the character's chain for each branch of the source. Empty for unmatched branches."""
         extend = self._settings.extend
         return [() if b is None else b.extended if extend else b.chain for b in match.pairs]

@@ -103,9 +103,9 @@ class RigActor(ChosenActor):
 
     def cues(self, bodies: list[Body]) -> Cues:
         count = len(self.character.pivots)
-        held = [(hold.body, _strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
+        held = [(hold.body, _highlight_strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
         targets = () if held else self.chooser.targets()
-        preview = (self.chooser.body, _strengths(count, targets)) if targets else None
+        preview = (self.chooser.body, _highlight_strengths(count, targets)) if targets else None
         return make_cues(held, preview)
 
     def board(self) -> MatchList:
@@ -175,7 +175,7 @@ class RigActor(ChosenActor):
         return [pair for pair in current_pairs if pair[0] not in new_limbs]
 
 
-def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
+def _highlight_strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
     """Returns (N,) weights, 1 for the bones of the chains, 0 for the others."""
     strengths = np.zeros(count)
     for chain in chains:

@@ -27,7 +27,7 @@ def mirror_rotations(rotations: Float) -> Float:
     return _SIDE @ rotations[model.MIRROR] @ _SIDE
 
 
-def _middle() -> Float:
+def _range_middles() -> Float:
     """Returns (13, 3, 3) the middle of every range."""
     middle = np.tile(np.eye(3), (13, 1, 1))
     middle[model.CHEST] = rotation(x=0.2)
@@ -47,7 +47,7 @@ def _with_right_side(rotations: Float) -> Float:
     return rotations
 
 
-def _reach() -> Float:
+def _range_half_widths() -> Float:
     """Returns (13, 3) half the width of every range, radians."""
     reach = np.full((13, 3), _NO_LIMIT)
     reach[model.CHEST] = (0.7, 0.75, 0.6)
@@ -63,9 +63,9 @@ def _reach() -> Float:
     return reach
 
 
-MIDDLE = _middle()
+MIDDLE = _range_middles()
 """(13, 3, 3) the middle of each range, parent_from_frame."""
-HALF_RANGES = _reach()
+HALF_RANGES = _range_half_widths()
 """(13, 3) radians, half the width of each range about its middle."""
 
 

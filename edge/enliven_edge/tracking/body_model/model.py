@@ -62,7 +62,7 @@ def lengths_for_height(height: float) -> Float:
     return REFERENCE_LENGTHS * (height / REFERENCE_HEIGHT)
 
 
-def height_of(lengths: Float) -> float:
+def body_height_from_lengths(lengths: Float) -> float:
     """Returns the metres from sole to crown of a person with these (12,) lengths, standing straight."""
     metres: list[float] = lengths.tolist()
     crown, sole = 1.25 * metres[NECK] + 0.095 * metres[GIRTH], 0.35 * metres[FOOT] + 0.03 * metres[GIRTH]
@@ -71,7 +71,7 @@ def height_of(lengths: Float) -> float:
     )
 
 
-def _offset(
+def _offset_from_lengths(
     x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
 ) -> Float:
     """Returns (3, 12) an offset in a frame, each coordinate a linear combination of the lengths."""
@@ -82,16 +82,22 @@ def _offset(
     return offset
 
 
-def _pivots() -> Float:
+def _frame_pivots() -> Float:
     """Returns (13, 3, 12) the pivot of each frame in its parent's frame."""
-    down_arm, down_thigh, down_shin = _offset(y={ARM: -1}), _offset(y={THIGH: -1}), _offset(y={SHIN: -1})
-    shoulder = {side: _offset(x={SHOULDER: side}, y={SPINE_UP: 1, SHOULDER: -0.25}) for side in (1, -1)}
-    hip = {side: _offset(x={HIP: side}, y={HIP: -0.9}) for side in (1, -1)}
+    down_arm, down_thigh, down_shin = (
+        _offset_from_lengths(y={ARM: -1}),
+        _offset_from_lengths(y={THIGH: -1}),
+        _offset_from_lengths(y={SHIN: -1}),
+    )
+    shoulder = {
+        side: _offset_from_lengths(x={SHOULDER: side}, y={SPINE_UP: 1, SHOULDER: -0.25}) for side in (1, -1)
+    }
+    hip = {side: _offset_from_lengths(x={HIP: side}, y={HIP: -0.9}) for side in (1, -1)}
     return np.stack(
         [
-            _offset(),
-            _offset(y={SPINE_LOW: 1}),
-            _offset(y={SPINE_UP: 1}),
+            _offset_from_lengths(),
+            _offset_from_lengths(y={SPINE_LOW: 1}),
+            _offset_from_lengths(y={SPINE_UP: 1}),
             shoulder[1],
             down_arm,
             shoulder[-1],
@@ -129,31 +135,61 @@ def _capsules() -> Capsules:
     for side in (1, -1):
         x = {HIP: 0.95 * side}
         rows.append(
-            (PELVIS, _offset(x, {HIP: -0.7}), _offset(x, {SPINE_LOW: 1.0}), 0.115, 0.105, Joint.HIP_CENTER)
+            (
+                PELVIS,
+                _offset_from_lengths(x, {HIP: -0.7}),
+                _offset_from_lengths(x, {SPINE_LOW: 1.0}),
+                0.115,
+                0.105,
+                Joint.HIP_CENTER,
+            )
         )
         low, high = (
-            _offset({SHOULDER: 0.42 * side}, {SPINE_UP: 0.08}),
-            _offset({SHOULDER: 0.5 * side}, {SPINE_UP: 0.74}),
+            _offset_from_lengths({SHOULDER: 0.42 * side}, {SPINE_UP: 0.08}),
+            _offset_from_lengths({SHOULDER: 0.5 * side}, {SPINE_UP: 0.74}),
         )
         rows.append((CHEST, low, high, 0.10, 0.10, Joint.SPINE))
         inner, outer = (
-            _offset({SHOULDER: 0.15 * side}, {SPINE_UP: 0.93}),
-            _offset({SHOULDER: 0.85 * side}, {SPINE_UP: 0.82}),
+            _offset_from_lengths({SHOULDER: 0.15 * side}, {SPINE_UP: 0.93}),
+            _offset_from_lengths({SHOULDER: 0.85 * side}, {SPINE_UP: 0.82}),
         )
         rows.append((CHEST, inner, outer, 0.065, 0.06, Joint.SHOULDER_CENTER))
-    rows.append((HEAD, _offset(y={NECK: 0.05}), _offset(y={NECK: 0.6}), 0.058, 0.055, Joint.SHOULDER_CENTER))
-    rows.append((HEAD, _offset(y={NECK: 0.85}), _offset(y={NECK: 1.25}), 0.085, 0.095, Joint.HEAD))
+    rows.append(
+        (
+            HEAD,
+            _offset_from_lengths(y={NECK: 0.05}),
+            _offset_from_lengths(y={NECK: 0.6}),
+            0.058,
+            0.055,
+            Joint.SHOULDER_CENTER,
+        )
+    )
+    rows.append(
+        (
+            HEAD,
+            _offset_from_lengths(y={NECK: 0.85}),
+            _offset_from_lengths(y={NECK: 1.25}),
+            0.085,
+            0.095,
+            Joint.HEAD,
+        )
+    )
     arms = ((UPPER_ARM_L, FOREARM_L, Joint.ELBOW_LEFT), (UPPER_ARM_R, FOREARM_R, Joint.ELBOW_RIGHT))
     for upper, fore, elbow in arms:
-        wrist, tip = _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1.3})
-        rows.append((upper, _offset(), _offset(y={ARM: -1}), 0.055, 0.045, elbow))
-        rows.append((fore, _offset(), wrist, 0.045, 0.033, elbow + 1))
+        wrist, tip = _offset_from_lengths(y={FORE: -1}), _offset_from_lengths(y={FORE: -1, HAND: -1.3})
+        rows.append((upper, _offset_from_lengths(), _offset_from_lengths(y={ARM: -1}), 0.055, 0.045, elbow))
+        rows.append((fore, _offset_from_lengths(), wrist, 0.045, 0.033, elbow + 1))
         rows.append((fore, wrist, tip, 0.037, 0.03, elbow + 2))
     legs = ((THIGH_L, Joint.KNEE_LEFT), (THIGH_R, Joint.KNEE_RIGHT))
     for thigh, knee in legs:
-        rows.append((thigh, _offset(), _offset(y={THIGH: -1}), 0.085, 0.058, knee))
-        rows.append((thigh + 1, _offset(), _offset(y={SHIN: -1}), 0.055, 0.042, knee + 1))
-        heel, toe = _offset(y={FOOT: -0.28}, z={FOOT: -0.25}), _offset(y={FOOT: -0.35}, z={FOOT: 1.0})
+        rows.append((thigh, _offset_from_lengths(), _offset_from_lengths(y={THIGH: -1}), 0.085, 0.058, knee))
+        rows.append(
+            (thigh + 1, _offset_from_lengths(), _offset_from_lengths(y={SHIN: -1}), 0.055, 0.042, knee + 1)
+        )
+        heel, toe = (
+            _offset_from_lengths(y={FOOT: -0.28}, z={FOOT: -0.25}),
+            _offset_from_lengths(y={FOOT: -0.35}, z={FOOT: 1.0}),
+        )
         rows.append((thigh + 2, heel, toe, 0.04, 0.03, knee + 2))
     frame, a, b, ra, rb, joint = zip(*rows, strict=True)
     return Capsules(
@@ -164,15 +200,22 @@ def _capsules() -> Capsules:
     )
 
 
-def _joints() -> tuple[Int, Float]:
+def _joint_offsets() -> tuple[Int, Float]:
     """Returns (20,) frames and (20, 3, 12) offsets of the tracked joints.
 
     A tracked joint is some centimetres away from the model's pivot. The back bends below the spine joint, and
     the middle of the head lies in front of the neck's end.
     """
-    zero, wrist, hand = _offset(), _offset(y={FORE: -1}), _offset(y={FORE: -1, HAND: -1})
-    ankle, toe = _offset(y={SHIN: -1.05}), _offset(y={FOOT: -0.4}, z={FOOT: 0.88})
-    spine, head = _offset(y={SPINE_UP: 0.12}), _offset(y={NECK: 1.1}, z={NECK: 0.07})
+    zero, wrist, hand = (
+        _offset_from_lengths(),
+        _offset_from_lengths(y={FORE: -1}),
+        _offset_from_lengths(y={FORE: -1, HAND: -1}),
+    )
+    ankle, toe = _offset_from_lengths(y={SHIN: -1.05}), _offset_from_lengths(y={FOOT: -0.4}, z={FOOT: 0.88})
+    spine, head = (
+        _offset_from_lengths(y={SPINE_UP: 0.12}),
+        _offset_from_lengths(y={NECK: 1.1}, z={NECK: 0.07}),
+    )
     rows = [(PELVIS, zero), (CHEST, spine), (HEAD, zero), (HEAD, head)]
     for upper, fore in ((UPPER_ARM_L, FOREARM_L), (UPPER_ARM_R, FOREARM_R)):
         rows += [(upper, zero), (fore, zero), (fore, wrist), (fore, hand)]
@@ -181,11 +224,11 @@ def _joints() -> tuple[Int, Float]:
     return np.array([f for f, _ in rows]), np.stack([o for _, o in rows])
 
 
-PIVOTS = _pivots()
+PIVOTS = _frame_pivots()
 """(13, 3, 12) the pivot of each frame in its parent's frame, linear in the lengths."""
 CAPSULES = _capsules()
 """The 20 capsules of the body's surface."""
-JOINT_FRAMES, JOINT_OFFSETS = _joints()
+JOINT_FRAMES, JOINT_OFFSETS = _joint_offsets()
 """(20,) the frame of each tracked joint, and (20, 3, 12) its position in that frame, linear in the
 lengths."""
 

@@ -132,7 +132,7 @@ def _rays(pixels, camera):
     return rays
 
 
-def agreement(network_output: EstimateAtPoints, posture: Posture) -> float:
+def network_agreement(network_output: EstimateAtPoints, posture: Posture) -> float:
     """Returns the mean network probability in [0, 1] of the body parts that the posture has at the points.
 
     Comparing a posture with its flipped version distinguishes front from back, and left from right.
@@ -144,7 +144,7 @@ def agreement(network_output: EstimateAtPoints, posture: Posture) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _agreement(surface, shown, capsule_parts, ends, radii):
-    """Computes :func:`agreement`.
+    """Computes :func:`network_agreement`.
 
     The arrays come from :class:`EstimateAtPoints` and :meth:`Posture.capsules`.
 
@@ -168,7 +168,7 @@ def facing_score(network_output: EstimateAtPoints, posture: Posture, eye: Float)
     It is interpolated between the eight directions of the network. A prior is added that favours directions
     towards the sensor.
     """
-    return float(facing_log_probability(network_output.estimate.facing, facing(posture, eye)))
+    return float(facing_log_probability(network_output.estimate.facing, chest_facing(posture, eye)))
 
 
 @njit(cache=True, nogil=True)
@@ -177,7 +177,7 @@ def facing_log_probability(ways, angle):
 
     Args:
         ways: (8,) log probabilities of the facing directions.
-        angle: radians, as returned by :func:`facing`.
+        angle: radians, as returned by :func:`chest_facing`.
     """
     turns = angle * FACINGS / (2.0 * np.pi)
     before = int(np.floor(turns))
@@ -186,7 +186,7 @@ def facing_log_probability(ways, angle):
     return likely - ways.max() + _FACING_PRIOR * np.cos(angle)
 
 
-def facing(posture: Posture, eye: Float) -> float:
+def chest_facing(posture: Posture, eye: Float) -> float:
     """Returns the chest's horizontal facing in radians: 0 towards the sensor, anticlockwise from above."""
     return float(_facing(posture.rotations, posture.position, eye))
 

@@ -16,7 +16,7 @@ from enliven_edge.tracking.detect.appearance import (
     EstimateAtPoints,
     flip_posture,
 )
-from enliven_edge.tracking.detect.extremities import extremities
+from enliven_edge.tracking.detect.extremities import find_extremities
 from enliven_edge.tracking.detect.fit_quality import implausibility_cost, likely_builds
 from enliven_edge.tracking.detect.hypotheses import bank_starts, pose_from_estimate, standing_starts
 from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator
@@ -245,7 +245,7 @@ def _create_hypotheses(
     builds = [lengths] if lengths is not None else likely_builds(observation, height)
     by_estimate = [pose_from_estimate(estimate, build) for build in builds for estimate in by_facing]
     yield _POSTURE_COST * len(builds)
-    ends = extremities(z, mask, camera, pose)
+    ends = find_extremities(z, mask, camera, pose)
     yield _EXTREMITIES_COST
     banked = bank_starts(
         observation, ends, eye, builds[0], _EXTRA_BANK_HYPOTHESES if by_facing else _BANK_HYPOTHESES

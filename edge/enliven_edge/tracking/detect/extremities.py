@@ -37,7 +37,7 @@ class Extremities:
     far: Float
 
 
-def extremities(
+def find_extremities(
     z: Float, mask: Bool, camera: Float, pose: Float, count: int = 6, nearest: float = 0.25
 ) -> Extremities:
     """Finds at most ``count`` extremities, each farther than ``nearest`` metres from all previous ones.

@@ -21,9 +21,9 @@ from enliven_edge.tracking.body_model.posture import (
 from enliven_edge.tracking.detect.appearance import (
     DISAGREEMENT_COST,
     EstimateAtPoints,
-    agreement,
     facing_log_probability,
     facing_score,
+    network_agreement,
 )
 from enliven_edge.tracking.estimator.labels import facing_in_plan
 from enliven_edge.tracking.fit.fit import FitReport
@@ -145,7 +145,7 @@ _SAME_STATURE_RATIO = 0.08
 compensate."""
 
 
-def cost(
+def total_fit_cost(
     report: FitReport, posture: Posture, network_output: EstimateAtPoints | None, eye: Float, height: float
 ) -> float:
     """Returns the total cost of a fitted posture, square centimetres per point.
@@ -164,17 +164,21 @@ def implausibility_cost(
     It is the sum of four costs: points that the network assigns to other parts, a facing unlike the
     network's, leaning backward, and a stature far from the likeliest.
     """
-    stature_deviation = ((model.height_of(posture.lengths) - height) / _STATURE_SPREAD_M) ** 2
+    stature_deviation = ((model.body_height_from_lengths(posture.lengths) - height) / _STATURE_SPREAD_M) ** 2
     stature = _STATURE_COST * stature_deviation / (stature_deviation + 2.0) + _LEAN_COST * float(
         leaning_backward(posture.rotations)
     )
     if network_output is None:
         return stature
     facing = facing_score(network_output, posture, eye)
-    return stature + DISAGREEMENT_COST * (1.0 - agreement(network_output, posture)) - _FACING_COST * facing
+    return (
+        stature
+        + DISAGREEMENT_COST * (1.0 - network_agreement(network_output, posture))
+        - _FACING_COST * facing
+    )
 
 
-def quality(report: FitReport) -> float:
+def fit_quality(report: FitReport) -> float:
     """Returns the fraction of points explained minus the fraction of the model seen through, up to 1."""
     return report.explained - report.seen_through
 

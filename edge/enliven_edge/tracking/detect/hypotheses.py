@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int
-from enliven.matching.assignment import least_cost
+from enliven.matching.assignment import solve_assignment
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.capsules import misfits
@@ -271,7 +271,7 @@ def _reach_extremities(posture: Posture, ends: Extremities, eye: Float) -> Postu
     inward = ends.points - eye
     targets = ends.points + _BEHIND_TIP * inward / np.linalg.norm(inward, axis=1, keepdims=True)
     distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
-    limb, extremity = least_cost(np.minimum(distance, _MAX_EXTREMITY_DISTANCE_M))
+    limb, extremity = solve_assignment(np.minimum(distance, _MAX_EXTREMITY_DISTANCE_M))
     matched = distance[limb, extremity] < _MAX_EXTREMITY_DISTANCE_M
     frames = np.concatenate([_END_FRAMES[limb[matched]], [model.PELVIS]])
     local = np.concatenate([_ENDS[limb[matched]], _HIPS])

@@ -18,12 +18,12 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import (
     DISAGREEMENT_COST,
     EstimateAtPoints,
-    agreement,
     flip_posture,
+    network_agreement,
 )
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
 from enliven_edge.tracking.detect.backoff import Backoff
-from enliven_edge.tracking.detect.fit_quality import quality
+from enliven_edge.tracking.detect.fit_quality import fit_quality
 from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, align_to_estimate, pose_from_estimate
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
 from enliven_edge.tracking.frame.observation import Observation
@@ -78,7 +78,7 @@ _MAX_LIMB_INTERVAL = 6
 """Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
 trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
 _DOUBTFUL_QUALITY = 0.9
-"""Minimum quality, see :func:`fit_quality.quality`. Below it the whole body is doubtful."""
+"""Minimum quality, see :func:`fit_quality.fit_quality`. Below it the whole body is doubtful."""
 _YAWS = (0.8, -0.8)
 """Rotations in radians at which a whole body is tried: about 45 degrees to either side."""
 _ANKLE = 0.04
@@ -118,7 +118,7 @@ class PoseRecovery:
             arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._find_doubtful_limbs(posture, confidence)
-        is_body_doubtful = quality(report) < _DOUBTFUL_QUALITY
+        is_body_doubtful = fit_quality(report) < _DOUBTFUL_QUALITY
         has_disagreement = (
             network_output is not None and network_output.estimate.count_disagreeing(posture.joints()) > 0
         )
@@ -183,8 +183,8 @@ class PoseRecovery:
         term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
         present_cost, candidate_cost = (
-            cost(same, posture, network_output),
-            cost(candidate[1], candidate[0], network_output),
+            total_recovery_cost(same, posture, network_output),
+            total_recovery_cost(candidate[1], candidate[0], network_output),
         )
         return (
             candidate_cost < max_cost_ratio * present_cost
@@ -238,10 +238,14 @@ class PoseRecovery:
         return start
 
 
-def cost(report: FitReport, posture: Posture, network_output: EstimateAtPoints | None) -> float:
+def total_recovery_cost(
+    report: FitReport, posture: Posture, network_output: EstimateAtPoints | None
+) -> float:
     """Returns the fit's energy plus the disagreement with the network, square centimetres per point."""
     return report.energy + (
-        0.0 if network_output is None else DISAGREEMENT_COST * (1.0 - agreement(network_output, posture))
+        0.0
+        if network_output is None
+        else DISAGREEMENT_COST * (1.0 - network_agreement(network_output, posture))
     )
 
 

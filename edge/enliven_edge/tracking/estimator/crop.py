@@ -127,8 +127,8 @@ def crop_person(
             scale.
         raised: for training: metres added to the height above the floor.
     """
-    axes = _upright(world_from_camera)
-    low, high, depth = _extent(z, mask, camera, axes)
+    axes = _upright_axes(world_from_camera)
+    low, high, depth = _person_extent(z, mask, camera, axes)
     displacement = np.zeros(4) if shift is None else shift
     depth = max(0.2, depth + float(displacement[2]))
     centre = 0.5 * (low + high) + displacement[:2] / depth
@@ -139,7 +139,7 @@ def crop_person(
     return Crop(image, depth, cell, axes, centre)
 
 
-def _upright(world_from_camera: Float) -> Float:
+def _upright_axes(world_from_camera: Float) -> Float:
     """Returns (2, 2) the image directions right and down of a person that stands upright in the world."""
     x, y = float(world_from_camera[1, 0]), float(world_from_camera[1, 1])
     length = math.hypot(x, y)
@@ -149,7 +149,7 @@ def _upright(world_from_camera: Float) -> Float:
     return np.array([[-y, x], [-x, -y]])
 
 
-def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
+def _person_extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Float, float]:
     """Returns the person's (2,) minimum and maximum along the axes at unit depth, and its median depth."""
     ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
     count = ordered.shape[1]

@@ -78,7 +78,7 @@ class Estimate:
         return self._landmarks(_MIN_SPREAD_M)
 
     @property
-    def guides(self) -> Float:
+    def weak_landmarks(self) -> Float:
         """Returns (20, 5) landmarks with lower weights than :attr:`landmarks`, for fits to depth."""
         return self._landmarks(_MIN_FUSED_SPREAD_M)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
-from enliven.camera import Intrinsics, rays
+from enliven.camera import Intrinsics, pixel_rays
 from enliven.kernels import HeldArguments, hold, njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame.reduction import reduce_depth
@@ -33,7 +33,7 @@ class WorkingCamera:
         h, w = intrinsics.height // self.stride, intrinsics.width // self.stride
         scaled = intrinsics.scaled(1.0 / self.stride)
         self.intrinsics = Intrinsics(w, h, scaled.fx, scaled.fy, scaled.cx, scaled.cy, scaled.distortion)
-        self.ray = np.ascontiguousarray(rays(self.intrinsics))
+        self.ray = np.ascontiguousarray(pixel_rays(self.intrinsics))
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
 
     def reduce(self, depth: UInt16) -> Float:
@@ -209,7 +209,7 @@ def nearest_pixel(v, u, nearest):
     return row, column
 
 
-def observe(
+def observe_person(
     z: Float, surface: Float, mask: Bool, camera: WorkingCamera, world_from_camera: Float, points: int
 ) -> Observation:
     """Returns the observation of the masked person.

@@ -33,7 +33,7 @@ class DepthSurvey:
     image_hash: int
 
 
-def survey(depth: UInt16) -> DepthSurvey:
+def measure_depth_image(depth: UInt16) -> DepthSurvey:
     """Returns the statistics of an (H, W) uint16 depth image in millimetres. 0 and 65535 are unknown."""
     height, width = depth.shape
     step = max(1, round((height * width / _SAMPLES) ** 0.5))

@@ -22,7 +22,7 @@ _UPSIDE_DOWN_COSINE = -0.5
 """Cosine between assumed and measured gravity below which a sensor hangs upside down: 120 degrees."""
 
 
-def judge_condition(
+def check_condition(
     alarms: Alarms, condition: Condition, world_from_camera: Float, floor_known: bool, now: int
 ) -> None:
     """Updates the alarms of a device.

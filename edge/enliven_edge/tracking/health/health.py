@@ -14,9 +14,9 @@ from enliven.person import Body
 from enliven.settings import parameter, setting
 from enliven_edge.sensors import CHECK_IT, Condition
 from enliven_edge.tracking.frame.frame_check import FrameCheck, FrameTiming
-from enliven_edge.tracking.frame.reduction import DepthSurvey, survey
+from enliven_edge.tracking.frame.reduction import DepthSurvey, measure_depth_image
 from enliven_edge.tracking.health.alarm import Alarms
-from enliven_edge.tracking.health.device_health import judge_condition
+from enliven_edge.tracking.health.device_health import check_condition
 from enliven_edge.tracking.health.framing import WATCHED, find_cut_off, find_touching
 
 _FROZEN_NS = 700_000_000
@@ -184,11 +184,13 @@ class HealthMonitor:
             self._late_ns = self._now_ns
         now = self._now_ns
         self._alarms.update(HealthKind.NO_FRAMES, False, now)
-        self._judge_frame_rate(now)
-        depth_survey = survey(frame.depth) if is_usable and isinstance(frame, DepthFrame) else None
-        self._judge_freeze(depth_survey, now)
+        self._check_frame_rate(now)
+        depth_survey = (
+            measure_depth_image(frame.depth) if is_usable and isinstance(frame, DepthFrame) else None
+        )
+        self._check_freeze(depth_survey, now)
         if depth_survey is not None:
-            self._judge_image(depth_survey, now)
+            self._check_image(depth_survey, now)
         self._alarms.log_changes()
         return is_usable
 
@@ -223,23 +225,23 @@ class HealthMonitor:
         """
         now = frame.time_ns
         if tracker is not None:
-            self._judge_tracker(tracker, now)
+            self._check_tracker(tracker, now)
         touching = (tracker.joined if tracker is not None else ()) or find_touching(bodies)
         names = " and ".join(str(i) for i in sorted(touching))
         self._alarms.update(HealthKind.JOINED, len(touching) > 1, now, names=names)
         # Do not check the confidences of fused bodies, or of sensors that track people themselves.
         if isinstance(frame, DepthFrame):
             for body in bodies:
-                self._judge_body(body, now)
+                self._check_body(body, now)
                 if world_from_camera is not None:
-                    self._judge_place(body, frame.intrinsics, world_from_camera, now)
+                    self._check_place(body, frame.intrinsics, world_from_camera, now)
         self._alarms.keep_present({body.id for body in bodies})
         self._alarms.log_changes()
 
-    def judge_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Checks the device's own report, see :func:`judge_condition`. None: there is no report."""
+    def check_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
+        """Checks the device's own report, see :func:`check_condition`. None: there is no report."""
         if condition is not None:
-            judge_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
+            check_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
@@ -253,7 +255,7 @@ class HealthMonitor:
             self._alarms.update(each, wrong, self._now_ns, why=reason.rstrip("."), remedy=do.rstrip("."))
         self._alarms.log_changes()
 
-    def _judge_frame_rate(self, now: int) -> None:
+    def _check_frame_rate(self, now: int) -> None:
         rate, lost = self._timing.rate, self._timing.lost_fraction
         slow = self._alarms.is_too_low(
             HealthKind.SLOW, rate, _SLOW_CLEARED_RATE * self._fps, _SLOW_RATE * self._fps
@@ -265,7 +267,7 @@ class HealthMonitor:
         is_late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_SHOWN_NS
         self._alarms.update(HealthKind.OUT_OF_ORDER, is_late, now, count=self._timing.late)
 
-    def _judge_freeze(self, depth_survey: DepthSurvey | None, now: int) -> None:
+    def _check_freeze(self, depth_survey: DepthSurvey | None, now: int) -> None:
         """Checks whether the sensor repeats the same image or the same time."""
         if depth_survey is not None:
             is_same = depth_survey.image_hash == self._mark and depth_survey.usable_fraction > 0
@@ -274,7 +276,7 @@ class HealthMonitor:
         is_still = self._same > _FROZEN_FRAMES and now - self._same_ns >= _FROZEN_NS
         self._alarms.update(HealthKind.FROZEN, is_still or self._timing.repeated >= _REPEATED_FRAMES, now)
 
-    def _judge_image(self, depth_survey: DepthSurvey, now: int) -> None:
+    def _check_image(self, depth_survey: DepthSurvey, now: int) -> None:
         covered = self._alarms.is_too_low(
             HealthKind.COVERED, depth_survey.usable_fraction, _UNCOVERED_DEPTH, _COVERED_DEPTH
         )
@@ -304,7 +306,7 @@ class HealthMonitor:
 
     # --- the tracker and the performers --------------------------------------------------------------------
 
-    def _judge_tracker(self, tracker: TrackerState, now: int) -> None:
+    def _check_tracker(self, tracker: TrackerState, now: int) -> None:
         if tracker.moved:
             self._moved_ns = now
         moved = self._moved_ns is not None and 0 <= now - self._moved_ns < _MOVED_SHOWN_NS
@@ -312,7 +314,7 @@ class HealthMonitor:
         self._alarms.update(HealthKind.NO_FLOOR, not tracker.floor_known, now)
         self._alarms.update(HealthKind.LEARNING_ROOM, tracker.room_age < _LEARNING_S, now)
 
-    def _judge_body(self, body: Body, now: int) -> None:
+    def _check_body(self, body: Body, now: int) -> None:
         confidence = float(body.confidence.mean())
         limit = _MIN_CONFIDENCE
         unclear = self._alarms.is_too_low(
@@ -320,7 +322,7 @@ class HealthMonitor:
         )
         self._alarms.update(HealthKind.UNCLEAR, unclear, now, body.id)
 
-    def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
+    def _check_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
         """Checks whether a performer is too near, too far, or cut off by the image border."""
         local = (body.joints[WATCHED] - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]
         distance = float(local[0, 2])

@@ -54,13 +54,13 @@ _UNSEEN_FRACTION = 0.99
 rounding."""
 
 
-def confidence(evidence: Float, *, alone: bool = False) -> Float:
+def joint_confidences(evidence: Float, *, alone: bool = False) -> Float:
     """Returns (20,) in [0, 1] from (20, 17) evidence.
 
     The confidence of a joint is 0 if its bone is completely outside the image.
 
     Args:
-        evidence: as returned by :func:`evidence.evidence`.
+        evidence: as returned by :func:`evidence.joint_evidence`.
         alone: whether the fit used depth alone, without the network.
     """
     return np.asarray(_logistic(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
@@ -79,7 +79,7 @@ def limit_when_seated(sure: Float, posture: Posture) -> Float:
 
 @njit(cache=True, nogil=True)
 def _logistic(evidence, weights):
-    """Computes the (J,) logistic function of (J, F) evidence with (J, F) weights, for :func:`confidence`."""
+    """Computes (J,) the logistic function of (J, F) evidence and weights, for :func:`joint_confidences`."""
     out = np.empty(len(evidence))
     for j in range(len(evidence)):
         score = 0.0
@@ -93,10 +93,10 @@ def _logistic(evidence, weights):
 @cache
 def _weights_of_joints(table_name: str) -> Float:
     """Returns (20, 17) the weights of each joint's group."""
-    return np.ascontiguousarray(_weights(table_name)[GROUP_OF_JOINT])
+    return np.ascontiguousarray(_evidence_weights(table_name)[GROUP_OF_JOINT])
 
 
-def _weights(table_name: str) -> Float:
+def _evidence_weights(table_name: str) -> Float:
     """Returns (12, 17) weights ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
     text = files("enliven_edge.assets").joinpath("confidence.json").read_text()
     table = json.loads(text)[table_name]

@@ -36,7 +36,7 @@ NAMES = (
     "spread",
     "apart",
 )
-"""Names of the columns of :func:`evidence`. Columns with "beside" belong to the
+"""Names of the columns of :func:`joint_evidence`. Columns with "beside" belong to the
 neighbouring bone. The last two columns come from the network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
 _JOINT_TOLERANCE_M = 0.02
@@ -85,7 +85,7 @@ def _held_model() -> HeldArguments:
     return hold((_SKELETON, _SURFACE, _TURNS, _JOINTS, _FIRST, _SECOND))
 
 
-def evidence(
+def joint_evidence(
     posture: Posture,
     report: FitReport,
     observation: Observation,
@@ -113,7 +113,7 @@ def _evidence(
     observed, body, position, rotations, lengths, information, support, violated, explained, unsupported,
     seen, spread,
 ):  # fmt: skip
-    """Computes (20, 17) for :func:`evidence`.
+    """Computes (20, 17) for :func:`joint_evidence`.
 
     ``observed`` and ``body`` are reusable kernel arguments, ``body`` from :func:`_held_model`.
     """
@@ -131,7 +131,7 @@ def _evidence(
 def assemble_evidence(
     shares, support, violated, explained, loose, unsupported, joints, seen, spread, first, second
 ):
-    """Assembles (20, 17) for :func:`evidence`.
+    """Assembles (20, 17) for :func:`joint_evidence`.
 
     Args:
         shares: (C, 4) from :func:`capsule_visibility`.

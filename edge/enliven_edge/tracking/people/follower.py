@@ -7,15 +7,15 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture, predict_next
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, chest_facing
 from enliven_edge.tracking.detect.detection import detect, estimates_by_facing
-from enliven_edge.tracking.detect.fit_quality import Facing, cost, quality
+from enliven_edge.tracking.detect.fit_quality import Facing, fit_quality, total_fit_cost
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.estimator.estimator import shipped_estimator
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
 from enliven_edge.tracking.frame.observation import FrameView, Observation
-from enliven_edge.tracking.people.confidence import confidence, limit_when_seated
-from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
+from enliven_edge.tracking.people.confidence import joint_confidences, limit_when_seated
+from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, joint_evidence
 from enliven_edge.tracking.people.redetection import (
     Redetection,
     add_guides,
@@ -163,7 +163,7 @@ class Follower:
             by_facing = yield from estimates_by_facing(network, network_output.estimate, pose)
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, network_output, by_facing)
-        if quality(report) < _MIN_DETECTION_QUALITY:
+        if fit_quality(report) < _MIN_DETECTION_QUALITY:
             bare = pixels & pixels_near_bodies(view, [posture], 0.0, _CLOTHES_DISTANCE_M)
             # Search again without the pixels of objects that touch the person, such as a table.
             if entire or not _MIN_BARE_FRACTION < bare.sum() / pixels.sum() < 1.0:
@@ -174,7 +174,7 @@ class Follower:
             1.0 if network_output is None else network_output.estimate.person_probability
         )
         follower._update_evidence(report, observation, network_output)
-        return follower, quality(report)
+        return follower, fit_quality(report)
 
     @property
     def redetecting(self) -> bool:
@@ -210,7 +210,7 @@ class Follower:
         observation = create_observation(view, pixels, self.settings)
         network_output = None
         if self.settings.estimator:
-            network_output = run_network(view, pixels, observation, facing(predicted, view.eye))
+            network_output = run_network(view, pixels, observation, chest_facing(predicted, view.eye))
             self.person_probability = network_output.estimate.person_probability
             observation = add_guides(observation, network_output, self.settings.fit.affinity)
         posture, report = self._fit_frame(observation, predicted, self._length_weights())
@@ -232,7 +232,7 @@ class Follower:
             network_output = (
                 None if network_output is None else estimate_with_facing(posture, network_output, view)
             )
-        is_bad = quality(report) <= _BAD_QUALITY
+        is_bad = fit_quality(report) <= _BAD_QUALITY
         if is_bad and not self._count_bad_frame() and self.lost:
             return False
         self._before, self.posture = (None if flipped or redetected else self.posture), posture
@@ -270,7 +270,7 @@ class Follower:
         """
         self._since_detected += 1
         height = self.settings.body_height
-        current_cost = cost(report, posture, network_output, eye, height)
+        current_cost = total_fit_cost(report, posture, network_output, eye, height)
         plain = observation.with_guides(_NO_AFFINITY, _NO_LANDMARKS)
         # Start a detection if the tracking is doubtful and the waiting time is over.
         if self._redetection is None:
@@ -292,7 +292,7 @@ class Follower:
         # present frame.
         is_better = (
             detection is not None
-            and cost(detection[1], detection[0], under_way.network_output, eye, height)
+            and total_fit_cost(detection[1], detection[0], under_way.network_output, eye, height)
             <= _MAX_COST_RATIO * under_way.cost
         )
         if detection is not None and is_better and under_way.observation is not observation:
@@ -300,7 +300,7 @@ class Follower:
                 detection[0], posture.position - under_way.posture.position, plain
             )
             is_better = (
-                cost(detection[1], detection[0], network_output, eye, height)
+                total_fit_cost(detection[1], detection[0], network_output, eye, height)
                 <= _MAX_COST_RATIO * current_cost
             )
         if not is_better:
@@ -347,12 +347,12 @@ class Follower:
     ) -> None:
         """Computes the frame's evidence for and against every joint, and updates the confidence."""
         estimate = None if network_output is None else network_output.estimate
-        self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
+        self.evidence = joint_evidence(self.posture, report, observation, self._unsupported, estimate)
         supported = (self.evidence[:, _VISIBLE] > _MIN_VISIBLE_BONE) & (
             self.evidence[:, _SUPPORT] > _MIN_SUPPORT
         )
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
-        joint_confidence = confidence(self.evidence, alone=network_output is None)
+        joint_confidence = joint_confidences(self.evidence, alone=network_output is None)
         self.confidence = limit_when_seated(joint_confidence, self.posture)
 
     def _length_weights(self) -> Float | None:

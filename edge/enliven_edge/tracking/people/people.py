@@ -140,7 +140,7 @@ class MultiPersonTracker:
         self.track_manager.segmented = list(self.people)
         if self._blind_ns is not None and not frozen:
             if view.time_ns - self._blind_ns > _LONG_BLIND_NS:
-                self._refind_all(self._blind_ns, view, segments)
+                self._redetect_all(self._blind_ns, view, segments)
                 expected = [p.predict_posture() for p in self.people]
             self._blind_ns = None
         fitted = self._choose_fitted()
@@ -171,27 +171,27 @@ class MultiPersonTracker:
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION_BUDGET * whole / len(redetecting))
-        self.finder.allot(Budget(whole))
+        self.finder.set_budget(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
         """Handles a frame of a covered lens: treats all people as hidden."""
         for person in list(self.people):
             person.hide(view.time_ns)
-            if person.hidden_for(view.time_ns) > _MAX_HIDDEN_S:
+            if person.seconds_hidden(view.time_ns) > _MAX_HIDDEN_S:
                 self.track_manager.leave(person, view.time_ns)
         self.track_manager.segmented = list(self.people)
         return segment_people(view, kind, [])
 
-    def _refind_all(self, blind_ns: int, view: FrameView, segments: Segments) -> None:
+    def _redetect_all(self, blind_ns: int, view: FrameView, segments: Segments) -> None:
         """Searches for every person after a covered or frozen image that began at ``blind_ns``."""
         for k, person in enumerate(self.track_manager.segmented):
             person.seen_ns = min(person.seen_ns, blind_ns)
-            self._refind(person, k, view, segments)
+            self._redetect(person, k, view, segments)
 
-    def _refind(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
+    def _redetect(self, person: Person, k: int, view: FrameView, segments: Segments) -> None:
         """Detects a person again in any posture around the last place, after a time without usable images."""
         pixels = segments.pixels(k)
-        reach = person.uncertainty(view.time_ns)
+        reach = person.search_radius(view.time_ns)
         for group in segments.loose:
             places = [p.place for p in self.track_manager.segmented]
             distances = [float(np.linalg.norm((group.centre - place)[[0, 2]])) for place in places]
@@ -280,7 +280,7 @@ class MultiPersonTracker:
                 self._reject(person, view.time_ns)
         else:
             person.move_with_pixels(view, visibility.pixels)
-        if person.hidden_for(view.time_ns) > _MAX_HIDDEN_S and person in self.people:
+        if person.seconds_hidden(view.time_ns) > _MAX_HIDDEN_S and person in self.people:
             self.track_manager.leave(person, view.time_ns)
 
     def _reject(self, person: Person, time_ns: int) -> None:

@@ -67,7 +67,7 @@ class PeopleFinder:
         self._search.stop()
         self._first_budget = frame_budget(self.settings.search.first_fits, None)
 
-    def allot(self, budget: Budget) -> None:
+    def set_budget(self, budget: Budget) -> None:
         """Sets the budget of the search in this frame."""
         self._budget = budget
 

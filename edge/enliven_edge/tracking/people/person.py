@@ -150,11 +150,11 @@ class Person:
         """Returns True if the person was not visible in the last frame."""
         return self.hidden_ns is not None
 
-    def hidden_for(self, time_ns: int) -> float:
+    def seconds_hidden(self, time_ns: int) -> float:
         """Returns the seconds since the person became hidden. 0 while visible."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
 
-    def uncertainty(self, time_ns: int) -> float:
+    def search_radius(self, time_ns: int) -> float:
         """Returns the radius in metres around the last place to search for the person.
 
         It grows while the person is hidden.
@@ -184,7 +184,7 @@ class Person:
 
     def move_with_pixels(self, view: FrameView, pixels: Bool) -> None:
         """Moves the posture with the mean of the person's pixels, instead of fitting the frame."""
-        centre = _centre(view, pixels)
+        centre = _mean_point(view, pixels)
         if centre is not None and self._centre is not None:
             step = centre - self._centre
             step[1] = 0.0
@@ -234,7 +234,7 @@ class Person:
         self._centre = None
         if self._turn % _MEASURE_INTERVAL != 1 and self.measurements.weight > _NEW_PERSON_FRAMES:
             return
-        self._centre = _centre(view, pixels)
+        self._centre = _mean_point(view, pixels)
         if whole:
             crown = self._crown_height(view, pixels) if view.has_floor else None
             self.measurements.update(self.follower.posture.lengths, crown)
@@ -266,7 +266,7 @@ class Person:
         return float(quantile(np.sort(heights), 0.99)) if len(heights) > 20 else None
 
 
-def _centre(view: FrameView, pixels: Bool) -> Float | None:
+def _mean_point(view: FrameView, pixels: Bool) -> Float | None:
     """Returns the (3,) mean of a person's points. None if there are too few."""
     if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
         return None

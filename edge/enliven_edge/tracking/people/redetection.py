@@ -6,12 +6,17 @@ from dataclasses import dataclass
 
 from enliven.arrays import Bool, Float
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_at_points, facing, flip_posture
+from enliven_edge.tracking.detect.appearance import (
+    EstimateAtPoints,
+    chest_facing,
+    estimate_at_points,
+    flip_posture,
+)
 from enliven_edge.tracking.detect.detection import detect_another, estimates_by_facing
 from enliven_edge.tracking.detect.hypotheses import align_to_estimate
 from enliven_edge.tracking.estimator.estimator import shipped_estimator
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.frame.observation import FrameView, Observation, observe
+from enliven_edge.tracking.frame.observation import FrameView, Observation, observe_person
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import BudgetedTask, Steps
 
@@ -58,7 +63,9 @@ def start_detection(
 
 def create_observation(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
     """Returns the observation of a person from its pixels."""
-    return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
+    return observe_person(
+        view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points
+    )
 
 
 def run_network(
@@ -72,7 +79,7 @@ def run_network(
 
 def add_guides(observation: Observation, network_output: EstimateAtPoints, affinity: float) -> Observation:
     """Returns the observation with the network's affinities of its points and landmarks of the joints."""
-    return observation.with_guides(network_output.affinity(affinity), network_output.estimate.guides)
+    return observation.with_guides(network_output.affinity(affinity), network_output.estimate.weak_landmarks)
 
 
 def flip_with_estimate(
@@ -88,7 +95,7 @@ def estimate_with_facing(
     posture: Posture, network_output: EstimateAtPoints, view: FrameView
 ) -> EstimateAtPoints:
     """Runs the network on the same crop again, conditioned on the facing of a posture."""
-    facings: list[float | None] = [facing(posture, view.eye)]
+    facings: list[float | None] = [chest_facing(posture, view.eye)]
     return network_output.of(
         shipped_estimator().estimates(network_output.estimate.crop, view.world_from_camera, facings)[0]
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.kernels import quantile
-from enliven.matching.assignment import least_cost
+from enliven.matching.assignment import solve_assignment
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.settings import PeopleSettings
 
@@ -146,7 +146,7 @@ class PersonGallery:
             return [(self.absent[0], True)]
         # Add columns for "new person", at the cost of the largest accepted mismatch.
         padded = np.concatenate([cost, np.full((len(newcomers), len(newcomers)), _MAX_MISMATCH)], 1)
-        rows, columns = least_cost(padded)
+        rows, columns = solve_assignment(padded)
         matches: list[tuple[AbsentPerson | None, bool]] = []
         for row, column in zip(rows, columns, strict=True):
             absent = self.absent[column] if column < len(self.absent) else None

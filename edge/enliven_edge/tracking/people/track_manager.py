@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Joint
-from enliven_edge.tracking.body_model.model import height_of
+from enliven_edge.tracking.body_model.model import body_height_from_lengths
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.people.person import UNDECIDED, Person
 from enliven_edge.tracking.people.reidentification import AbsentPerson, BodyMeasurements, PersonGallery
@@ -131,7 +131,7 @@ class TrackManager:
         """Returns the settings with a person's own height, if it is well known."""
         if looks.weight < _KNOWN_FRAMES:
             return self.settings
-        height = min(_MAX_BODY_HEIGHT_M, max(_MIN_BODY_HEIGHT_M, height_of(looks.lengths)))
+        height = min(_MAX_BODY_HEIGHT_M, max(_MIN_BODY_HEIGHT_M, body_height_from_lengths(looks.lengths)))
         return dataclasses.replace(self.settings, body_height=height)
 
     def find_hidden_person(self, candidate: Candidate, time_ns: int) -> Person | None:
@@ -146,7 +146,7 @@ class TrackManager:
             distance = float(np.linalg.norm((person.place - candidate.centre)[[0, 2]]))
             stature = person.measurements.stature
             taller = stature is not None and candidate.shape.crown > stature + _CROWN_TOLERANCE_M
-            if distance < min(least, person.uncertainty(time_ns)) and not taller:
+            if distance < min(least, person.search_radius(time_ns)) and not taller:
                 best, least = person, distance
         return best
 

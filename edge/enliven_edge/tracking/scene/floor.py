@@ -52,7 +52,7 @@ def world_from_floor(
         return None
     points = np.ascontiguousarray(points[:: max(1, len(points) // 6000)])
     tolerance = 0.01 + 0.002 * points[:, 2] ** 2
-    trials = _triples(len(points), np.random.default_rng(seed))
+    trials = _random_triples(len(points), np.random.default_rng(seed))
     plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _MAX_SENSOR_HEIGHT_M, trials)
     if not plane.any():
         return None
@@ -62,7 +62,7 @@ def world_from_floor(
     return _level_mounting(pose, fitted, 1.0)
 
 
-def _triples(count: int, random: np.random.Generator) -> Int:
+def _random_triples(count: int, random: np.random.Generator) -> Int:
     """Returns (T, 3) indices of random points: half of the triples are arbitrary, half are neighbours.
 
     Neighbours mostly lie on one surface. They let RANSAC find a floor that is a small part of the image.

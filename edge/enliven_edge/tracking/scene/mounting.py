@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.camera import unproject, world_from_level_camera
+from enliven.camera import unproject_depth, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.background_model import Agreement
@@ -222,7 +222,7 @@ class Mounting:
         assert self.world_from_camera is not None
         if not self._floor_known:
             return False
-        points = unproject(view.z * 1e3, self.camera.ray)[~people & (view.z > 0)]
+        points = unproject_depth(view.z * 1e3, self.camera.ray)[~people & (view.z > 0)]
         pose = world_from_floor(points, self.settings.upside_down)
         if pose is None:
             return False
@@ -251,7 +251,7 @@ class Mounting:
         has_depth = z > 0
         if has_depth.mean() < _MIN_DEPTH_FRACTION:
             return
-        points = unproject(z * 1e3, self.camera.ray)[has_depth]
+        points = unproject_depth(z * 1e3, self.camera.ray)[has_depth]
         pose = world_from_floor(
             points, up=self.world_from_camera[1, :3], within=_MAX_TURN, lowest=_MIN_FALLEN_HEIGHT_M
         )
@@ -272,7 +272,7 @@ class Mounting:
         self._floor_searches += 1
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1:
             return
-        points, before = unproject(z * 1e3, self.camera.ray)[has_depth], self._suggested
+        points, before = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
         self._suggested = pose = self._find_floor(points)
         if pose is not None and (no_people or (before is not None and _same_floor(pose, before))):
             self.world_from_camera, self._floor_known, self.has_new_floor = pose, True, not no_people
@@ -286,7 +286,7 @@ class Mounting:
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1 or has_depth.mean() < _MIN_DEPTH_FRACTION:
             return
         self._checks_left -= 1
-        points, before = unproject(z * 1e3, self.camera.ray)[has_depth], self._suggested
+        points, before = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
         self._suggested = self._find_floor(points)
         if self._suggested is None or self.world_from_camera is None:
             return

@@ -18,9 +18,9 @@ class Zone:
         if len(self.corners) < 3:
             return True
         x, z = float(place[0]), float(place[2])
-        return self._inside(x, z) or (margin > 0 and self._distance(x, z) <= margin)
+        return self._is_inside(x, z) or (margin > 0 and self._border_distance(x, z) <= margin)
 
-    def _inside(self, x: float, z: float) -> bool:
+    def _is_inside(self, x: float, z: float) -> bool:
         """Returns True if the point is inside by the even-odd rule: crossings of a ray to +x."""
         inside = False
         for (ax, az), (bx, bz) in self._edges():
@@ -28,7 +28,7 @@ class Zone:
                 inside = not inside
         return inside
 
-    def _distance(self, x: float, z: float) -> float:
+    def _border_distance(self, x: float, z: float) -> float:
         """Returns the distance to the border in metres."""
         nearest = float("inf")
         for (ax, az), (bx, bz) in self._edges():

@@ -139,7 +139,7 @@ class Candidate:
 
         Seen from above, raised arms look like separate people.
         """
-        return _unions(self.pixels, self.parts)
+        return _union_masks(self.pixels, self.parts)
 
     def is_unchanged(self, group: LooseGroup, time_ns: int) -> bool:
         """Returns True if the blob is this candidate, unmoved, and looks like a static object.
@@ -254,7 +254,7 @@ class Candidate:
         self._failed_area = self.area
 
 
-def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
+def _union_masks(part: Bool, parts: list[Bool]) -> list[Bool]:
     """Returns all parts together, and ``part`` with each other part, the largest first.
 
     The list is empty if there are no other parts.

@@ -127,7 +127,10 @@ class BlobShape:
         flat = self.thickness < _FLAT_DEVIATION_M and self.width > _MIN_PANEL_WIDTH_M
         panel = flat and not (self._has_head and self.box_fill < _PANEL_BOX_FILL)
         return (
-            self.likeness > 0 and not panel and self.crown < _MAX_CROWN_M and self._free > _MIN_FREE_OUTLINE
+            self.likeness > 0
+            and not panel
+            and self.crown < _MAX_CROWN_M
+            and self._free_outline_fraction > _MIN_FREE_OUTLINE
         )
 
     @property
@@ -136,7 +139,7 @@ class BlobShape:
         return self.may_be_person and self._has_head and self.box_fill > _MIN_BOX_FILL
 
     @property
-    def _free(self) -> float:
+    def _free_outline_fraction(self) -> float:
         """Returns the free fraction of the unoccluded outline.
 
         In a crowd others may hide much of a person.

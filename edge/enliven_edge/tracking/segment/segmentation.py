@@ -116,13 +116,13 @@ def segment_people(
         grow_surfaces(owner, distance, view.z)
     pixels = _candidate_pixels(kind, owner)
     labels, groups = label_groups(view.z, pixels, 1.0)
-    loose, joined = _classify_groups(_table(view, pixels, labels, groups, owner, count))
+    loose, joined = _classify_groups(_group_measures(view, pixels, labels, groups, owner, count))
     counts = _assign_limbs(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
         counts_before, counts = counts, reassign_detached_pieces(owner, view.z, counts)
         if (counts_before != counts).any():
             # The owners have changed, so count again which people each group touches.
-            table = _table(view, pixels, labels, groups, owner, count)
+            table = _group_measures(view, pixels, labels, groups, owner, count)
             loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
     return Segments(owner, labels, loose, counts)
 
@@ -208,7 +208,9 @@ def label_groups(z, pixels, tightness):
     return labels.reshape(shape), count
 
 
-def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16, people: int) -> Float:
+def _group_measures(
+    view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16, people: int
+) -> Float:
     """Returns (groups + 1, 15 + K) measures of each group.
 
     They are its area, low and high corner, sum of points, number of pixels, box and contacts.
@@ -220,7 +222,7 @@ def _table(view: FrameView, pixels: Int, labels: Int, groups: int, owner: Int16,
 
 @njit(cache=True, nogil=True)
 def _group_table(z, points, pixels, labels, groups, owner, people, pixel):
-    """Computes the table for :func:`_table`."""
+    """Computes the table for :func:`_group_measures`."""
     height, width = z.shape
     out = np.zeros((groups + 1, 15 + people))
     out[:, 1:4], out[:, 4:7] = np.inf, -np.inf

@@ -111,7 +111,7 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
         # If two people touch nowhere, nothing changes. Depths are above 0, so the limit 0 applies everywhere.
         return counts
     number, owner_of, size = _pieces(_union_pixels(owner, z), owner)
-    largest = np.array([_largest(owner_of, size, k) for k in range(len(counts))])
+    largest = np.array([_largest_piece(owner_of, size, k) for k in range(len(counts))])
     contacts = _contacts(owner, z, number, owner_of, largest)
     other = contacts.argmax(1)
     loose = (np.arange(len(size)) != largest[owner_of]) & (contacts.max(1) >= _MIN_CONTACT_PIXELS)
@@ -123,7 +123,7 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
     return counts
 
 
-def _largest(owner_of: Int, size: Int, person: int) -> int:
+def _largest_piece(owner_of: Int, size: Int, person: int) -> int:
     """Returns the number of a person's largest piece. -1 if there is none."""
     own = np.flatnonzero(owner_of == person)
     return int(own[size[own].argmax()]) if len(own) else -1

@@ -43,10 +43,10 @@ class SelfIntersection:
         """Returns (K,) the faces that intersect other faces in a pose (V, 3), but not at rest."""
         if self._rest is None:
             self._rest = self.crossing(self._mesh.vertices)
-        return newly_crossing(self._rest, self.crossing(vertices))
+        return find_new_intersections(self._rest, self.crossing(vertices))
 
 
-def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
+def find_new_intersections(rest_crossings: Int, crossings: Int) -> Int:
     """Returns (K,) the faces that cross now and did not cross at rest.
 
     A mesh with parts that overlap has crossings at rest.

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, grid_subsample, join_planes
+from enliven.deformation.constraints.soft import ConstrainedPoints, join_planes, subsample_on_grid
 from enliven.document import Character
 from enliven.settings import parameter, setting
 
@@ -101,10 +101,12 @@ class FloorContact:
         heights = character.vertices[:, 1].astype(np.float64)
         self.height = float(np.ptp(heights)) or 1.0
         low_vertices = np.flatnonzero(heights < heights.min() + _FOOT_HEIGHT_FRACTION * self.height)
-        soles = low_vertices[grid_subsample(character.vertices[low_vertices], _FEET_SAMPLE_COUNT)]
-        body_samples = grid_subsample(character.vertices, _BODY_SAMPLE_COUNT)
-        self.soles = Points.of(character, soles)
-        self._all = Points.of(character, np.concatenate([soles, np.setdiff1d(body_samples, soles)]))
+        soles = low_vertices[subsample_on_grid(character.vertices[low_vertices], _FEET_SAMPLE_COUNT)]
+        body_samples = subsample_on_grid(character.vertices, _BODY_SAMPLE_COUNT)
+        self.soles = ConstrainedPoints.of(character, soles)
+        self._all = ConstrainedPoints.of(
+            character, np.concatenate([soles, np.setdiff1d(body_samples, soles)])
+        )
         self._lowest = float(heights.min())
         groups = _point_clusters(self.soles.at, 2.0 * _FOOT_HEIGHT_FRACTION * self.height)
         self.feet = [Foot(group) for group in groups]

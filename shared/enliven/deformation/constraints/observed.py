@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, grid_subsample
+from enliven.deformation.constraints.soft import ConstrainedPoints, subsample_on_grid
 from enliven.document import Character
 from enliven.kernels import njit
 from enliven.meshes import Mesh
@@ -74,10 +74,10 @@ class ObservedSurface:
 
     def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
         self.settings = settings or ObservedSettings()
-        samples = grid_subsample(character.vertices, self.settings.surface)
-        self.points = Points.of(character, samples)
+        samples = subsample_on_grid(character.vertices, self.settings.surface)
+        self.points = ConstrainedPoints.of(character, samples)
         mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
-        self._tips = Points(
+        self._tips = ConstrainedPoints(
             self.points.at + _NORMAL_STEP_M * mesh.vertex_normals()[samples],
             self.points.nodes,
             self.points.weights,

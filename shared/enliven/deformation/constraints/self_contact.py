@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Bool, Float
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, grid_subsample
+from enliven.deformation.constraints.soft import ConstrainedPoints, subsample_on_grid
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.document import Character
 from enliven.kernels import njit
@@ -46,7 +46,7 @@ class SelfContact:
         self, character: Character, graph: DeformationGraph, settings: SelfContactSettings | None = None
     ) -> None:
         self.settings = settings or SelfContactSettings()
-        surface = character.vertices[grid_subsample(character.vertices, 3000)].astype(np.float64)
+        surface = character.vertices[subsample_on_grid(character.vertices, 3000)].astype(np.float64)
         ends = graph.positions[graph.edges]
         spacing = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()) if len(ends) else 0.0
         self.radii = _inner_radii(graph.positions, graph.normals, surface, 2.0 * spacing)
@@ -55,7 +55,7 @@ class SelfContact:
         nodes[:, 0] = np.arange(count)
         weights = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
         centres = graph.positions - self.radii[:, None] * graph.normals
-        self._balls = Points(centres, nodes, weights, graph.positions)
+        self._balls = ConstrainedPoints(centres, nodes, weights, graph.positions)
         self.pairs = np.argwhere(np.triu(self._may_touch(graph, centres, spacing), 1)).astype(np.int32)
         self._sides = np.zeros((len(self.pairs), 3))
 

@@ -16,7 +16,7 @@ from enliven.kernels import njit
 
 
 @dataclass(frozen=True)
-class Points:
+class ConstrainedPoints:
     """Points of a mesh at rest, and the nodes that move them.
 
     Attributes:
@@ -32,9 +32,9 @@ class Points:
     pivots: Float
 
     @staticmethod
-    def of(character: Character, vertices: Int) -> Points:
+    def of(character: Character, vertices: Int) -> ConstrainedPoints:
         """Returns the vertices of a character with the indices ``vertices`` as points."""
-        return Points(
+        return ConstrainedPoints(
             character.vertices[vertices].astype(np.float64),
             character.skin.indices[vertices].astype(np.int32),
             character.skin.weights[vertices].astype(np.float64),
@@ -80,7 +80,7 @@ def join_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
     return PlaneConstraints(*(np.concatenate([getattr(planes, part) for planes in sets]) for part in parts))
 
 
-def grid_subsample(points: Float | Float32, most: int) -> Int:
+def subsample_on_grid(points: Float | Float32, most: int) -> Int:
     """Returns at most ``most`` indices of evenly distributed points, out of (P, 3): one point per cell of a
     grid.
 

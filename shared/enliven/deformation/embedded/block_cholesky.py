@@ -92,7 +92,7 @@ def elimination_order(count: int, pairs: Int) -> Int:
     return np.asarray(np.argsort(factor.perm_c), np.int64)
 
 
-def analyse(count: int, pairs: Int) -> BlockPattern:
+def find_block_pattern(count: int, pairs: Int) -> BlockPattern:
     """Returns the block pattern of the Cholesky factor, with the nodes eliminated in the order 0, 1, 2, ...
 
     Args:

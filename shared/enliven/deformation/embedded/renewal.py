@@ -55,7 +55,7 @@ class MatrixRenewal:
         """The matrix in use, prepared as an argument of kernels."""
         return self._systems[0][1]
 
-    def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
+    def start_next_matrix(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
         """Starts to compute the matrix at ``x`` (16 N,) in the background, with ``raw`` (16 N,) = dE/dx.
 
         The arguments must not change until :meth:`latest` is called.

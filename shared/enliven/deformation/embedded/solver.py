@@ -30,7 +30,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints.planes import PlaneConstraints, PointConstraints
-from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
+from enliven.deformation.embedded.block_cholesky import elimination_order, find_block_pattern
 from enliven.deformation.embedded.budget import measure_allowance
 from enliven.deformation.embedded.energy import Terms, gradient
 from enliven.deformation.embedded.final_refinement import find_lower_state
@@ -129,8 +129,8 @@ class EmbeddedSolver:
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
-        self._terms = self._terms_of(attachment, checked_stiffness(stiffness, count))
-        system = RigidSystem.empty(analyse(count, self._place[pairs]), self._terms)
+        self._terms = self._build_terms(attachment, checked_stiffness(stiffness, count))
+        system = RigidSystem.empty(find_block_pattern(count, self._place[pairs]), self._terms)
         self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
         self._work = SolverBuffers.empty(count)
         self._rest = np.zeros((count, 4, 4))
@@ -144,7 +144,7 @@ class EmbeddedSolver:
         self.reset(start)
         self._held_state = hold(self._state_of(self.settings))
 
-    def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
+    def _build_terms(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """Returns the energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
         nodes, rows = coefficient_rows(attachment, graph.positions, self._place)
@@ -213,19 +213,19 @@ class EmbeddedSolver:
         if planes is not None or self._planes is not NO_PLANES:
             self._planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
             self._held_planes = hold(self._planes)
-        self._leave_ridge(targets, weights)
+        self._leave_energy_ridge(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
         self.iterations, is_aged = next_frame(
             self._held_state, self._held_planes, self._matrix.held, targets, weights, linear, positions
         )
         needs_matrix = is_aged or self._matrix.always
         if needs_matrix and self.iterations > _MAX_STILL_FRAME_STEPS and self._planes is NO_PLANES:
-            self.renew()
+            self.start_next_matrix()
         return linear, positions
 
-    def renew(self) -> None:
+    def start_next_matrix(self) -> None:
         """Starts to compute another matrix at the last frame's result, for the next frame."""
-        self._matrix.renew(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
+        self._matrix.start_next_matrix(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
 
     @property
     def settled(self) -> bool:
@@ -248,7 +248,7 @@ class EmbeddedSolver:
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
-    def _leave_ridge(self, targets: Float, weights: Float) -> None:
+    def _leave_energy_ridge(self, targets: Float, weights: Float) -> None:
         """Continues from the lower state next to a ridge of the energy, if it is better for the new targets.
 
         This is called if the last frame ended on the ridge.

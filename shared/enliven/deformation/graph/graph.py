@@ -14,8 +14,8 @@ from enliven.deformation.graph.connectivity import find_weak_edges, joining_edge
 from enliven.deformation.graph.sampling import (
     SurfaceSamples,
     distance_matrix,
-    nearest_on_surface,
-    poisson_disk,
+    find_nearest_surface_points,
+    sample_poisson_disk,
 )
 from enliven.deformation.graph.surface import (
     VoronoiCells,
@@ -91,12 +91,12 @@ class DeformationGraph:
             InputError: if the mesh has no area, or there is less than one node.
         """
         welded = weld(mesh)
-        samples = poisson_disk(mesh, nodes, radius, seed, welded)
+        samples = sample_poisson_disk(mesh, nodes, radius, seed, welded)
         net = build_net(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
         return _linked_graph(samples, voronoi_cells(net, samples.positions, samples.faces))
 
     @staticmethod
-    def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
+    def from_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
         """Returns the graph of given nodes, such as the nodes of a received character or of a part that was
         cut off.
 
@@ -118,7 +118,7 @@ class DeformationGraph:
             np.int32
         )
         bridges, cuts, hanging = find_weak_edges(count, pairs)
-        near = nearest_on_surface(mesh, positions)
+        near = find_nearest_surface_points(mesh, positions)
         return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)
 
     def skin(self, mesh: Mesh) -> SkinWeights:
@@ -149,7 +149,7 @@ def graph_of(character: Character) -> DeformationGraph:
     """Returns the deformation graph of a character. It depends only on transmitted data, so it is the same on
     every machine."""
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id)
-    return DeformationGraph.of_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
+    return DeformationGraph.from_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
 
 
 def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:

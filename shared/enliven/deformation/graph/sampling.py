@@ -62,7 +62,7 @@ def scatter(
     return _surface_points(mesh, faces, weights, welded or weld(mesh))
 
 
-def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
+def find_nearest_surface_points(mesh: Mesh, points: Float) -> SurfaceSamples:
     """Returns for each of (N, 3) points in metres the nearest point of the surface, with its normal.
 
     The result is exact for points on the surface. For other points, the point of each face with clamped
@@ -149,7 +149,7 @@ def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     return np.where((min_cosine[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], face_normals)
 
 
-def poisson_disk(
+def sample_poisson_disk(
     mesh: Mesh,
     nodes: int = 128,
     radius: float | None = None,

@@ -21,7 +21,7 @@ from enliven.deformation.graph.geodesic_kernels import nearest_sources
 from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes import Mesh, submesh
+from enliven.meshes import Mesh, extract_submesh
 from enliven.union_find import root_of
 
 _NET_NODE_COUNT = 200
@@ -74,7 +74,7 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
     if not mesh.area > 0:
         raise InputError("the mesh has no area", where=mesh.name, remedy="Give a mesh with faces.")
     # The submesh excludes vertices without a face.
-    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
+    surface = extract_submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
     links = _joined_net_edges(net)
     from_sources = _sample_far_points(links, _PATH_SOURCE_COUNT)
@@ -153,13 +153,13 @@ def _joined_net_edges(net: SurfaceNet) -> csr_matrix:
     points."""
     count, edges = len(net.points), net.graph.edges
     graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
-    joints = joined_shells(net.points, connected_components(graph, directed=False)[1])
+    joints = shell_connections(net.points, connected_components(graph, directed=False)[1])
     lengths = np.linalg.norm(net.points[joints[:, 0]] - net.points[joints[:, 1]], axis=1)
     graph = graph + csr_matrix((np.maximum(lengths, 1e-12), (joints[:, 0], joints[:, 1])), (count, count))
     return csr_matrix(graph + graph.T)
 
 
-def joined_shells(points: Float, label: Int) -> Int:
+def shell_connections(points: Float, label: Int) -> Int:
     """Returns (S - 1, 2) the shortest pairs of points that join S shells into one component.
 
     Every shell except the largest is linked to its nearest point on another shell, until all are one

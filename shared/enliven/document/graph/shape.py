@@ -60,7 +60,7 @@ class GraphShape(RigBase):
         object.__setattr__(self, "edges", frozen(np.reshape(self.edges, (-1, 2)), np.int32))
         object.__setattr__(self, "parts", tuple(self.parts))
         object.__setattr__(self, "over", tuple(self.over))
-        problem = _problem_of(self)
+        problem = _describe_problem(self)
         if problem:
             raise InputError(problem, where=self.where, remedy="Build the shape again.")
 
@@ -163,7 +163,7 @@ def graph_shape_of(
     return GraphShape(character.id, pivots, character.edges, mesh, character.skin, (part,)), stream
 
 
-def character_of_graph(shape: GraphShape) -> Character:
+def character_from_graph_shape(shape: GraphShape) -> Character:
     """Returns the shape in the form that viewers use."""
     return Character(
         shape.id,
@@ -179,7 +179,7 @@ def character_of_graph(shape: GraphShape) -> Character:
     )
 
 
-def _problem_of(shape: GraphShape) -> str:
+def _describe_problem(shape: GraphShape) -> str:
     count = len(shape.positions)
     if shape.positions.shape != (count, 3) or shape.starts[-1] != count or count == 0:
         return f"positions {shape.positions.shape} of {shape.starts[-1]} nodes"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, freeze
-from enliven.document.keys import KEY_STEP, MotionKey, key_values, placed_keys
+from enliven.document.keys import KEY_STEP, MotionKey, key_values, sort_keys
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, nearest_rotation, to_matrix
 
@@ -79,7 +79,7 @@ def keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[Moti
     Raises:
         InputError: without a key, or if two keys are on the same frame.
     """
-    ordered_keys = placed_keys(keys, f"stream {stream_id!r}")
+    ordered_keys = sort_keys(keys, f"stream {stream_id!r}")
     values = key_values(ordered_keys, np.arange(round(ordered_keys[-1].second / KEY_STEP) + 1) * KEY_STEP)
     rotations_minus_identity = to_matrix(from_rotation_vector(np.radians(values[:, :3]))) - np.eye(3)
     weights, slopes = follow[:, 0], follow[:, 1:]

@@ -40,14 +40,14 @@ class Band:
         return solution
 
 
-def accelerations(places: Float) -> Float:
+def compute_accelerations(places: Float) -> Float:
     """Computes the accelerations (second differences) A c (..., F - 2, 3) of positions c (..., F, 3). The
     result is empty if there are fewer than three frames.
     """
     return np.asarray(places[..., :-2, :] - 2.0 * places[..., 1:-1, :] + places[..., 2:, :])
 
 
-def pulled(forces: Float, frames: int) -> Float:
+def apply_transposed_differences(forces: Float, frames: int) -> Float:
     """Computes A' y (..., F, 3) for forces y (..., F - 2, 3)."""
     pulls = np.zeros((*forces.shape[:-2], frames, 3))
     if frames > 2:

@@ -90,12 +90,12 @@ def _part_beyond_circle(off: complex, radius: float) -> complex:
     return (distance - radius) / distance * off if distance > radius else 0j
 
 
-def floor_numbers(places: Float) -> Complex:
+def complex_from_floor(places: Float) -> Complex:
     """Converts positions (..., 3) to complex numbers on the floor (...,), metres."""
     return np.asarray(places[..., 0] + 1j * places[..., 2])
 
 
-def floor_positions(places: Complex | complex) -> Float:
+def floor_from_complex(places: Complex | complex) -> Float:
     """Converts complex numbers on the floor (...,) to positions (..., 3) at height 0, metres."""
     positions = np.asarray(places)
     return np.stack([positions.real, np.zeros(positions.shape), positions.imag], axis=-1)

@@ -135,9 +135,9 @@ def place_motion(
         )
     root_path = _RootPath(rotated, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in find_runs(touches) if touches.any() else []:
-        root_path.fly(first)
-        root_path.stand(first, last)
-    root_path.fly(len(rotated))
+        root_path.compute_flight(first)
+        root_path.compute_contact(first, last)
+    root_path.compute_flight(len(rotated))
     return PlacedMotion(
         rotated + root_path.root[:, None],
         root_path.root,
@@ -162,13 +162,13 @@ class _RootPath:
         self.anchors = np.full(len(turned), -1, np.int64)
         self._done = 0
 
-    def stand(self, first: int, last: int) -> None:
+    def compute_contact(self, first: int, last: int) -> None:
         """Computes contact from frame ``first`` to ``last``."""
         first = max(first, self._done)
         stand(self._turned, self._feet, self._stands, self._grip, first, last, self.root, self.anchors)
         self._done = max(self._done, last + 1)
 
-    def fly(self, until: int) -> None:
+    def compute_flight(self, until: int) -> None:
         """Computes flight from the last finished frame to the frame ``until``."""
         start = self._done
         if start >= until:
@@ -197,7 +197,7 @@ class _RootPath:
             self.root[start:until, 1] = np.maximum(self.root[start:until, 1], self._lowest[start:until])
         else:
             self._done = start + int(under[0])
-            self.stand(self._done, until - 1)
+            self.compute_contact(self._done, until - 1)
 
     def _root_velocity(self, frame: int) -> Float:
         """Returns (3,) the velocity of the root in contact in metres per second, averaged up to ``frame``."""

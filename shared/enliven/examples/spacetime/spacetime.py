@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.examples.spacetime.banded import Band, accelerations, pulled
+from enliven.examples.spacetime.banded import Band, apply_transposed_differences, compute_accelerations
 from enliven.examples.spacetime.bounded import Nodes
 from enliven.examples.spacetime.constraints import Conditions
 from enliven.examples.spacetime.newton import solve_point
@@ -171,7 +171,7 @@ class _System:
 
     def _pull_of(self, y: Float, nu: Float) -> Float:
         """Computes the pull q = lambda A' y + H' nu (P, F, 3) on the nodes."""
-        pull = self._weight * pulled(y, self._frames)
+        pull = self._weight * apply_transposed_differences(y, self._frames)
         np.add.at(pull, self._first, nu)
         np.subtract.at(pull, self._second, nu)
         return pull
@@ -181,12 +181,12 @@ class _System:
         bands = [Band(give, self._weight) for give in self._nodes.give]
         self.work += sum(band.work for band in bands)
         base, rows = self._nodes.base, len(self._difference)
-        right = self._weight * accelerations(base)
+        right = self._weight * compute_accelerations(base)
         y = np.stack([band.solve(r[..., None])[..., 0] for band, r in zip(bands, right, strict=True)])
         if rows == 0:
             return y, np.zeros(0)
         response = self._multiplier_response(rows)
-        border = self._weight * accelerations(np.moveaxis(response, 3, 1))
+        border = self._weight * compute_accelerations(np.moveaxis(response, 3, 1))
         border = np.moveaxis(border, 1, 3)
         through = np.stack([band.solve(b) for band, b in zip(bands, border, strict=True)])
         small = response[self._first] - response[self._second] - np.einsum("pfir,pfis->rs", border, through)

@@ -7,7 +7,7 @@ import pygltflib
 
 from enliven.arrays import Float, Int
 from enliven.document import CubicKeys, SkinWeights
-from enliven.exporters.joints import listed, normalize_float32, normalize_skin
+from enliven.exporters.joints import json_numbers, normalize_float32, normalize_skin
 from enliven.meshes import Mesh
 from enliven.meshes.gltf.motion import JUMP_DURATION_S
 from enliven.meshes.gltf.scene import MeshScene
@@ -80,7 +80,7 @@ class GltfScene(MeshScene):
         is_still = np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE
         if is_still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
             stored_value = normalize_float32(values[:1])[0] if path == "rotation" else values[0]
-            setattr(self.document.nodes[node], path, listed(stored_value))
+            setattr(self.document.nodes[node], path, json_numbers(stored_value))
             return
         jumps = None if is_still else find_jumps(times, values)
         if jumps is not None:

@@ -28,7 +28,7 @@ from enliven.errors import InputError
 from enliven.examples.baking.morphs import BakedMorphs
 from enliven.exporters.gltf.keys import reduce_keys
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.joints import joint_tracks, listed
+from enliven.exporters.joints import joint_tracks, json_numbers
 from enliven.exporters.performance import Performance, split_stretch
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
@@ -81,12 +81,12 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
     curves = {} if is_turned else {(curve.bone, curve.turns): curve for curve in performance.cubic}
     times, nodes = performance.times, list[int]()
     for j, (name, parent) in enumerate(zip(tracks.names, tracks.parents, strict=True)):
-        rest_pose = {"translation": listed(tracks.offsets[j])}
+        rest_pose = {"translation": json_numbers(tracks.offsets[j])}
         is_bone = j < tracks.bones
         if is_bone:
             rest_pose["children"] = []
         if is_bone and tracks.stretches:
-            rest_pose["rotation"] = listed(np.roll(tracks.rest[j], -1))
+            rest_pose["rotation"] = json_numbers(np.roll(tracks.rest[j], -1))
         node = scene.node(nodes[parent] if j else None, name=name, **rest_pose)
         nodes.append(node)
         if (j, True) in curves:
@@ -116,7 +116,9 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
     joints = []
     for k, at in enumerate(pivots):
         rest_rotation = np.roll(standing[k], -1)
-        node = scene.node(holder, name=f"joint {k}", translation=listed(at), rotation=listed(rest_rotation))
+        node = scene.node(
+            holder, name=f"joint {k}", translation=json_numbers(at), rotation=json_numbers(rest_rotation)
+        )
         for path, values, channel_tolerance in (
             ("translation", performance.positions[:, k], tolerance),
             ("rotation", np.roll(rotations[:, k], -1, -1), tolerance / reach[k]),

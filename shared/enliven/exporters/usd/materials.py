@@ -51,7 +51,7 @@ class StageMaterials:
             material, surface = self._define("plain")
             surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(_PLAIN_ROUGHNESS)
             surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
-            colour = self._shader(material, "colour", "UsdPrimvarReader_float3")
+            colour = self._add_shader(material, "colour", "UsdPrimvarReader_float3")
             colour.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
             colour.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(1.0))
             output = colour.CreateOutput("result", Sdf.ValueTypeNames.Float3)
@@ -79,7 +79,7 @@ class StageMaterials:
 
         def texture(name: str, use: TextureUse, is_colour: bool) -> UsdShade.Shader:
             sampler = materials.textures[use.texture].sampler
-            return self._texture(material, name, images[use.texture], sampler, use, is_colour)
+            return self._add_texture(material, name, images[use.texture], sampler, use, is_colour)
 
         self._add_base(plain, surface, texture)
         rough = surface.CreateInput("roughness", Sdf.ValueTypeNames.Float)
@@ -134,17 +134,17 @@ class StageMaterials:
         if not self._stage.GetPrimAtPath(self._path):
             self._stage.DefinePrim(self._path, "Scope")
         material = UsdShade.Material.Define(self._stage, self._path.AppendChild(prim_name))
-        surface = self._shader(material, "surface", "UsdPreviewSurface")
+        surface = self._add_shader(material, "surface", "UsdPreviewSurface")
         output = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
         material.CreateSurfaceOutput().ConnectToSource(output)
         return material, surface
 
-    def _shader(self, material: UsdShade.Material, name: str, kind: str) -> UsdShade.Shader:
+    def _add_shader(self, material: UsdShade.Material, name: str, kind: str) -> UsdShade.Shader:
         shader = UsdShade.Shader.Define(self._stage, material.GetPath().AppendChild(name))
         shader.CreateIdAttr(kind)
         return shader
 
-    def _texture(
+    def _add_texture(
         self,
         material: UsdShade.Material,
         name: str,
@@ -158,12 +158,12 @@ class StageMaterials:
         Args:
             is_colour: True for an image of sRGB colours, False for one of numbers.
         """
-        coordinates = self._shader(material, f"{name}_coordinates", "UsdPrimvarReader_float2")
+        coordinates = self._add_shader(material, f"{name}_coordinates", "UsdPrimvarReader_float2")
         set_name = f"st{use.uv_set}" if use.uv_set else "st"
         coordinates.CreateInput("varname", Sdf.ValueTypeNames.String).Set(set_name)
         output = coordinates.CreateOutput("result", Sdf.ValueTypeNames.Float2)
         if not use.is_plain:
-            moved = self._shader(material, f"{name}_transform", "UsdTransform2d")
+            moved = self._add_shader(material, f"{name}_transform", "UsdTransform2d")
             moved.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(output)
             # The formulas of glTF count rows from the top of an image, those of USD from its bottom.
             cos, sin, scale_v = math.cos(use.rotation), math.sin(use.rotation), use.scale[1]
@@ -172,7 +172,7 @@ class StageMaterials:
             moved.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(*use.scale))
             moved.CreateInput("translation", Sdf.ValueTypeNames.Float2).Set(shift)
             output = moved.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-        shader = self._shader(material, name, "UsdUVTexture")
+        shader = self._add_shader(material, name, "UsdUVTexture")
         shader.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{self.folder}/{image}"))
         shader.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(output)
         space = "sRGB" if is_colour else "raw"

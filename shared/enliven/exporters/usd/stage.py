@@ -41,7 +41,7 @@ class UsdStage:
         UsdGeom.SetStageMetersPerUnit(self._stage, 1.0 / scale)
         layer = self._stage.GetRootLayer()
         layer.documentation = f"{title}, written by enliven {__version__}"
-        self._root = UsdGeom.Xform.Define(self._stage, f"/{identifier(title)}")
+        self._root = UsdGeom.Xform.Define(self._stage, f"/{valid_prim_name(title)}")
         Usd.ModelAPI(self._root).SetKind(Kind.Tokens.component)
         self._stage.SetDefaultPrim(self._root.GetPrim())
         self._names = {"Materials"}
@@ -62,7 +62,7 @@ class UsdStage:
         Raises:
             InputError: if it has no mesh.
         """
-        name = unused(identifier(performance.name), self._names, "_")
+        name = unused(valid_prim_name(performance.name), self._names, "_")
         self._names.add(name)
         path = self._root.GetPath().AppendChild(name)
         codes = self._time_codes(performance.times)
@@ -118,22 +118,22 @@ class UsdStage:
         bones = UsdSkel.Skeleton.Define(stage, path.AppendChild("Skeleton"))
         tokens = _joint_tokens(tracks)
         bones.CreateJointsAttr(tokens)
-        bones.CreateBindTransformsAttr(_matrices(tracks.axes, tracks.pivots * scale))
+        bones.CreateBindTransformsAttr(_row_vector_matrices(tracks.axes, tracks.pivots * scale))
         local = _rotation_matrices(tracks)
-        bones.CreateRestTransformsAttr(_matrices(local, tracks.offsets * scale))
+        bones.CreateRestTransformsAttr(_row_vector_matrices(local, tracks.offsets * scale))
         animation = UsdSkel.Animation.Define(stage, bones.GetPath().AppendChild("Animation"))
         animation.CreateJointsAttr(tokens)
         places = (tracks.places * scale).astype(np.float32)
-        _author(animation.CreateTranslationsAttr(), codes, places, Vt.Vec3fArray)
+        _write_samples(animation.CreateTranslationsAttr(), codes, places, Vt.Vec3fArray)
         # OpenUSD stores quaternions with the real part last.
         rotations = np.ascontiguousarray(np.roll(normalize_float32(tracks.turns), -1, -1))
-        _author(animation.CreateRotationsAttr(), codes, rotations, Vt.QuatfArray)
-        _author(animation.CreateScalesAttr(), codes, tracks.scales.astype(np.float16), Vt.Vec3hArray)
+        _write_samples(animation.CreateRotationsAttr(), codes, rotations, Vt.QuatfArray)
+        _write_samples(animation.CreateScalesAttr(), codes, tracks.scales.astype(np.float16), Vt.Vec3hArray)
         binding = UsdSkel.BindingAPI.Apply(bones.GetPrim())
         binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
-        surface = self._mesh(path.AppendChild("Mesh"), performance.name, mesh)
-        self._points(surface, codes[:1], iter([mesh.vertices]), mesh, len(codes), lambda _: None)
+        surface = self._add_mesh(path.AppendChild("Mesh"), performance.name, mesh)
+        self._store_points(surface, codes[:1], iter([mesh.vertices]), mesh, len(codes), lambda _: None)
         binding_api = UsdSkel.BindingAPI.Apply(surface.GetPrim())
         binding_api.CreateSkeletonRel().SetTargets([bones.GetPath()])
         indices, weights = normalize_skin(skin.indices, skin.weights)
@@ -154,10 +154,10 @@ class UsdStage:
         """Adds a mesh with time-sampled points and normals."""
         mesh = performance.surface[0]
         UsdGeom.Xform.Define(self._stage, path)
-        surface = self._mesh(path.AppendChild("Mesh"), performance.name, mesh)
-        self._points(surface, codes, performance.surfaces(), mesh, len(codes), progress)
+        surface = self._add_mesh(path.AppendChild("Mesh"), performance.name, mesh)
+        self._store_points(surface, codes, performance.surfaces(), mesh, len(codes), progress)
 
-    def _points(
+    def _store_points(
         self,
         surface: UsdGeom.Mesh,
         codes: Float,
@@ -179,7 +179,7 @@ class UsdStage:
             extent.Set(Vt.Vec3fArray.FromNumpy(box), time)
             progress((number + 1) / count)
 
-    def _mesh(self, path: Sdf.Path, name: str, mesh: Mesh) -> UsdGeom.Mesh:
+    def _add_mesh(self, path: Sdf.Path, name: str, mesh: Mesh) -> UsdGeom.Mesh:
         """Adds a mesh with faces, colours, texture coordinates and materials, but without points."""
         surface = UsdGeom.Mesh.Define(self._stage, path)
         surface.GetPrim().SetDisplayName(name)
@@ -237,7 +237,7 @@ class UsdStage:
         binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
 
 
-def identifier(name: str) -> str:
+def valid_prim_name(name: str) -> str:
     """Returns a valid prim name that is similar to the given name."""
     candidate = "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in name)
     candidate = f"_{candidate}" if not candidate or candidate[0].isdigit() else candidate
@@ -253,7 +253,7 @@ def _joint_tokens(tracks: JointTracks) -> list[str]:
     """Returns the path of each joint in the skeleton, as USD names joints."""
     tokens, used_names = list[str](), set[str]()
     for name, parent in zip(tracks.names, tracks.parents, strict=True):
-        unique_name = unused(identifier(name), used_names, "_")
+        unique_name = unused(valid_prim_name(name), used_names, "_")
         used_names.add(unique_name)
         tokens.append(unique_name if parent < 0 else f"{tokens[parent]}/{unique_name}")
     return tokens
@@ -267,14 +267,14 @@ def _rotation_matrices(tracks: JointTracks) -> Float:
     return local
 
 
-def _matrices(turns: Float, places: Float) -> Vt.Matrix4dArray:
+def _row_vector_matrices(turns: Float, places: Float) -> Vt.Matrix4dArray:
     """Returns transforms for row vectors from rotations (J, 3, 3) and positions (J, 3)."""
     matrices = np.tile(np.eye(4), (len(places), 1, 1))
     matrices[:, :3, :3], matrices[:, 3, :3] = turns.transpose(0, 2, 1), places
     return Vt.Matrix4dArray.FromNumpy(matrices)
 
 
-def _author(attribute: Usd.Attribute, codes: Float, values: Any, kind: Any) -> None:
+def _write_samples(attribute: Usd.Attribute, codes: Float, values: Any, kind: Any) -> None:
     """Stores values (T, J, C): time samples, or a default value if nothing changes."""
     if np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE:
         attribute.Set(kind.FromNumpy(np.ascontiguousarray(values[0])))

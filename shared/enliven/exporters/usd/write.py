@@ -24,7 +24,7 @@ from enliven.files import TemporaryFolder, explain_write_errors, replace_file, r
 
 _OWN_IMAGE = re.compile(r"texture_\d+\.(png|jpg)")
 """Names of the files in a folder of images. A folder with other files is not replaced."""
-_MEND = "Choose another place."
+_REMEDY = "Choose another place."
 
 
 def write_usd(
@@ -67,14 +67,14 @@ def write_usd(
             stage_path = stage.save(folder, kind)
         except Tf.ErrorException as error:
             problem = f"it cannot be written ({plain_reason(error)})"
-            raise ResourceError(problem, where=str(path), remedy=_MEND) from None
-        part = outputs.enter_context(replace_file(path, _MEND))
-        with explain_write_errors(path, _MEND):
+            raise ResourceError(problem, where=str(path), remedy=_REMEDY) from None
+        part = outputs.enter_context(replace_file(path, _REMEDY))
+        with explain_write_errors(path, _REMEDY):
             shutil.copyfile(stage_path, part)
         if kind != "usdz" and stage.images:
             target = path.with_name(images)
-            image_folder = outputs.enter_context(replace_folder(target, _is_own_image, _MEND))
-            with explain_write_errors(target, _MEND):
+            image_folder = outputs.enter_context(replace_folder(target, _is_own_image, _REMEDY))
+            with explain_write_errors(target, _REMEDY):
                 for image_name, data in stage.images.items():
                     (image_folder / image_name).write_bytes(data)
 

@@ -16,10 +16,10 @@ from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.joints import listed
+from enliven.exporters.joints import json_numbers
 from enliven.exporters.performance import Performance
 from enliven.exporters.registry import Exporter
-from enliven.exporters.vrm.humanoid import humanoid_of
+from enliven.exporters.vrm.humanoid import humanoid_from_skeleton
 from enliven.files import write_file
 from enliven.rotation import conjugate, from_matrix, multiply, nearest_rotation, remove_sign_jumps, rotate
 
@@ -44,16 +44,16 @@ def write_vrma(path: Path | str, performances: Sequence[Performance], name: str 
     if len(performances) != 1:
         problem = f"a VRM animation holds one character, not {len(performances)}"
         raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
-    write_file(Path(path), vrma_of(performances[0], name), "Choose another place.")
+    write_file(Path(path), vrma_bytes(performances[0], name), "Choose another place.")
 
 
 VRMA = Exporter(write_vrma, jointed=True, solid=False, single=True)
 
 
-def vrma_of(performance: Performance, name: str = "enliven") -> bytes:
+def vrma_bytes(performance: Performance, name: str = "enliven") -> bytes:
     """Returns the bytes of the file. See :func:`write_vrma`."""
     skeleton = performance.skeleton
-    humanoid = humanoid_of(skeleton, f"character {performance.name!r}")
+    humanoid = humanoid_from_skeleton(skeleton, f"character {performance.name!r}")
     assert skeleton is not None and performance.joints is not None
     scene, times, joints = GltfScene(name), performance.times, performance.joints
     turns = from_matrix(nearest_rotation(performance.linear))
@@ -67,10 +67,10 @@ def vrma_of(performance: Performance, name: str = "enliven") -> bytes:
             offset = rotate(humanoid.t_pose[bone.parent], skeleton.positions[bone.joint] - above)
             local = multiply(conjugate(world[bone.parent]), world[bone_name])
         else:
-            offset = np.array([0.0, skeleton.positions[bone.joint, 1] - _floor_of(skeleton), 0.0])
+            offset = np.array([0.0, skeleton.positions[bone.joint, 1] - _floor_height(skeleton), 0.0])
             local = world[bone_name]
         parent = nodes.get(bone.parent)
-        node = scene.node(parent, name=bone_name, children=[], translation=listed(offset))
+        node = scene.node(parent, name=bone_name, children=[], translation=json_numbers(offset))
         nodes[bone_name] = node
         rotations = np.roll(remove_sign_jumps(local[:, None])[:, 0], -1, -1)
         scene.animate(times, node, "rotation", rotations)
@@ -85,7 +85,7 @@ def vrma_of(performance: Performance, name: str = "enliven") -> bytes:
     return scene.bytes()
 
 
-def _floor_of(skeleton: Skeleton) -> float:
+def _floor_height(skeleton: Skeleton) -> float:
     """Returns the height of the floor of the rest pose in metres."""
     heights = skeleton.positions[:, 1]
     low = float(heights.min())

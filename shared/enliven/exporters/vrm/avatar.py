@@ -15,10 +15,10 @@ import numpy as np
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.joints import listed
+from enliven.exporters.joints import json_numbers
 from enliven.exporters.performance import Performance
 from enliven.exporters.registry import Exporter
-from enliven.exporters.vrm.humanoid import Humanoid, humanoid_of
+from enliven.exporters.vrm.humanoid import Humanoid, humanoid_from_skeleton
 from enliven.files import write_file
 from enliven.rotation import conjugate, multiply, rotate
 
@@ -44,17 +44,17 @@ def write_vrm(
     if len(performances) != 1:
         problem = f"a VRM file holds one character, not {len(performances)}"
         raise InputError(problem, where=str(path), remedy="Choose one: --character NAME.")
-    write_file(Path(path), vrm_of(performances[0], name, author), "Choose another place.")
+    write_file(Path(path), vrm_bytes(performances[0], name, author), "Choose another place.")
 
 
 VRM = Exporter(write_vrm, jointed=True, single=True, placements=("scale",))
 
 
-def vrm_of(performance: Performance, name: str = "enliven", author: str = "unknown") -> bytes:
+def vrm_bytes(performance: Performance, name: str = "enliven", author: str = "unknown") -> bytes:
     """Returns the bytes of the file. See :func:`write_vrm`."""
     mesh, skin = performance.surface
     skeleton = performance.skeleton
-    humanoid = humanoid_of(skeleton, f"character {performance.name!r}")
+    humanoid = humanoid_from_skeleton(skeleton, f"character {performance.name!r}")
     assert skeleton is not None
     if len({bone.joint for bone in humanoid.bones.values()}) < len(humanoid.bones):
         problem = "it is not a humanoid: its spine has no joint of its own"
@@ -66,7 +66,7 @@ def vrm_of(performance: Performance, name: str = "enliven", author: str = "unkno
             local, offset = multiply(conjugate(rotations[parent]), rotations[joint]), skeleton.vectors[joint]
         else:
             local, offset = rotations[0], rotate(humanoid.facing, skeleton.positions[0])
-        rest_pose = {"translation": listed(offset), "rotation": listed(np.roll(local, -1))}
+        rest_pose = {"translation": json_numbers(offset), "rotation": json_numbers(np.roll(local, -1))}
         parent_node = nodes[parent] if joint else None
         nodes.append(scene.node(parent_node, name=skeleton.names[joint], children=[], **rest_pose))
     # A bone rotates about its upper joint. In an avatar all bones of a joint rotate together, so one rotation

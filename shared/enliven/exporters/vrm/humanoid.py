@@ -58,7 +58,7 @@ class Humanoid:
     facing: Float
 
 
-def humanoid_of(skeleton: Skeleton | None, where: str) -> Humanoid:
+def humanoid_from_skeleton(skeleton: Skeleton | None, where: str) -> Humanoid:
     """Returns the VRM bones of a skeleton.
 
     Args:

@@ -123,16 +123,16 @@ def _relative_rotation(
     sampler = channels[mover]["rotation"]
     mover_index = node_path.index(mover)
     before, after = (
-        _rotation_of(_transform_product(local, node_path[:mover_index])),
-        _rotation_of(_transform_product(local, node_path[mover_index + 1 :])),
+        _rotation_from_transform(_transform_product(local, node_path[:mover_index])),
+        _rotation_from_transform(_transform_product(local, node_path[mover_index + 1 :])),
     )
     from_bind, to_bind = (
-        _rotation_of(bind.world[node]),
-        _rotation_of(np.eye(4) if above < 0 else bind.world[above]),
+        _rotation_from_transform(bind.world[node]),
+        _rotation_from_transform(np.eye(4) if above < 0 else bind.world[above]),
     )
     if before is None or after is None or from_bind is None or to_bind is None:
         return None
-    if not _is_cubic(sampler) or _rotation_of(local[mover]) is None:
+    if not _is_cubic(sampler) or _rotation_from_transform(local[mover]) is None:
         return None
     left_factor, right_factor = multiply(to_bind, before), multiply(after, conjugate(from_bind))
     seconds, values, slopes = _sampler_keys(file, sampler, "rotation")
@@ -185,7 +185,7 @@ def _transform_product(local: Float, nodes: list[int]) -> Float:
     return product
 
 
-def _rotation_of(matrix: Float) -> Float | None:
+def _rotation_from_transform(matrix: Float) -> Float | None:
     """Returns the rotation (4,) of a transform, or None if it scales non-uniformly or mirrors."""
     linear = matrix[:3, :3]
     size = np.cbrt(np.linalg.det(linear))

@@ -13,7 +13,7 @@ from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.files import decode_text, open_file, read_file
 from enliven.formats.motion.capture import Capture, forward_kinematics
-from enliven.meshes import WrongWordError, blocks, parse_numbers, word_lines, word_starts
+from enliven.meshes import WrongWordError, parse_numbers, split_into_blocks, word_lines, word_starts
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
@@ -295,7 +295,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
     body = _COMMENT_PATTERN.sub("", text).encode()
     value_blocks, counts, lines = list[Float](), list[Int](), list[Int]()
     total = 0
-    for offset, block in blocks(body):
+    for offset, block in split_into_blocks(body):
         lines_before = first_line + body.count(b"\n", 0, offset)
         try:
             numbers = parse_numbers(block)
@@ -359,11 +359,11 @@ def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
             if kind == "p":
                 offsets[:, j, axis] = values
             else:
-                rotations[:, j] = rotations[:, j] @ about(axis, np.radians(values))
+                rotations[:, j] = rotations[:, j] @ axis_rotations(axis, np.radians(values))
     return offsets, rotations
 
 
-def about(axis: int, angles: Float) -> Float:
+def axis_rotations(axis: int, angles: Float) -> Float:
     """Returns (F, 3, 3) rotations by (F,) radians about the X (0), Y (1) or Z (2) axis."""
     second_axis, third_axis = (axis + 1) % 3, (axis + 2) % 3
     turned = np.zeros((len(angles), 3, 3))

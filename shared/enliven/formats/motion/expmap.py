@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text, read_file
-from enliven.formats.motion.bvh import about
+from enliven.formats.motion.bvh import axis_rotations
 from enliven.formats.motion.capture import Capture, forward_kinematics
 from enliven.rotation import from_rotation_vector, to_matrix
 
@@ -111,4 +111,4 @@ def _corrected_rotations(wrong: Float) -> Float:
     x = np.arcsin(np.clip(wrong[:, 2, 1], -1.0, 1.0))
     y = np.arctan2(-wrong[:, 2, 0], wrong[:, 2, 2])
     z = np.arctan2(-wrong[:, 0, 1], wrong[:, 1, 1])
-    return np.asarray(about(2, z) @ about(1, y) @ about(0, x))
+    return np.asarray(axis_rotations(2, z) @ axis_rotations(1, y) @ axis_rotations(0, x))

@@ -25,8 +25,8 @@ from enliven.arrays import AnyArray
 from enliven.document import Project
 from enliven.errors import InputError, refuse_later_version
 from enliven.files import DAMAGE, read_file, write_file
-from enliven.formats.npy import array_of
-from enliven.formats.project.file_kinds import kind_of
+from enliven.formats.npy import read_npy
+from enliven.formats.project.file_kinds import describe_file_kind
 from enliven.formats.project.lost_motion import replace_lost_motion
 from enliven.formats.project.upgrades import combine_characters
 from enliven.formats.project.values import UnknownFieldError, array_checksum, pack, unpack
@@ -189,7 +189,7 @@ def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _foreign_file_error(data: bytes, where: str) -> InputError:
     """Returns the error about a file of another kind. The message names the kind."""
-    kind, ending = kind_of(data)
+    kind, ending = describe_file_kind(data)
     advice = "Choose a project that was saved by enliven."
     if ending:
         advice = f"Give it a name ending in {ending} to open it."
@@ -236,7 +236,7 @@ def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str
             continue
         name = entry.removeprefix(_ARRAYS).removesuffix(".npy")
         try:
-            array = array_of(_unpacked_entry(archive, entry))
+            array = read_npy(_unpacked_entry(archive, entry))
         except (OSError, zipfile.BadZipFile, zlib.error, *DAMAGE):
             array = None
         if array is None or array_checksum(array) != name:

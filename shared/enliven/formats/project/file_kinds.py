@@ -47,7 +47,7 @@ _MAX_SHOWN_LETTERS = 40
 """Maximum number of characters of an entry's name that a message shows."""
 
 
-def kind_of(data: bytes) -> tuple[str, str]:
+def describe_file_kind(data: bytes) -> tuple[str, str]:
     """Returns the kind of a file, such as "a PNG picture", and its usual ending.
 
     The ending is empty for files that enliven does not open.

@@ -22,7 +22,7 @@ def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
         for key, table in project.get(name, {}).items():
             character = {"kind": rig.kind, **table}
             if rig is Shape:
-                character["layers"] = [layers[layer] for layer in _layers_of(table) if layer in layers]
+                character["layers"] = [layers[layer] for layer in _layer_ids(table) if layer in layers]
             if rig is GraphShape:
                 character["parts"] = [
                     {"take" if key == "stream" else key: value for key, value in part.items()}
@@ -33,7 +33,7 @@ def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
     return {"characters": characters, **{name: project.get(name, {}) for name in ("takes", "streams")}}
 
 
-def _layers_of(shape: dict[str, Any]) -> list[str]:
+def _layer_ids(shape: dict[str, Any]) -> list[str]:
     """Returns the ids of the layers in the spans of a shape, and of its travel layer, each once."""
     layer_ids = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
     return list(dict.fromkeys([*layer_ids, *([shape["travel"]] if shape.get("travel") else [])]))

@@ -117,7 +117,7 @@ def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shap
     used_names: dict[str, object] = dict(project.layer_names)
     for j, name in enumerate(skeleton.names):
         chain = (int(skeleton.parents[j]), j) if j else (0,)
-        layer = Layer(unused(f"{clip.id}: {name}", used_names), clip.id, chain, stretch=clip.deforms)
+        layer = Layer(unused(f"{clip.id}: {name}", used_names), clip.id, chain, stretch=clip.has_deformation)
         used_names[layer.id] = layer
         layers.append(layer)
         spans.append((Span(1.0, (Ref(layer.id, 0.0, 1.0),)),))

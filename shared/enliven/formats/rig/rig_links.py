@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import stretched
+from enliven.document import apply_stretch
 from enliven.rotation import rotate, stretch_from_strain
 
 _MIN_LOOSE_FRACTION = 0.01
@@ -69,7 +69,7 @@ class LinkBody:
         if self.mirrors is not None:
             vectors = self.mirrors[:, None] * vectors
         if self.strains is not None:
-            vectors = stretched(
+            vectors = apply_stretch(
                 stretch_from_strain(self.strains), np.broadcast_to(vectors, (len(self.places), 3))
             )
         return rotate(self.turns, vectors)
@@ -167,7 +167,7 @@ def _rest_misfits(bodies: list[LinkBody]) -> Float:
     for p, body in enumerate(bodies):
         vectors = (rest - rest[p])[:, None]
         if body.strains is not None:
-            vectors = stretched(stretch_from_strain(body.strains[compared]), vectors)
+            vectors = apply_stretch(stretch_from_strain(body.strains[compared]), vectors)
         if body.mirrors is not None:
             vectors = vectors * body.mirrors[compared, None]
         expected = places[p] + rotate(body.turns[compared], vectors)
@@ -190,7 +190,7 @@ def _attach_to_root(
     """Attaches all bodies that move vertices to ``root``, directly or through other bodies."""
     above = _file_ancestors(before, root)
     parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
-    tops = [_root_of(parents, j) for j in range(len(bodies))]
+    tops = [_find_root(parents, j) for j in range(len(bodies))]
     weight = {t: sum(b.mass for b, top in zip(bodies, tops, strict=True) if top == t) for t in tops}
     inside = {j for j in range(len(bodies)) if tops[j] == root}
     remaining = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
@@ -236,7 +236,7 @@ def _rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
 
-def _root_of(parents: list[int], j: int) -> int:
+def _find_root(parents: list[int], j: int) -> int:
     while parents[j] >= 0:
         j = parents[j]
     return j

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Skeleton, stretched, unused
+from enliven.document import Skeleton, apply_stretch, unused
 from enliven.formats.rig.rig_links import LinkBody, depth_first_order, find_links
 from enliven.rotation import conjugate, rotate, stretch_from_strain
 
@@ -143,7 +143,9 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
         if j and tree.body[j] >= 0:
             direction = rotate(conjugate(driver.turns), positions[:, j] - positions[:, skeleton.parents[j]])
             direction = direction if driver.mirrors is None else direction * driver.mirrors[:, None]
-            offsets[:, j] = stretched(stretch_from_strain(-strains[:, j]), direction) - skeleton.vectors[j]
+            offsets[:, j] = (
+                apply_stretch(stretch_from_strain(-strains[:, j]), direction) - skeleton.vectors[j]
+            )
     offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _MIN_TRACK_MOTION_FRACTION * size] = 0.0
     return offsets if offsets.any() else None, strains if strains.any() else None
 
@@ -215,18 +217,18 @@ def _build_skeleton(
             name, tip_position = _bone_tip(bodies, j, joints, joint_number, size)
             bone[j] = joints.add(name, joint_number, tip_position, j)
         elif out:
-            straight = joints.straightest(joint_number, out)
+            straight = joints.find_straightest_bone(joint_number, out)
             if straight < 0 and bodies[j].mass > 0:
                 straight = joints.add(
                     f"{bodies[j].name} end",
                     joint_number,
-                    joints.beyond(joint_number, _MAX_STUB_LENGTH_RATIO),
+                    joints.point_beyond(joint_number, _MAX_STUB_LENGTH_RATIO),
                     j,
                 )
             bone[j] = max(straight, out[0])
     for j in apart:
         joint_number = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
-        bone[j] = joints.add(f"{bodies[j].name} end", joint_number, joints.beyond(joint_number, 0.5), j)
+        bone[j] = joints.add(f"{bodies[j].name} end", joint_number, joints.point_beyond(joint_number, 0.5), j)
     return Tree(*joints.sorted(bone), root=root, notes=notes)
 
 
@@ -251,7 +253,7 @@ class _Joints:
         self.bodies.append(body)
         return len(self.names) - 1
 
-    def straightest(self, joint_number: int, bones: list[int]) -> int:
+    def find_straightest_bone(self, joint_number: int, bones: list[int]) -> int:
         """Returns the bone among ``bones`` that continues straight beyond a joint, or -1 if there is none."""
         if len(bones) == 1:
             return bones[0]
@@ -267,7 +269,7 @@ class _Joints:
         straight = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
         return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
-    def beyond(self, joint_number: int, share: float) -> Float:
+    def point_beyond(self, joint_number: int, share: float) -> Float:
         """Returns (3,) a point beyond a joint, metres. Its distance is the fraction ``share`` of the length
         of the bone that ends there.
         """
@@ -308,7 +310,7 @@ def _bone_tip(
     name = f"{body.name} end"
     if body.reach is not None and np.linalg.norm(body.reach - body.rest) > 1e-3 * size:
         return name, body.reach
-    return name, joints.beyond(joint_number, 0.5)
+    return name, joints.point_beyond(joint_number, 0.5)
 
 
 def _cosine_between(a: Float, b: Float) -> float:

@@ -84,7 +84,7 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
         InputError: in the same cases as :func:`gltf_tree`.
     """
     tree = gltf_tree(data)
-    parents = parents_of([node.get("children") or [] for node in tree.get("nodes") or []])
+    parents = node_parents([node.get("children") or [] for node in tree.get("nodes") or []])
     document: Entry = json.loads(_json_text(data), object_hook=Entry)
     for name in _DOCUMENT_LISTS:
         if getattr(document, name) is None:
@@ -92,7 +92,7 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
     return document, parents, _first_chunk(data, b"BIN\0")
 
 
-def parents_of(children: list[list[int]]) -> list[int]:
+def node_parents(children: list[list[int]]) -> list[int]:
     """Returns the parent of each node, -1 at a root, from the children of each.
 
     Raises:
@@ -154,7 +154,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
         if isinstance(entries, list) and len(entries) > MAX_LISTED_ENTRIES:
             raise InputError(f"it has {len(entries)} {name}, and no more than {MAX_LISTED_ENTRIES} are read")
     nodes = tree.get("nodes") or []
-    parents_of([node.get("children") or [] for node in nodes])
+    node_parents([node.get("children") or [] for node in nodes])
     counts = [_element_count(accessor) for accessor in tree.get("accessors") or []]
     _check_shown(tree, nodes, counts)
     _check_read(tree, counts)

@@ -270,7 +270,7 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
             continue
         sampler = animation_entry.samplers[channel.sampler]
         values = file.keys(sampler, path)
-        samples = sampled(
+        samples = sample_channel(
             _key_times(file, sampler.input), values, sampler.interpolation or "LINEAR", path, times
         )
         getattr(transforms, path)[:, node] = samples
@@ -286,7 +286,7 @@ def _key_times(file: GltfFile, accessor: int) -> Float:
     return keys
 
 
-def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Float) -> Float:
+def sample_channel(keys: Float, values: Float, interpolation: str, path: str, times: Float) -> Float:
     """Returns the values (F, C) of a channel at ``times`` (F,), as glTF 2.0 appendix C defines them.
 
     Before the first and after the last key, the value stays constant.

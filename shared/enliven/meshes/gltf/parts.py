@@ -65,7 +65,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
     zero_nodes, hidden = zero_scale_nodes(file), file.hidden
-    for number in shown_nodes(file):
+    for number in visible_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
             continue
@@ -85,7 +85,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
     return [part for part in parts if len(part.faces)], materials
 
 
-def shown_nodes(file: GltfFile) -> list[int]:
+def visible_nodes(file: GltfFile) -> list[int]:
     """Returns the visible nodes of the default scene, parents first. If the file has no default scene,
     returns those of the whole file.
     """
@@ -95,14 +95,14 @@ def shown_nodes(file: GltfFile) -> list[int]:
         roots = list(document.scenes[number if number < len(document.scenes) else 0].nodes or [])
     else:
         roots = [n for n, parent in enumerate(file.parents) if parent < 0]
-    return _subtrees(file, roots)
+    return _nodes_with_subtrees(file, roots)
 
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     """Returns the visible nodes of the scene and then those of joint trees outside of the scene, parents
     first.
     """
-    shown = shown_nodes(file)
+    shown = visible_nodes(file)
     listed, roots = set(shown), list[int]()
     for skin in dict.fromkeys(part.skin for part in parts if part.skin >= 0):
         for node in file.document.skins[skin].joints:
@@ -111,10 +111,10 @@ def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
             if node not in listed:
                 listed.add(node)
                 roots.append(node)
-    return shown + _subtrees(file, roots)
+    return shown + _nodes_with_subtrees(file, roots)
 
 
-def _subtrees(file: GltfFile, roots: list[int]) -> list[int]:
+def _nodes_with_subtrees(file: GltfFile, roots: list[int]) -> list[int]:
     """Returns nodes with their whole subtrees, parents first."""
     document = file.document
     nodes, waiting = list[int](), roots[::-1]

@@ -11,7 +11,7 @@ import pygltflib
 
 from enliven.arrays import AnyArray, Float32, Int
 from enliven.meshes.gltf.blob import Blob
-from enliven.meshes.materials import MeshMaterials, renumbered
+from enliven.meshes.materials import MeshMaterials, renumber_textures
 from enliven.meshes.mesh import Mesh
 
 _DEFAULT_ROUGHNESS = 0.9
@@ -44,7 +44,7 @@ class SceneMaterials:
             sampler = self._samplers.setdefault(sampler_text, len(self._samplers)) if sampler_text else None
             textures.append(self._textures.setdefault((image, sampler), len(self._textures)))
         return [
-            self._material_number(renumbered(definition, textures.__getitem__))
+            self._material_number(renumber_textures(definition, textures.__getitem__))
             for definition in materials.definitions
         ]
 

@@ -34,7 +34,7 @@ def clips_of(project: Project, character_id: str, number: int) -> tuple[Segment,
     Raises:
         InputError: if the character or layer does not exist.
     """
-    layer = _layer_numbered(project.character(character_id), number)
+    layer = _find_layer(project.character(character_id), number)
     return layer.clips(project.length_of(layer))
 
 
@@ -46,7 +46,7 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """
 
     numbers = tuple(numbers)
-    project_time, time = time, _layer_numbered(project.character(character_id), numbers[0]).even(time)
+    project_time, time = time, _find_layer(project.character(character_id), numbers[0]).even(time)
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         clips_there = [
@@ -86,7 +86,7 @@ def trim_clip(
     The clip cannot extend beyond its take's first or last frame.
     """
     character, numbers = project.character(character_id), tuple(numbers)
-    layer = _layer_numbered(character, numbers[0])
+    layer = _find_layer(character, numbers[0])
     length = project.length_of(layer)
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
@@ -126,7 +126,7 @@ def move_clip(
         InputError: if the clip would be inside another clip, or three clips would overlap.
     """
     numbers = tuple(numbers)
-    layer = _layer_numbered(project.character(character_id), numbers[0])
+    layer = _find_layer(project.character(character_id), numbers[0])
 
     def change(segment: Segment) -> Segment:
         start_delay = layer.even(layer.uneven(segment.begin) + delay) - segment.begin
@@ -146,7 +146,7 @@ def stretch_clip(
 ) -> Project:
     """Plays the same part of a clip's take faster or slower, so that it lasts from ``begin`` to ``end``."""
     numbers = tuple(numbers)
-    layer = _layer_numbered(project.character(character_id), numbers[0])
+    layer = _find_layer(project.character(character_id), numbers[0])
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
     def change(segment: Segment) -> Segment:
@@ -224,7 +224,7 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
         InputError: if the character is a possessed mesh, because its recording describes its own nodes.
     """
     character, numbers = project.character(character_id), tuple(numbers)
-    layer = _layer_numbered(character, numbers[0])
+    layer = _find_layer(character, numbers[0])
     if layer.source != "takes":
         problem = "a recorded deformation fits only its own mesh"
         raise InputError(problem, where=character.where, remedy="Mirror the whole character.")
@@ -250,7 +250,7 @@ def _with_changed_clip(
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
     """Changes the clips of some layers. All of these layers get the same clips."""
     character, layer_numbers = project.character(character_id), tuple(numbers)
-    first = _layer_numbered(character, layer_numbers[0])
+    first = _find_layer(character, layer_numbers[0])
     length = project.length_of(first)
     edited = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
     names = ("offset", "speed", "segments", "weights", "speeds")
@@ -259,7 +259,7 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
     )
 
 
-def _layer_numbered(character: RigBase, number: int) -> LayerBase:
+def _find_layer(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
         remedy = f"Number of layers: {len(playing)}."

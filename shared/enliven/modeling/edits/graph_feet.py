@@ -69,7 +69,7 @@ class StandingFoot:
 
 def graph_foot_lock_mode(shape: GraphShape, number: int) -> str:
     """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
-    nodes = _nodes_of(shape, [number])
+    nodes = _nodes_of_layers(shape, [number])
     modes = [layer.feet for layer in shape.over if layer.feet and np.isin(layer.own, nodes).any()]
     return modes[0] if modes else "never"
 
@@ -92,7 +92,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
         raise InputError(
             f"{feet!r} is not a foot lock mode", where=shape.where, remedy=f"Known: {', '.join(FEET)}."
         )
-    nodes = _nodes_of(shape, numbers)
+    nodes = _nodes_of_layers(shape, numbers)
     old = [top_layer for top_layer in shape.over if top_layer.feet and np.isin(top_layer.own, nodes).any()]
     bare = shape.with_changes(
         over=tuple(top_layer for top_layer in shape.over if not any(top_layer is o for o in old))
@@ -148,7 +148,7 @@ def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     return [numbers[label == part] for part in range(count)]
 
 
-def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
+def _nodes_of_layers(shape: GraphShape, numbers: Iterable[int]) -> Int:
     """Returns the nodes of the parts that belong to some layers of a possessed mesh, or that these layers
     move."""
     starts, chosen = shape.starts, set[int]()

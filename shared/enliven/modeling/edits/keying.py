@@ -17,7 +17,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits.keys import key_at, key_layer, set_key
 from enliven.modeling.edits.root_layers import about as motion_about
 from enliven.modeling.edits.root_layers import root_motion, root_values
-from enliven.modeling.possessed.pose import within_layer
+from enliven.modeling.possessed.pose import evaluate_layer
 from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import bone_number
 from enliven.motion.layers.evaluate import pose_of
@@ -142,7 +142,7 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
     assert number is not None
     layer = shape.playing[number]
     assert isinstance(layer, GraphLayer)
-    linear, node_place, weight = within_layer(project, shape, number - len(shape.parts), node, time)
+    linear, node_place, weight = evaluate_layer(project, shape, number - len(shape.parts), node, time)
     if weight <= 0.0:
         remedy = "Unmute the layer, give it weight, or go to a time at which it plays."
         raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", remedy=remedy)

@@ -29,8 +29,8 @@ from enliven.document import (
     RigBase,
     RootLayer,
     Shape,
+    clip_from_keys,
     key_values,
-    keyed_clip,
     keyed_stream,
     unused,
 )
@@ -245,7 +245,7 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
 
 def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Project:
     """Adds the first key of a whole character. The key acts about the centre of the character at rest."""
-    clip = keyed_clip(unused(f"{character.id} keys", project.takes), "root", [key])
+    clip = clip_from_keys(unused(f"{character.id} keys", project.takes), "root", [key])
     layer = RootLayer(clip.id, np.array(rig_of(character).centre(character)))
     new_character = character.with_changes(root_layers=(*character.root_layers, layer))
     return project.with_takes(clip).with_characters(new_character)
@@ -262,7 +262,7 @@ def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[
         assert isinstance(layer, GraphLayer)
         project = project.with_streams(keyed_stream(name, layer.rest, old.follow, keys))
     else:
-        project = project.with_takes(keyed_clip(name, old.skeleton.names[0], keys))
+        project = project.with_takes(clip_from_keys(name, old.skeleton.names[0], keys))
     if name == old.id:
         return project
     named: dict[str, Any] = {"take": name}

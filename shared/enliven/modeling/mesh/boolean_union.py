@@ -15,7 +15,7 @@ from enliven.meshes import (
     MeshMaterials,
     barycentric,
     first_of_position,
-    joined_materials,
+    join_materials,
     materials_within,
     split_paint,
     weld,
@@ -67,7 +67,7 @@ class MeshPair:
         colours, stiffness = split_paint(paint, *self.meshes)
         first_faces = np.concatenate([np.arange(len(first.vertices)), np.full(len(second.vertices), -1)])
         second_faces = np.concatenate([np.full(len(first.vertices), -1), np.arange(len(second.vertices))])
-        materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
+        materials = join_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
         mesh = Mesh(vertices, faces, first.name, colours, materials, stiffness)
         none = np.zeros(len(vertices), bool)
         return Union(
@@ -157,7 +157,7 @@ class UnionBuilder:
         weights, paint = self._interpolate_new(new)
         whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
-        skin = skins.concatenate_skins([*old_skins, skins.sparse(weights)])
+        skin = skins.concatenate_skins([*old_skins, skins.keep_largest_weights(weights)])
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
         )
@@ -193,7 +193,7 @@ class UnionBuilder:
             )
             start += len(source)
         groups += [(side.solid.leaves.materials, len(side.solid.leaves.faces)) for side in self.sides]
-        return joined_materials(groups)
+        return join_materials(groups)
 
     def _kept_faces(self, side: Side, number: Int) -> Int:
         """Returns the whole faces (K, 3) in their order, with unchanged corners."""
@@ -211,11 +211,13 @@ class UnionBuilder:
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
             return skins.select_vertices(skin, kept_vertices)
-        full = skins.dense(skin, bones)
+        full = skins.dense_weights(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
         old = skins.select_vertices(skin, kept_vertices[kept_vertices < given_count])
-        return skins.concatenate_skins([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
+        return skins.concatenate_skins(
+            [old, skins.keep_largest_weights(full[kept_vertices[kept_vertices >= given_count]])]
+        )
 
     def _interpolate_new(self, new: Int) -> tuple[Float, Float]:
         """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the old face of
@@ -233,7 +235,7 @@ class UnionBuilder:
             own = mesh.faces[side.source[face[first]]]
             coordinates = barycentric(self.places[vertex], mesh.vertices[own])
             corners, inverse = np.unique(own, return_inverse=True)
-            full = skins.dense(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
+            full = skins.dense_weights(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
             weights[row[vertex]] = (coordinates[..., None] * full).sum(1)
             paint[row[vertex]] = (coordinates[..., None] * own_paint[own]).sum(1)
         return weights, paint
@@ -255,9 +257,9 @@ class UnionBuilder:
         rows = np.flatnonzero(seam)
         bones = skins.bone_count(skin)
         full, counts = np.zeros((count, bones)), np.zeros(count)
-        np.add.at(full, first[rows], skins.dense(skins.select_vertices(skin, rows), bones))
+        np.add.at(full, first[rows], skins.dense_weights(skins.select_vertices(skin, rows), bones))
         np.add.at(counts, first[rows], 1.0)
-        mean = skins.sparse(full[first[rows]] / counts[first[rows], None])
+        mean = skins.keep_largest_weights(full[first[rows]] / counts[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()
         indices[rows], weights[rows] = mean.indices, mean.weights
         return Union(mesh, SkinWeights(indices, weights), old[0], old[1], seam, True, notes)

@@ -58,7 +58,7 @@ class Cap:
     inside: HarmonicInterpolation
 
 
-def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
+def triangulate_cap(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     """Returns a cap that fills the area between loops with triangles of similar size.
 
     Args:

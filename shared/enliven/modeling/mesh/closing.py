@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
 from enliven.meshes import Mesh, face_areas
-from enliven.modeling.mesh.caps import cap_of, flatten_loop
+from enliven.modeling.mesh.caps import flatten_loop, triangulate_cap
 
 _MAX_CAP_FRACTION = 0.25
 """Maximum area of the caps of a mesh or connected part, as a fraction of its surface area. A part with larger
@@ -53,7 +53,7 @@ class ClosedSurface:
     leaf: Bool
 
 
-def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
+def close_surface(mesh: Mesh, of: Int) -> ClosedSurface:
     """Returns the closed surface of a mesh.
 
     Args:
@@ -195,7 +195,7 @@ class _Work:
     def cap(self, loop: Int) -> _Rim:
         """Returns the cap that would close a border of half-edges."""
         rim = self.corners.ravel()[loop]
-        cap = cap_of([np.arange(len(rim))], flatten_loop(self.vertices[rim]))
+        cap = triangulate_cap([np.arange(len(rim))], flatten_loop(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
         how: Interpolation = cap.inside
         if len(faces) != len(rim) - 2 + 2 * cap.inside.count:

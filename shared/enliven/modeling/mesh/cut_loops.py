@@ -95,7 +95,7 @@ def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: 
     return (order if forward >= 0 else order[::-1]), False
 
 
-def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tuple[Int, bool]]:
+def join_chains(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tuple[Int, bool]]:
     """Joins open chains with nearby ends, and closes chains with a small gap. Returns all chains.
 
     Args:

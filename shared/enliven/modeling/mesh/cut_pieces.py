@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, joined_materials, materials_within, split_paint
+from enliven.meshes import Mesh, join_materials, materials_within, split_paint
 from enliven.modeling.mesh.caps import Cap, HarmonicInterpolation
 from enliven.modeling.mesh.cut_plan import CutPlan
 from enliven.modeling.skinning import skin_values as skins
@@ -90,7 +90,7 @@ class _PieceBuilder:
         corners = vertices[faces[len(whole_faces) : len(whole_faces) + len(split)]]
         inside = materials_within(self.mesh.materials, self.mesh.vertices[self.mesh.faces], corners, parts)
         kept_materials = None if self.mesh.materials is None else self.mesh.materials.taken(whole_faces)
-        materials = joined_materials(
+        materials = join_materials(
             [(kept_materials, len(whole_faces)), (inside, len(split)), (None, len(closing))]
         )
         colours, stiffness = split_paint(paint, self.mesh)
@@ -156,11 +156,11 @@ class _PieceBuilder:
             return vertices, paint, None
         old = np.unique(sources)
         few = np.searchsorted(old, sources)
-        full = skins.dense(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
+        full = skins.dense_weights(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
         used_bones = np.flatnonzero(full.any(0))
         full = full[:, used_bones]
         rim_skin = full[few[:, 0]] * (1 - edge_fraction) + full[few[:, 1]] * edge_fraction
-        new_skin = skins.sparse(grown(np.zeros((0, 0)), rim_skin))
+        new_skin = skins.keep_largest_weights(grown(np.zeros((0, 0)), rim_skin))
         new_skin = SkinWeights(used_bones[new_skin.indices].astype(np.uint16), new_skin.weights)
         return (
             vertices,

@@ -13,11 +13,11 @@ from enliven.deformation.graph.connectivity import components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.caps import Cap, cap_of, flatten_loop
+from enliven.modeling.mesh.caps import Cap, triangulate_cap, flatten_loop
 from enliven.modeling.mesh.cut_loops import (
     Crossings,
     find_crossings,
-    joined,
+    join_chains,
     order_chains,
     signed_area,
     winding_number,
@@ -276,7 +276,7 @@ class CutPlan:
             chains = order_chains(self.found.pairs[cut & (shell == shell_number)])
             loops = [
                 order
-                for order, shut in joined(chains, self.places, _MAX_GAP_FRACTION)
+                for order, shut in join_chains(chains, self.places, _MAX_GAP_FRACTION)
                 if shut and len(order) > 2
             ]
             note = "a part of the mesh was open at the cut, and was left open"
@@ -286,11 +286,11 @@ class CutPlan:
             if self.values is not None:
                 caps += [self._own_cap(loop) for loop in loops]
             elif loops:
-                caps.append(cap_of(loops, self.places, self.settings.fine))
+                caps.append(triangulate_cap(loops, self.places, self.settings.fine))
         return caps
 
     def _own_cap(self, loop: Int) -> Cap:
         """Returns a cap for a loop, triangulated in the best-fitting plane of the loop."""
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
-        cap = cap_of([np.arange(len(loop))], flatten_loop(points), self.settings.fine)
+        cap = triangulate_cap([np.arange(len(loop))], flatten_loop(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)

@@ -33,7 +33,7 @@ class SkinnedSurface(NamedTuple):
     seen: Float
 
 
-def joined(
+def join_surfaces(
     first: SkinnedSurface,
     second: SkinnedSurface,
     maps: Float,

@@ -24,7 +24,7 @@ from enliven.meshes import Mesh, face_areas, weld
 from enliven.modeling.mesh.cut_pieces import Piece, build_piece
 from enliven.modeling.mesh.cut_plan import CutPlan, CutSettings
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
-from enliven.modeling.mesh.poisson_equation import poisson
+from enliven.modeling.mesh.poisson_equation import solve_poisson
 from enliven.modeling.skinning import skin_values as skins
 
 _MIN_OWN_FRACTION = 0.75
@@ -176,7 +176,7 @@ def round_caps(piece: Piece, share: float) -> Piece:
     rim[edges[counts == 1]] = True
     used = np.zeros(len(caps.vertices), bool)
     used[caps.faces] = True
-    height = share * np.sqrt(2.0 * np.maximum(poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
+    height = share * np.sqrt(2.0 * np.maximum(solve_poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
     moved = mesh.vertices + (height[:, None] * cap_normals(caps))[of]
     return replace(
         piece, mesh=replace(mesh, vertices=np.where((height > 0)[of][:, None], moved, mesh.vertices))

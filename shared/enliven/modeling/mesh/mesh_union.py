@@ -19,11 +19,11 @@ import scipy
 
 from enliven.arrays import Bool, Float
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, MeshMaterials, joined_materials, materials_within, weld
+from enliven.meshes import Mesh, MeshMaterials, join_materials, materials_within, weld
 from enliven.modeling.mesh.boolean_union import MeshPair, Union
 from enliven.modeling.mesh.collapse_slivers import remove_slivers
 from enliven.modeling.mesh.seam import find_creases
-from enliven.modeling.mesh.solids import Solid, solid_of
+from enliven.modeling.mesh.solids import Solid, solid_from_mesh
 from enliven.modeling.skinning import skin_values as skins
 
 
@@ -45,7 +45,7 @@ def unite_meshes(
     """
     moved = SkinWeights((second_skin.indices + np.uint16(offset)).astype(np.uint16), second_skin.weights)
     pair = MeshPair((first, second), (first_skin, moved))
-    solids = [solid_of(mesh) for mesh in pair.meshes]
+    solids = [solid_from_mesh(mesh) for mesh in pair.meshes]
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
             return pair.side_by_side(
@@ -103,4 +103,4 @@ def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | N
         return mesh.materials.taken(still)
     nearest = scipy.spatial.cKDTree(old[before].mean(1)).query(after.mean(1))[1]
     inner = materials_within(mesh.materials, old, after, before[nearest])
-    return joined_materials([(mesh.materials.taken(still), len(still)), (inner, len(after))])
+    return join_materials([(mesh.materials.taken(still), len(still)), (inner, len(after))])

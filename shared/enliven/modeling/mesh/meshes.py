@@ -10,9 +10,9 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.deformation.graph.connectivity import components
 from enliven.document import Shape, SkinWeights
-from enliven.meshes import submesh, weld
+from enliven.meshes import extract_submesh, weld
 from enliven.modeling.mesh.cut_pieces import Piece
-from enliven.modeling.skinning.skins import renumbered
+from enliven.modeling.skinning.skins import renumber_bones
 
 
 def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
@@ -41,10 +41,10 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
     """Returns the shape with the mesh of one side of a cut. ``numbers`` (N,) maps old bones to bones of the
     shape."""
     assert piece.skin is not None
-    return shape.with_changes(mesh=piece.mesh, skin=renumbered(piece.skin, numbers))
+    return shape.with_changes(mesh=piece.mesh, skin=renumber_bones(piece.skin, numbers))
 
 
-def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
+def matching_bone_numbers(before: Shape, shape: Shape, otherwise: str) -> Int:
     """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or the bone
     ``otherwise`` if no bone has this name."""
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
@@ -63,17 +63,17 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
         weight = np.where(np.isin(piece.skin.indices, list(bones)), piece.skin.weights, 0.0).sum(1)
         np.add.at(follows[:, k], shell, weight)
     chosen = follows.argmax(1)[shell]
-    return [_part_of(piece, chosen == k) for k in range(len(groups))]
+    return [_select_piece_faces(piece, chosen == k) for k in range(len(groups))]
 
 
-def _part_of(piece: Piece, inside: Bool) -> Piece | None:
+def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
     """Returns the faces of a piece between vertices that are ``inside`` (V,), or None if there are none."""
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():
         return piece
     faces = inside[piece.mesh.faces[:, 0]]
-    mesh = submesh(piece.mesh, faces)
+    mesh = extract_submesh(piece.mesh, faces)
     used = np.zeros(len(inside), bool)
     used[piece.mesh.faces[faces]] = True
     skin = SkinWeights(piece.skin.indices[used], piece.skin.weights[used])

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
-from enliven.meshes.flips import across_edges, flip, slot
+from enliven.meshes.flips import adjacent_triangles, flip, slot
 
 _SMOOTHING_FACTOR = 0.5
 """Taubin's smoothing factor lambda ("A signal processing approach to fair surface design", 1995)."""
@@ -18,14 +18,14 @@ def flip_to_delaunay(vertices: Float, faces: Int32) -> Int32:
     """Returns faces (F, 3) in which an edge is flipped if its two opposite angles add up to more than 180
     degrees."""
     out = faces.astype(np.int64)
-    _flip_all(np.ascontiguousarray(vertices), out, across_edges(out, len(vertices)))
+    _flip_all(np.ascontiguousarray(vertices), out, adjacent_triangles(out, len(vertices)))
     return out.astype(np.int32)
 
 
 def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
     """Flips the faces (F, 3) of a patch to Delaunay, except edges between two vertices of a seam (V,)."""
     out = faces.copy()
-    beside = across_edges(out, len(vertices))
+    beside = adjacent_triangles(out, len(vertices))
     ends = out[:, [[1, 2], [2, 0], [0, 1]]]
     beside[seam[ends].all(2)] = -1
     _flip_all(np.ascontiguousarray(vertices), out, beside)

@@ -23,9 +23,9 @@ from scipy.sparse.linalg import spsolve
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton, SkinWeights
 from enliven.meshes import Mesh, weld
-from enliven.meshes.flips import across_edges
-from enliven.modeling.skinning.heat_diffusion import heat_weights, segments_of
-from enliven.modeling.skinning.skin_values import bone_count, dense, sparse
+from enliven.meshes.flips import adjacent_triangles
+from enliven.modeling.skinning.heat_diffusion import heat_weights, bone_segments
+from enliven.modeling.skinning.skin_values import bone_count, dense_weights, keep_largest_weights
 from enliven.settings import parameter
 
 _SMOOTH_RINGS = 3
@@ -85,7 +85,7 @@ def smooth_seam(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) ->
     free = _is_near_seam(mesh, seam, sharp, _SMOOTH_RINGS, _MIN_SMOOTH_RADII, _MAX_SMOOTH_RADII)
     if not free.any() or free.all():
         return mesh
-    move = settings.strength * (fair(mesh, free) - mesh.vertices)
+    move = settings.strength * (fair_surface(mesh, free) - mesh.vertices)
     length = np.linalg.norm(move, axis=1, keepdims=True)
     most = _MAX_DISPLACEMENT_RADII * _loop_radius(mesh.vertices[seam])
     moved = mesh.vertices + move * np.minimum(1.0, most / np.maximum(length, 1e-300))
@@ -102,14 +102,14 @@ def reweight_seam(
     if not free.any():
         return skin
     bones = max(len(skeleton), bone_count(skin))
-    weights = heat_weights(mesh, *segments_of(skeleton), bones, dense(skin, bones), free)
-    new = sparse(weights[free], smooth=True)
+    weights = heat_weights(mesh, *bone_segments(skeleton), bones, dense_weights(skin, bones), free)
+    new = keep_largest_weights(weights[free], smooth=True)
     indices, new_weights = skin.indices.copy(), skin.weights.copy()
     indices[free], new_weights[free] = new.indices, new.weights
     return SkinWeights(indices, new_weights)
 
 
-def fair(mesh: Mesh, free: Bool) -> Float:
+def fair_surface(mesh: Mesh, free: Bool) -> Float:
     """Fairs a surface: returns positions (V, 3) that are smooth for vertices with ``free`` (V,) True. The
     other vertices keep their positions.
 
@@ -195,7 +195,7 @@ def find_creases(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
     on = np.zeros(len(welded.vertices), bool)
     on[of[seam]] = True
     faces = welded.faces.astype(np.int64)
-    beside = across_edges(faces, len(on))
+    beside = adjacent_triangles(faces, len(on))
     normals = welded.face_normals()
     bends = np.einsum("fa,fka->fk", normals, normals[beside]) < np.cos(np.radians(degrees))
     starts, ends = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]

@@ -8,8 +8,8 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
-from enliven.meshes import Mesh, joined_materials, split_paint, weld
-from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_surface
+from enliven.meshes import Mesh, join_materials, split_paint, weld
+from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, close_surface
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Solid:
     notes: tuple[str, ...]
 
 
-def solid_of(mesh: Mesh) -> Solid | str:
+def solid_from_mesh(mesh: Mesh) -> Solid | str:
     """Converts a mesh to a solid. If that fails, returns the reason as a sentence."""
     if not np.isfinite(mesh.vertices).all():
         return "some vertices are not finite"
@@ -45,7 +45,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if not use.all():
         notes.append(f"removed {int((~use).sum())} faces that have no area or occur twice")
     used = mesh.with_faces(use)
-    closed = closed_surface(used, of)
+    closed = close_surface(used, of)
     if not len(closed.faces):
         return "the surface is open, and too much of it is missing to close it"
     if closed.caps:
@@ -78,7 +78,7 @@ def _closed_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     enclosing = mesh.with_faces(~closed.leaf)
     groups = [(enclosing.materials, len(enclosing.faces)), (None, len(closed.faces) - len(enclosing.faces))]
     faces = closed.faces.astype(np.int32)
-    return Mesh(closed.vertices, faces, mesh.name, colours, joined_materials(groups), stiffness)
+    return Mesh(closed.vertices, faces, mesh.name, colours, join_materials(groups), stiffness)
 
 
 def signed_volume(mesh: Mesh) -> float:

@@ -14,7 +14,7 @@ _MAX_PLACES = 1 << 23
 """Maximum number of resampled poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
 
 
-def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:
+def stream_at_even_steps(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:
     """Returns the stream of a character's poses at constant time steps, interpolated linearly.
 
     Raises:
@@ -22,7 +22,7 @@ def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> Po
     """
     used_poses, seconds, grid = even_times(character, poses, poses[0].time_ns if poses else 0)
     values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
-    linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
+    linear, positions = (interpolate_linearly(np.array(each, np.float64), seconds, grid) for each in values)
     return PoseStream(stream_id, linear, positions, float(grid[1] - grid[0]))
 
 
@@ -49,7 +49,7 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
     return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
 
 
-def between(values: Float, seconds: Float, grid: Float) -> Float:
+def interpolate_linearly(values: Float, seconds: Float, grid: Float) -> Float:
     """Interpolates ``values`` (F, ...) linearly from times ``seconds`` (F,) to ``grid`` (G,). Returns (G,
     ...)."""
     before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)

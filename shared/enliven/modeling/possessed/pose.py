@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import GraphLayer, GraphPart, GraphShape, Pose, PoseStream, Project, smoothed
+from enliven.document import GraphLayer, GraphPart, GraphShape, Pose, PoseStream, Project, smooth_take
 from enliven.errors import InputError
 from enliven.modeling.mesh.meshes import blend_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
@@ -32,7 +32,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     over = [_layer_at(project, layer, len(shape.positions), time) for layer in shape.over]
     for part, start in zip(shape.parts, shape.starts, strict=False):
-        maps, places = _part_maps_at(smoothed(project.streams[part.take], part.smooth), part, time)
+        maps, places = _part_maps_at(smooth_take(project.streams[part.take], part.smooth), part, time)
         if part.mirrored:
             maps, places = maps * _MIRROR_SIGNS * _MIRROR_SIGNS[:, None], places * _MIRROR_SIGNS
         places = part.size * places
@@ -52,7 +52,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
     return _apply_layers((linear, positions), over, np.arange(len(positions)))
 
 
-def within_layer(
+def evaluate_layer(
     project: Project, shape: GraphShape, number: int, node: int, time: float
 ) -> tuple[Float, Float, float]:
     """Evaluates a layer on top of a shape at a time, for one of the shape's nodes.
@@ -98,7 +98,7 @@ class _LayerMotion:
     apart: Float
 
 
-def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
+def compose_with_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
     """Applies a motion of the rest pose before the motion with linear maps (N, 3, 3) and positions (N, 3)."""
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
@@ -106,7 +106,7 @@ def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[F
 def _apply_layers(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
     """Returns the maps and positions of some nodes with the layers on top applied."""
     for layer in over:
-        base = over_base(base, layer.linear[nodes], layer.apart[nodes])
+        base = compose_with_base(base, layer.linear[nodes], layer.apart[nodes])
     return base
 
 
@@ -115,7 +115,7 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
     linear, offsets = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     moves = np.zeros(count, bool)
     moves[layer.own] = True
-    stream = smoothed(project.streams[layer.take], layer.smooth)
+    stream = smooth_take(project.streams[layer.take], layer.smooth)
     at = layer.moment(time, stream.duration)
     weight = 0.0 if layer.muted else at.weight * layer.weight
     if weight > 0.0:

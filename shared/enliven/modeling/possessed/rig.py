@@ -15,7 +15,7 @@ from enliven.document import (
     PoseStream,
     Project,
     Ride,
-    character_of_graph,
+    character_from_graph_shape,
     keyed_stream,
     unused,
 )
@@ -34,7 +34,7 @@ _MIRRORED_ENDS = [0, 2, 1, 4, 3]
 class GraphRig(RigEdits):
     """Edits of a deformation graph that plays recorded motion."""
 
-    drawn = staticmethod(character_of_graph)
+    drawn = staticmethod(character_from_graph_shape)
     cut = staticmethod(cut_graph)
     merged = staticmethod(merge_graphs)
 

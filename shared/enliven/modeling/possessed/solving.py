@@ -31,7 +31,7 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.possessed.even_steps import stream_of
+from enliven.modeling.possessed.even_steps import stream_at_even_steps
 from enliven.possession import replay
 from enliven.rotation import to_matrix
 
@@ -157,7 +157,7 @@ def solve_again(
                 progress(min((done + fraction) / len(due), 1.0))
         users = [layer for character in project.characters.values() for layer in character.playing]
         alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
-        stream = stream_of(bare, poses, part.take if alone else unused(shape_id, project.streams))
+        stream = stream_at_even_steps(bare, poses, part.take if alone else unused(shape_id, project.streams))
         solved = replace(how, rest=rest, solved=_motion_checksum(project, shape, number))
         parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
         shape = shape.with_changes(parts=tuple(parts))

@@ -15,7 +15,7 @@ from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Ride, S
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.mesh.cut_surfaces import CutSurface
-from enliven.modeling.mesh.joining import SkinnedSurface, joined
+from enliven.modeling.mesh.joining import SkinnedSurface, join_surfaces
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
 from enliven.modeling.mesh.seam import smooth_seam
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
@@ -82,7 +82,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         ]
     )
     numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
-    mesh, skin = joined(
+    mesh, skin = join_surfaces(
         SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *host_nodes)),
         SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *graft_nodes)),
         maps,

@@ -72,11 +72,11 @@ def bake_motion(
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(puppet.mesh, frames, places, point_vertices, settings)
     ids = (puppet.id, puppet.id) if ids is None else ids
-    graph, stream = graph_of(puppet.mesh, surface, turns, roots, 1.0 / rate, ids, start)
+    graph, stream = graph_from_baked_surface(puppet.mesh, surface, turns, roots, 1.0 / rate, ids, start)
     return graph, stream, surface.error
 
 
-def graph_of(
+def graph_from_baked_surface(
     mesh: Mesh,
     surface: BakedSurface,
     turns: Float,

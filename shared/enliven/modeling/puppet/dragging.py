@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Project, Puppet
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import frame_at
+from enliven.examples.puppet_examples import find_nearest_frame
 from enliven.modeling.puppet.parts import state_at, to_mesh_frame
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 
@@ -38,6 +38,6 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
 def key_pose_at(project: Project, puppet: Puppet, take: str, second: float) -> int | None:
     """Returns the number of the key pose at a frame of a take, or None."""
     clip = project.takes[take]
-    frames = [frame_at(clip, pose.time) if pose.take == take else -1 for pose in puppet.poses]
-    frame = frame_at(clip, second)
+    frames = [find_nearest_frame(clip, pose.time) if pose.take == take else -1 for pose in puppet.poses]
+    frame = find_nearest_frame(clip, second)
     return frames.index(frame) if frame in frames else None

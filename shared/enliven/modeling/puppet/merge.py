@@ -19,7 +19,7 @@ import scipy
 from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import frame_at, missing
+from enliven.examples.puppet_examples import find_nearest_frame, missing
 from enliven.examples.puppet_motion import in_world, motion_of
 from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import unite_meshes
@@ -64,7 +64,7 @@ class _Rigid:
         return _Rigid(self.turn @ other.turn, self.turn @ other.move + self.move)
 
     @property
-    def back(self) -> _Rigid:
+    def inverse(self) -> _Rigid:
         """The inverse motion."""
         return _Rigid(self.turn.T, -self.turn.T @ self.move)
 
@@ -86,8 +86,8 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     graft.show(keys)
     middle = _meeting_point(host.seen, graft.seen)
     to_host, to_graft = host.around(middle), graft.around(middle)
-    united_mesh = _united_mesh(host.puppet, graft.puppet, to_host.back.after(to_graft), merge)
-    merged = _Merge(host, graft, united_mesh, keys, middle).made(messages)
+    united_mesh = _united_mesh(host.puppet, graft.puppet, to_host.inverse.after(to_graft), merge)
+    merged = _Merge(host, graft, united_mesh, keys, middle).build_puppet(messages)
     project = project.without(merge.graft)
     state = state_at(project.with_characters(merged), merged, time)
     return project.with_characters(align_puppet(merged, state, before, host.state))
@@ -111,7 +111,9 @@ class _Side:
         self.seen = in_world(puppet, self.state, self.local)
         self.puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
         takes = project.takes
-        self.keys = [(pose.take, frame_at(takes[pose.take], pose.time)) for pose in self.puppet.poses]
+        self.keys = [
+            (pose.take, find_nearest_frame(takes[pose.take], pose.time)) for pose in self.puppet.poses
+        ]
         self.was = np.zeros((0, *puppet.mesh.vertices.shape))
 
     @property
@@ -160,7 +162,7 @@ class _Merge:
         self._host, self._graft, self._union, self._keys = host, graft, union, keys
         count = len(union.mesh.vertices)
         ours, theirs = union.first >= 0, (union.second >= 0) & (union.first < 0)
-        base = host.world.back.after(graft.world)
+        base = host.world.inverse.after(graft.world)
         self.rides = _plays_same_frames(host.puppet, graft.puppet)
         self._was = np.zeros((len(keys), count, 3))
         for number in range(len(keys)):
@@ -169,7 +171,7 @@ class _Merge:
             self._was[number, theirs] = carry(graft.was[number])[union.second[theirs]]
         self._mine = (ours, theirs)
 
-    def made(self, notes: list[str]) -> Puppet:
+    def build_puppet(self, notes: list[str]) -> Puppet:
         """Returns the merged puppet, with the layers of both."""
         host, graft = self._host.puppet, self._graft.puppet
         ours = self._points_on_union(host, self._union.first, set(), notes)

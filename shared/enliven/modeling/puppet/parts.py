@@ -13,7 +13,12 @@ from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.nodes import EdgeGraph
-from enliven.examples.puppet_examples import collect_material, examples_of, frame_at, missing
+from enliven.examples.puppet_examples import (
+    collect_material,
+    examples_from_key_poses,
+    find_nearest_frame,
+    missing,
+)
 from enliven.examples.puppet_motion import State, loop_position, motion_of, state_of
 from enliven.examples.puppet_solve import convert_to_reference
 from enliven.meshes import Mesh, weld
@@ -81,7 +86,9 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
     would then no longer differ."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
-        frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
+        find_nearest_frame(project.takes[pose.take], pose.time)
+        for pose in puppet.poses
+        if pose.take == layer.take
     ]
     if frame in frames:
         return puppet
@@ -202,7 +209,7 @@ def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, i
 
 def _examples_differ(project: Project, puppet: Puppet) -> bool:
     try:
-        examples_of(project, puppet)
+        examples_from_key_poses(project, puppet)
     except InputError:
         return False
     return True
@@ -211,7 +218,7 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
 def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
     """Returns (n, P, 3) metres, the joints in the body's frame at the key poses, or None without examples."""
     try:
-        return examples_of(project, puppet.with_changes(symmetry=None)).sources
+        return examples_from_key_poses(project, puppet.with_changes(symmetry=None)).sources
     except InputError:
         return None
 

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import KeyPose, Plane, Project, Puppet
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import examples_of, frame_at, missing
+from enliven.examples.puppet_examples import examples_from_key_poses, find_nearest_frame, missing
 from enliven.examples.symmetric import find_partners, mirror_places
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 from enliven.modeling.rig import check_names
@@ -41,7 +41,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
         InputError: if no key pose has that number, or for the reasons of :func:`add_key_pose`.
     """
     puppet = project.puppet(puppet_id)
-    old = _pose_numbered(puppet, number)
+    old = _find_key_pose(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
     pose = _checked_pose(project, puppet, replace(old, **changes), number)
     return _checked_to_differ(project, _with_pose(puppet, number, pose))
@@ -54,7 +54,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
         InputError: if there is none with that number.
     """
     puppet = project.puppet(puppet_id)
-    _pose_numbered(puppet, number)
+    _find_key_pose(puppet, number)
     return project.with_characters(
         puppet.with_changes(poses=puppet.poses[:number] + puppet.poses[number + 1 :])
     )
@@ -70,7 +70,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
             image.
     """
     puppet = project.puppet(puppet_id)
-    pose = _pose_numbered(puppet, number)
+    pose = _find_key_pose(puppet, number)
     plane = puppet.symmetry or plane_of_symmetry(puppet.mesh)
     if plane is None:
         remedy = "Set a plane of symmetry first."
@@ -103,11 +103,11 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
     differ."""
     changed = project.with_characters(puppet)
     if not missing(changed, puppet):
-        examples_of(changed, puppet)
+        examples_from_key_poses(changed, puppet)
     return changed
 
 
-def _pose_numbered(puppet: Puppet, number: int) -> KeyPose:
+def _find_key_pose(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
         remedy = f"It has {len(puppet.poses)}."
         raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)
@@ -125,12 +125,15 @@ def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int |
     if pose.take not in project.takes:
         remedy = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
         raise InputError(f"the take {pose.take!r} does not exist", where=location, remedy=remedy)
-    frame = frame_at(project.takes[pose.take], pose.time)
+    frame = find_nearest_frame(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
         problem = f"places of shape {pose.places.shape} for {len(puppet.points)} points, or not finite"
         raise InputError(problem, where=location, remedy="Give one place for each control point.")
     for other, existing in enumerate(puppet.poses):
-        same = existing.take == pose.take and frame_at(project.takes[existing.take], existing.time) == frame
+        same = (
+            existing.take == pose.take
+            and find_nearest_frame(project.takes[existing.take], existing.time) == frame
+        )
         if other != number and same:
             problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
             raise InputError(problem, where=location, remedy="Change that key pose, or choose another time.")

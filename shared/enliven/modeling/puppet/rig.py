@@ -15,7 +15,7 @@ from enliven.document import (
     Project,
     Puppet,
     PuppetLayer,
-    character_of_puppet,
+    character_from_puppet,
 )
 from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import in_world, pose_of_state
@@ -35,7 +35,7 @@ class PuppetRig(RigEdits):
     frame."""
 
     frames = 30.0
-    drawn = staticmethod(character_of_puppet)
+    drawn = staticmethod(character_from_puppet)
     cut = staticmethod(cut_puppet)
     merged = staticmethod(merge_puppets)
 

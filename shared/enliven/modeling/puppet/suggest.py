@@ -20,8 +20,8 @@ from enliven.errors import InputError
 from enliven.examples.pairing import (
     foot_joints,
     guess_joints,
-    joint_motion,
     keep_one_point_per_hand,
+    measure_joint_motion,
     mirror_joint,
 )
 from enliven.examples.performer import performed
@@ -114,7 +114,7 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     joints = _with_mirrored_joints(clip, [point.joint for point in puppet.points], partners)
     unpaired = [number for number, joint in enumerate(joints) if not joint]
     used_joints = [joint for joint in joints if joint]
-    motion = joint_motion(clip)
+    motion = measure_joint_motion(clip)
     guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, unpaired, motion, partners)
     for number, joint in zip(unpaired, guesses, strict=True):
         joints[number] = joint

@@ -83,7 +83,7 @@ def cut_puppet(
         messages.append("The halves have no plane of symmetry; mirrored key poses were added as key poses.")
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
-        half = _Half(project, unfolded_puppet, old_places, piece).made(name, messages)
+        half = _Half(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
         state = state_at(project.with_characters(half), half, time)
         halves.append(align_puppet(half, state, puppet, before))
     return project.with_characters(*halves), (puppet_id, off_id)
@@ -114,7 +114,7 @@ class _Half:
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
         self._was = np.where(self._old[None, :, None], was[:, np.maximum(piece.kept, 0)], 0.0)
 
-    def made(self, name: str, notes: list[str]) -> Puppet:
+    def build_puppet(self, name: str, notes: list[str]) -> Puppet:
         """Returns the half as a puppet."""
         puppet, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
         own_layers = [

@@ -31,7 +31,7 @@ class Bone(NamedTuple):
     spans: Spans
 
 
-def bones_of(shape: Shape) -> list[Bone]:
+def list_bones(shape: Shape) -> list[Bone]:
     """Returns the bones of a shape, in the order of its joints."""
     skeleton = shape.skeleton
     parents = ["" if parent < 0 else skeleton.names[parent] for parent in skeleton.parents]
@@ -48,7 +48,7 @@ def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
     return Skeleton(tuple(bone.name for bone in bones), parents, np.array([bone.rest for bone in bones]))
 
 
-def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
+def rebuild_shape(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
     """Returns the shape with other bones and other changed attributes. Keeps pins if their joints still
     exist."""
     modeling = np.array([bone.modeling for bone in bones])
@@ -59,7 +59,7 @@ def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
     return shape.with_changes(skeleton=skeleton_of_bones(bones), **attributes)
 
 
-def numbers_of(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:
+def bone_numbers_in(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:
     """Returns (N,) the number in ``bones`` of each bone of the shape, or of the bone that replaces it
     (``instead``)."""
     number = {bone.name: j for j, bone in enumerate(bones)}

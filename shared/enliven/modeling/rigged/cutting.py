@@ -8,10 +8,10 @@ import numpy as np
 from enliven.document import STILL, Project, Shape, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
-from enliven.modeling.mesh.meshes import numbers_in, with_piece
-from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, rebuilt
+from enliven.modeling.mesh.meshes import matching_bone_numbers, with_piece
+from enliven.modeling.rigged.bones import Bone, bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
-from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
+from enliven.modeling.rigged.posed import animation_rotation, held_at, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
@@ -65,7 +65,7 @@ def cut_bone(
     upper, lower = split_shape(project, shape, j, at, time, name)
     if shape.mesh is not None and shape.skin is not None:
         cut = cut_across_bone(shape.mesh, shape.skin, shape.skeleton, j, at)
-        upper, lower = with_cut(shape, upper, lower, cut)
+        upper, lower = assign_cut_sides(shape, upper, lower, cut)
         if notes is not None:
             notes.extend(cut.notes)
     return project.with_characters(upper, lower), (upper.id, lower.id)
@@ -96,24 +96,24 @@ def split_shape(
     _refuse_boneless(shape, upper, lower)
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
     place = place - lower[0].rest
-    first = with_travel_kept(project, shape, rebuilt(shape, upper))
+    first = with_travel_kept(project, shape, rebuild_shape(shape, upper))
     if shape.pins:
         first = held_at(project, first, shape, turns, time)
-    second = rebuilt(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)
+    second = rebuild_shape(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)
     if shape.pins:
         second = held_at(project, second, shape, turns, time)
     return first, second
 
 
-def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
+def assign_cut_sides(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
     """Assigns the two sides of a cut mesh to the two shapes. The near side goes to the upper shape."""
     node = lower.skeleton.names[0]
     # If the cut is inside a bone, skin of the bones above goes to the lower half of that bone. If it is at a
     # joint, this skin goes to the root.
     first = lower.skeleton.names[0 if node in before.skeleton.names else 1]
     return (
-        with_piece(upper, cut.near, numbers_in(before, upper, node)),
-        with_piece(lower, cut.far, numbers_in(before, lower, first)),
+        with_piece(upper, cut.near, matching_bone_numbers(before, upper, node)),
+        with_piece(lower, cut.far, matching_bone_numbers(before, lower, first)),
     )
 
 
@@ -124,7 +124,7 @@ becomes the lower root."""
 
 def _cut_before_bone(shape: Shape, j: int) -> Halves:
     """Separates bone j and its descendants from the other bones."""
-    bones = bones_of(shape)
+    bones = list_bones(shape)
     off = set(shape.skeleton.below(j))
     lower = [bone for i, bone in enumerate(bones) if i in off]
     return [bone for i, bone in enumerate(bones) if i not in off], [bones[shape.skeleton.parents[j]], *lower]
@@ -132,7 +132,7 @@ def _cut_before_bone(shape: Shape, j: int) -> Halves:
 
 def _cut_at_joint(shape: Shape, j: int) -> Halves:
     """Separates the descendants of joint j from the other bones."""
-    bones = bones_of(shape)
+    bones = list_bones(shape)
     off = set(shape.skeleton.below(j)) - {j}
     lower = [bone for i, bone in enumerate(bones) if i in off]
     return [bone for i, bone in enumerate(bones) if i not in off], [bones[j], *lower]
@@ -141,12 +141,12 @@ def _cut_at_joint(shape: Shape, j: int) -> Halves:
 def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, name: str) -> Halves:
     """Returns the bones above and below a cut inside bone j, with compensation for the lost part of their
     motion."""
-    bones = bones_of(shape)
+    bones = list_bones(shape)
     bones[j : j + 1] = split_bone(bones[j], bones, at, name)
-    node = rebuilt(shape, bones)
-    old = own_turn(posed(project, shape, time)[0], shape, j)
+    node = rebuild_shape(shape, bones)
+    old = animation_rotation(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)
-    first, second = own_turn(turns, node, j), own_turn(turns, node, j + 1)
+    first, second = animation_rotation(turns, node, j), animation_rotation(turns, node, j + 1)
     # The upper half must rotate as the whole bone did, so its rotation is m a_old a_new^-1. The lower root
     # passes that rotation on to the lower half, so the lower half's own motion is inverted.
     upper_modeling = multiply(multiply(shape.modeling[j], old), conjugate(first))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from enliven.arrays import Float
 from enliven.document import Shape, unused
 from enliven.modeling.rigged.axes import Axes
-from enliven.modeling.rigged.bones import Bone, bones_of
+from enliven.modeling.rigged.bones import Bone, list_bones
 from enliven.modeling.rigged.nodes import without_before
-from enliven.modeling.rigged.spans import before, has_motion, joined_spans
-from enliven.modeling.skinning.skins import follows
+from enliven.modeling.rigged.spans import has_motion, joined_spans, rotation_without_takes
+from enliven.modeling.skinning.skins import follows_bone
 from enliven.rotation import conjugate, multiply, normalized
 
 
@@ -21,7 +21,7 @@ def graft_bones(
     The graft's root gets the name of the node. If it remains as a bone without length, it gets an unused
     name.
     """
-    bones = bones_of(graft)
+    bones = list_bones(graft)
     names = _unused_joint_names(host, [bone.name for bone in bones])
     root = bones[0]
     # The first rotation is W^-1 m_0 R^-1. W is the rotation of the parent bone at the time of the merge, and
@@ -51,7 +51,7 @@ def graft_bones(
 def _combined_rotation(root: Bone, bone: Bone) -> Bone:
     """Combines the root's rotation with that of a child bone: D_b = m_0 a_0 m_b a_b in one bone."""
     if not has_motion(root.spans):
-        fixed = multiply(root.modeling, before(root.spans))
+        fixed = multiply(root.modeling, rotation_without_takes(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
     spans = joined_spans(root.spans, bone.spans, 0.0, bone.modeling)
     modeling, spans = without_before(root.modeling, spans)
@@ -70,4 +70,4 @@ def _unused_joint_names(host: Shape, names: list[str]) -> dict[str, str]:
 
 def root_has_skin(shape: Shape) -> bool:
     """Returns True if a vertex follows the root's own rotation."""
-    return shape.skin is not None and bool(follows(shape.skin, 0).any())
+    return shape.skin is not None and bool(follows_bone(shape.skin, 0).any())

@@ -10,15 +10,15 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Layer, Pin, Project, Shape, SkinWeights, same, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh.joining import SkinnedSurface, joined
+from enliven.modeling.mesh.joining import SkinnedSurface, join_surfaces
 from enliven.modeling.mesh.meshes import bone_maps, identity_maps, posed_vertices
 from enliven.modeling.mesh.seam import SeamSettings, heal_seam
 from enliven.modeling.rigged.axes import Axes, moved_mesh
-from enliven.modeling.rigged.bones import bone_number, bones_of, check_fraction, rebuilt
+from enliven.modeling.rigged.bones import bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.graft import graft_bones, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
-from enliven.modeling.rigged.posed import moment, with_travel_kept
-from enliven.modeling.skinning.skins import renumbered
+from enliven.modeling.rigged.posed import pose_with_stretch, with_travel_kept
+from enliven.modeling.skinning.skins import renumber_bones
 from enliven.motion.layers.evaluate import ShapePose
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
@@ -89,19 +89,19 @@ def merge(
         project, name = insert_node(project, host_id, j, at, rigid=True)
         j = project.shape(host_id).skeleton.index(name)
     host = project.shape(host_id)
-    ours, theirs = moment(project, host, time), moment(project, graft, time)
+    ours, theirs = pose_with_stretch(project, host, time), pose_with_stretch(project, graft, time)
     world = ours.turns[j]
     axes = Axes(_exact_identity(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
     layers = _converted_layers(host, graft, axes)
     bones, names = graft_bones(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
     pins = (*host.pins, *_renamed_pins(graft, names))
     more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
-    merged = with_travel_kept(project, host, rebuilt(host, [*bones_of(host), *bones], **more))
+    merged = with_travel_kept(project, host, rebuild_shape(host, [*list_bones(host), *bones], **more))
     theirs = replace(theirs, joints=theirs.joints + ours.joints[j] - theirs.joints[0])
     surfaces = _skinned_surface(host, ours, time), _skinned_surface(graft, theirs, time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _place_graft(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
-    merged_pose = None if time is None else moment(project, merged, time)
+    merged_pose = None if time is None else pose_with_stretch(project, merged, time)
     mesh, skin = _merged_surface(
         merged, surfaces[0], moved, merged_pose, loose, seam, [] if notes is None else notes
     )
@@ -142,7 +142,7 @@ def _place_graft(
         return None
     mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
     posed = mesh.vertices if time is None else surface.seen
-    return SkinnedSurface(mesh, renumbered(surface.skin, numbers), posed)
+    return SkinnedSurface(mesh, renumber_bones(surface.skin, numbers), posed)
 
 
 def _merged_surface(
@@ -171,7 +171,7 @@ def _merged_surface(
     def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
         return heal_seam(mesh, skin, skeleton, where, seam)
 
-    return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
+    return join_surfaces(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 
 
 def _renamed_pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:

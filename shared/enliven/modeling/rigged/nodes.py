@@ -9,10 +9,10 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Shape, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, numbers_of, rebuilt
+from enliven.modeling.rigged.bones import Bone, bone_number, list_bones, check_fraction, bone_numbers_in, rebuild_shape
 from enliven.modeling.rigged.posed import with_travel_kept
 from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, rigid_continuation, split_spans
-from enliven.modeling.skinning.skins import nearest_bone, renumbered, shared_skin, upper_part
+from enliven.modeling.skinning.skins import find_nearest_bone, renumber_bones, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
 _BLEND_FRACTION = 0.5
@@ -53,15 +53,15 @@ def insert_node(
         remedy = "Choose a position between the two joints."
         raise InputError("a bone has a joint at its end already", where=shape_id, remedy=remedy)
     name = new_name(shape, j, name)
-    bones = bones_of(shape)
+    bones = list_bones(shape)
     ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None
     bones[j : j + 1] = split_bone(bones[j], bones, at, name, ridden)
     skin = shape.skin
     if shape.mesh is not None and skin is not None:
         begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
         part = upper_part(shape.mesh.vertices, begin, end, at, _BLEND_FRACTION)
-        skin = shared_skin(renumbered(skin, numbers_of(shape, bones)), j, j + 1, part)
-    return project.with_characters(rebuilt(shape, bones, skin=skin)), name
+        skin = shared_skin(renumber_bones(skin, bone_numbers_in(shape, bones)), j, j + 1, part)
+    return project.with_characters(rebuild_shape(shape, bones, skin=skin)), name
 
 
 def new_name(shape: Shape, j: int, name: str | None) -> str:
@@ -118,7 +118,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, joint)
-    removed = bones_of(shape)[j]
+    removed = list_bones(shape)[j]
     location = f"shape {shape_id!r}"
     if j == 0:
         raise InputError(
@@ -128,10 +128,10 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
         )
     bones = [
         _join_bones(removed, bone, shape) if bone.parent == removed.name else bone
-        for bone in bones_of(shape)
+        for bone in list_bones(shape)
         if bone.name != removed.name
     ]
-    rest = rebuilt(shape, bones, skin=_skin_without(shape, j, bones))
+    rest = rebuild_shape(shape, bones, skin=_skin_without(shape, j, bones))
     return project.with_characters(with_travel_kept(project, shape, rest))
 
 
@@ -156,8 +156,8 @@ def _skin_without(shape: Shape, j: int, bones: list[Bone]) -> SkinWeights | None
     nearest = np.zeros(len(shape.mesh.vertices), np.int64)
     if len(heirs) > 1:
         begins = np.tile(skeleton.positions[parent], (len(heirs), 1))
-        nearest = nearest_bone(shape.mesh.vertices, begins, skeleton.positions[heirs])
+        nearest = find_nearest_bone(shape.mesh.vertices, begins, skeleton.positions[heirs])
     heir = heirs[nearest].astype(np.uint16)
     indices = np.where(shape.skin.indices == j, heir[:, None], shape.skin.indices)
-    numbers = numbers_of(shape, bones, {skeleton.names[j]: skeleton.names[heirs[0]]})
-    return renumbered(SkinWeights(indices, shape.skin.weights), numbers)
+    numbers = bone_numbers_in(shape, bones, {skeleton.names[j]: skeleton.names[heirs[0]]})
+    return renumber_bones(SkinWeights(indices, shape.skin.weights), numbers)

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.errors import InputError
-from enliven.modeling.rigged.spans import before
+from enliven.modeling.rigged.spans import rotation_without_takes
 from enliven.motion.layers.evaluate import ShapePose, pose_of
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, normalized, rotate
@@ -22,11 +22,11 @@ def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Fl
     Raises:
         InputError: if the time is not finite.
     """
-    pose = moment(project, shape, time)
+    pose = pose_with_stretch(project, shape, time)
     return pose.turns, pose.joints
 
 
-def moment(project: Project, shape: Shape, time: float | None) -> ShapePose:
+def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> ShapePose:
     """Returns the pose including the stretch of the bones. The arguments are those of :func:`posed`."""
     if time is None:
         return ShapePose(*as_modeled(shape))
@@ -41,7 +41,7 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
     skeleton = shape.skeleton
     turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
     for j, parent in enumerate(skeleton.parents):
-        own = multiply(shape.modeling[j], before(shape.spans[j]))
+        own = multiply(shape.modeling[j], rotation_without_takes(shape.spans[j]))
         turns[j] = own if parent < 0 else multiply(turns[parent], own)
         start = skeleton.positions[0] + shape.place if parent < 0 else positions[parent]
         positions[j] = start + rotate(turns[j], skeleton.vectors[j])
@@ -79,13 +79,14 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
             continue
         above = rotation_by_name.get(part.skeleton.names[parent], current[parent])
         back = multiply(
-            conjugate(above), multiply(rotation_by_name[name], conjugate(own_turn(current, part, j)))
+            conjugate(above),
+            multiply(rotation_by_name[name], conjugate(animation_rotation(current, part, j))),
         )
         modeling[j] = normalized(back)
     return part.with_changes(modeling=modeling)
 
 
-def own_turn(turns: Float, shape: Shape, j: int) -> Float:
+def animation_rotation(turns: Float, shape: Shape, j: int) -> Float:
     """Computes (4,) the animation rotation a_j = (D_parent m_j)^-1 D_j in a pose with the world rotations
     ``turns``."""
     parent = int(shape.skeleton.parents[j])

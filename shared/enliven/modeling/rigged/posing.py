@@ -8,7 +8,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.rigged.bones import bone_number
-from enliven.modeling.rigged.posed import own_turn, posed
+from enliven.modeling.rigged.posed import animation_rotation, posed
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, swing
 
 
@@ -25,7 +25,7 @@ def set_bone(
     """
     shape, j, turns, _ = _posed_bone(project, shape_id, bone, time)
     world = _checked_rotation(world, shape_id)
-    own_rotation = own_turn(turns, shape, j)
+    own_rotation = animation_rotation(turns, shape, j)
     return _with_modeling(
         project,
         shape,

@@ -18,15 +18,15 @@ from enliven.document import (
     Ref,
     Shape,
     character_of,
-    keyed_clip,
+    clip_from_keys,
     unused,
 )
 from enliven.modeling.mesh.meshes import posed_vertices
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged.axes import Axes, moved_mesh
-from enliven.modeling.rigged.bones import bones_of, rebuilt
+from enliven.modeling.rigged.bones import list_bones, rebuild_shape
 from enliven.modeling.rigged.merging import merge as merge_shapes
-from enliven.modeling.rigged.posed import moment, posed, with_travel_kept
+from enliven.modeling.rigged.posed import pose_with_stretch, posed, with_travel_kept
 from enliven.modeling.rigged.posing import drag_joint
 from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers.evaluate import Player as ShapePlayer
@@ -50,7 +50,7 @@ class ShapeRig(RigEdits):
 
     def seen(self, project: Project, shape: Shape, time: float) -> Float:
         """Returns the vertices at a time. A shape without a mesh returns its joints."""
-        pose = moment(project, shape, time)
+        pose = pose_with_stretch(project, shape, time)
         return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
@@ -85,7 +85,7 @@ class ShapeRig(RigEdits):
     def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
         """Adds a layer of rotations as the innermost layer of the bone's last span."""
         bone = shape.skeleton.names[handle]
-        clip = keyed_clip(unused(f"{bone} keys", project.takes), bone, [key])
+        clip = clip_from_keys(unused(f"{bone} keys", project.takes), bone, [key])
         name = unused(f"{bone} keys", project.layer_names)
         *others, last = shape.spans[handle]
         spans = list(shape.spans)
@@ -107,12 +107,12 @@ class ShapeRig(RigEdits):
     def scaled(self, shape: Shape, factor: float) -> Shape:
         """Scales the rest pose and the strides. Rotations do not change."""
         centre = shape.skeleton.positions[0]
-        bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in bones_of(shape)]
+        bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in list_bones(shape)]
         mesh = shape.mesh
         if mesh is not None:
             mesh = replace(mesh, vertices=centre + factor * (mesh.vertices - centre))
         stride = None if shape.travel_scale is None else shape.travel_scale * factor
-        return rebuilt(shape, bones, mesh=mesh, travel_scale=stride)
+        return rebuild_shape(shape, bones, mesh=mesh, travel_scale=stride)
 
     def mirrored(self, project: Project, shape: Shape, axes: Axes) -> Shape:
         """Reflects the rest pose and the mesh. Modeling rotations and layers are conjugated by the reflection
@@ -124,11 +124,11 @@ class ShapeRig(RigEdits):
                 modeling=normalized(axes.rotations(bone.modeling)),
                 spans=axes.spans(bone.spans),
             )
-            for bone in bones_of(shape)
+            for bone in list_bones(shape)
         ]
         mesh = None if shape.mesh is None else moved_mesh(shape.mesh, centre, axes, centre)
         layers = tuple(axes.layer(layer) for layer in shape.layers)
-        return with_travel_kept(project, shape, rebuilt(shape, bones, mesh=mesh, layers=layers))
+        return with_travel_kept(project, shape, rebuild_shape(shape, bones, mesh=mesh, layers=layers))
 
     def as_graph(
         self, project: Project, shape: Shape, times: Float, stream_id: str

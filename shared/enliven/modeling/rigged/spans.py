@@ -67,7 +67,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
     return _merge_neighbours((*_scale_shares(upper, share), *_scale_shares(lower, 1.0 - share)))
 
 
-def before(spans: Spans) -> Float:
+def rotation_without_takes(spans: Spans) -> Float:
     """Returns (4,) the rotation of a bone without takes: the product of the fixed rotations of its spans."""
     turn = IDENTITY
     for span in spans:

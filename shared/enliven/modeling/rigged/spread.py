@@ -62,14 +62,14 @@ def spread_motion(
         for name in used:
             fresh[name] = unused(name, used_names)
             used_names[fresh[name]] = None
-            layers[fresh[name]] = reflected(layers[name], linear, fresh[name], later)
+            layers[fresh[name]] = reflect_layer(layers[name], linear, fresh[name], later)
         for start, end in group.joint_map(own_limb, number).items():
             if end != group.joint:
                 spans[end] = tuple(_copied_span(span, fresh, linear) for span in shape.spans[start])
     return project.with_characters(shape.with_changes(spans=tuple(spans), layers=tuple(layers.values())))
 
 
-def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
+def reflect_layer(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
     """Returns the layer with its rotations Q changed to linear Q linear^-1, for a rotation or a reflection.
 
     A reflection is decomposed as L = R S, with S the reflection in the plane x = 0 and R a rotation. The

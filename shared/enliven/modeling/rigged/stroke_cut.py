@@ -12,9 +12,9 @@ from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
-from enliven.modeling.mesh.meshes import divide_by_bones, numbers_in, posed_vertices, with_piece
+from enliven.modeling.mesh.meshes import divide_by_bones, matching_bone_numbers, posed_vertices, with_piece
 from enliven.modeling.rigged.cutting import split_shape
-from enliven.modeling.rigged.posed import moment
+from enliven.modeling.rigged.posed import pose_with_stretch
 
 
 class Crossing(NamedTuple):
@@ -56,7 +56,7 @@ def cut_stroke(
         InputError: if the stroke crosses no bone or crosses a limb twice, or if the mesh cannot be cut.
     """
     shape = project.shape(shape_id)
-    pose = moment(project, shape, time)
+    pose = pose_with_stretch(project, shape, time)
     crossings = bone_crossings(shape, stroke, pose.joints)
     _check_crossings(shape, crossings)
     edited, upper, lowers = project, shape.with_changes(mesh=None, skin=None), []
@@ -73,7 +73,7 @@ def cut_stroke(
         upper = with_piece(upper, near, _upper_numbers(shape, upper, crossings, nodes))
         for k, (lower, piece) in enumerate(zip(lowers, pieces, strict=True)):
             if piece is not None:
-                numbers = numbers_in(shape, lower, shape.skeleton.names[crossings[k].bone])
+                numbers = matching_bone_numbers(shape, lower, shape.skeleton.names[crossings[k].bone])
                 lowers[k] = with_piece(lower, piece, numbers)
         if notes is not None:
             notes.extend(cut.notes)
@@ -126,7 +126,7 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
     """Returns (N,) the bone of the upper shape for each old bone. Bones that were cut off map to the
     remaining half of the cut bone."""
-    numbers = numbers_in(before, upper, nodes[0])
+    numbers = matching_bone_numbers(before, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)
     return np.asarray(numbers)

@@ -58,7 +58,9 @@ def _split_chain(points: Float, radii: Float, along: Float, a: int, b: int, tole
     return left[:-1] + _split_chain(points, radii, along, at, b, tolerance)
 
 
-def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, Float, list[tuple[int, int]]]:
+def bones_from_axis(
+    axis: Axis, tolerance: float, longest: float
+) -> tuple[Float, Float, list[tuple[int, int]]]:
     """Returns (J, 2) joints, (J,) radii there, and the links between them.
 
     Short bones that end inside the circle of a joint are removed.
@@ -91,7 +93,7 @@ def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[i
     return [*out, chosen[-1]]
 
 
-def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
+def choose_root_joint(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
     """Returns the root joint: the thickest junction, or the thicker end if there is no junction."""
     degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
     most = degree == degree.max() if degree.max() > 2 else degree == 1

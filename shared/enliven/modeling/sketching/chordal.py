@@ -22,7 +22,7 @@ _ROUND_MOMENT_RATIO = 0.8
 """An outline without limbs is round if the ratio of its smaller to its larger second moment is above this."""
 
 
-def axis_of(outline: Float, triangles: Int) -> Axis:
+def chordal_axis(outline: Float, triangles: Int) -> Axis:
     """Returns the axis of (N, 2) counter-clockwise points with (T, 3) constrained Delaunay triangles."""
     return _Tracer(outline, triangles).axis()
 

@@ -16,9 +16,9 @@ from scipy.sparse.linalg import splu
 from enliven.arrays import Float, Int, Int32
 from enliven.meshes import split_long_edges
 from enliven.meshes.planar import refine_triangulation
-from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU, poisson
+from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU, solve_poisson
 from enliven.modeling.mesh.remesh import flip_to_delaunay, smooth_taubin
-from enliven.modeling.skinning.heat_diffusion import cotangents
+from enliven.modeling.skinning.heat_diffusion import cotangent_laplacian
 
 _MAX_EDGE_STEPS = 1.5
 """Maximum length of an edge in steps of the outline. Longer edges are split in half."""
@@ -63,8 +63,8 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
     inner = np.arange(rim, len(flat))
     if len(inner) == 0:
         return np.zeros(len(flat))
-    out = poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
-    laplacian, _ = cotangents(points, cells.astype(np.int32))
+    out = solve_poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
+    laplacian, _ = cotangent_laplacian(points, cells.astype(np.int32))
     # Compute the factor rho. It makes the cross-sections round at the axis, and is as smooth as possible
     # elsewhere.
     distances = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)

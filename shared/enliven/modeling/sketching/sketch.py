@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Shape, Skeleton, skeleton_of, still_shape
+from enliven.document import Shape, Skeleton, skeleton_from_links, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.meshes.planar import triangulate_loops
 from enliven.modeling.mesh.cut_loops import signed_area
 from enliven.modeling.sketching.axis import Axis
-from enliven.modeling.sketching.axis_bones import bones_of_axis, root_of
-from enliven.modeling.sketching.chordal import axis_of
+from enliven.modeling.sketching.axis_bones import bones_from_axis, choose_root_joint
+from enliven.modeling.sketching.chordal import chordal_axis
 from enliven.modeling.sketching.inflate import inflate_outline
 from enliven.modeling.sketching.outline import outline_of
 from enliven.modeling.skinning.heat_diffusion import bone_heat
@@ -82,7 +82,7 @@ def shape_from_stroke(
     if fewer < _MAX_OUTLINE_POINTS:
         outline = outline_of(stroke, fewer)
     triangles, axis = flat_axis(outline)
-    places, radii, links = bones_of_axis(axis, _MAX_AXIS_DEVIATION_RADII, _MAX_BONE_DIAMETERS)
+    places, radii, links = bones_from_axis(axis, _MAX_AXIS_DEVIATION_RADII, _MAX_BONE_DIAMETERS)
     middles, widths = _inner_circles(axis)
     vertices, faces = inflate_outline(outline, triangles, middles, widths, depth, _SMOOTHING_PASSES)
     mesh = Mesh(np.asarray(plane.origin) + vertices @ axes, faces, id)
@@ -101,7 +101,7 @@ def _outline_point_count(outline: Float, vertices: int) -> int:
 def flat_axis(outline: Float) -> tuple[Int, Axis]:
     """Returns (T, 3) triangles of an outline, and its chordal axis."""
     triangles = triangulate_loops(outline, [np.arange(len(outline))])
-    return triangles, axis_of(outline, triangles)
+    return triangles, chordal_axis(outline, triangles)
 
 
 def _inner_circles(axis: Axis) -> tuple[Float, Float]:
@@ -119,7 +119,7 @@ def _build_skeleton(
     number."""
     positions = np.asarray(plane.origin) + places @ axes[:2]
     numbers = [str(i) for i in range(len(places))]
-    tree, _ = skeleton_of(numbers, links, positions, root_of(places, radii, links))
+    tree, _ = skeleton_from_links(numbers, links, positions, choose_root_joint(places, radii, links))
     names, branch = ["root"], [""]
     letters = 0
     for j in range(1, len(tree)):

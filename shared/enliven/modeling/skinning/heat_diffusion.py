@@ -23,7 +23,7 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, face_areas, weld
-from enliven.modeling.skinning.skin_values import sparse
+from enliven.modeling.skinning.skin_values import keep_largest_weights
 from enliven.modeling.skinning.visibility import nearest_seen
 
 _HEAT = 2.0
@@ -41,11 +41,11 @@ def bone_heat(mesh: Mesh, skeleton: Skeleton) -> SkinWeights:
     Raises:
         InputError: if the mesh has no faces.
     """
-    segments, owners = segments_of(skeleton)
-    return sparse(heat_weights(mesh, segments, owners, len(skeleton)), smooth=True)
+    segments, owners = bone_segments(skeleton)
+    return keep_largest_weights(heat_weights(mesh, segments, owners, len(skeleton)), smooth=True)
 
 
-def segments_of(skeleton: Skeleton) -> tuple[Float, Int]:
+def bone_segments(skeleton: Skeleton) -> tuple[Float, Int]:
     """Returns (S, 2, 3) the two ends of each bone in metres, and (S,) the number of each bone. A root without
     bones gives a single point."""
     bones = np.arange(1, len(skeleton)) if len(skeleton) > 1 else np.zeros(1, np.int64)
@@ -73,8 +73,8 @@ def heat_weights(
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
     welded, of = weld(mesh)
-    chosen, distance = nearest_seen(welded.vertices, outward(welded), welded.faces, segments, _TIE_FRACTION)
-    laplacian, mass = cotangents(welded.vertices, welded.faces)
+    chosen, distance = nearest_seen(welded.vertices, outward_normals(welded), welded.faces, segments, _TIE_FRACTION)
+    laplacian, mass = cotangent_laplacian(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
     # Use a minimum distance, because a vertex on a bone would get infinite heat.
@@ -92,7 +92,7 @@ def heat_weights(
     return np.asarray(weights[of])
 
 
-def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
+def cotangent_laplacian(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
     """Computes the cotangent Laplacian and the vertex areas.
 
     Returns:
@@ -120,7 +120,7 @@ def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
     return csc_matrix(diags(degree) - laplacian), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
 
 
-def outward(welded: Mesh) -> Float:
+def outward_normals(welded: Mesh) -> Float:
     """Returns (V, 3) unit normals that point out of the volume, even if the mesh is inside out."""
     a, b, c = (welded.vertices[welded.faces[:, k]] for k in range(3))
     inside_out = np.einsum("ij,ij->", a - welded.vertices.mean(0), np.cross(b - a, c - a)) < 0

@@ -11,7 +11,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import SkinWeights
 
 
-def dense(skin: SkinWeights, bones: int) -> Float:
+def dense_weights(skin: SkinWeights, bones: int) -> Float:
     """Returns (V, bones) the weight of every bone at every vertex."""
     out = np.zeros((len(skin.indices), bones))
     rows = np.repeat(np.arange(len(out)), 4)
@@ -19,7 +19,7 @@ def dense(skin: SkinWeights, bones: int) -> Float:
     return out
 
 
-def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
+def keep_largest_weights(weights: Float, smooth: bool = False) -> SkinWeights:
     """Keeps the four largest weights in each row of (V, B), largest first, scaled to sum one.
 
     Args:

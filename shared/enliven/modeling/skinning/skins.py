@@ -8,7 +8,7 @@ from enliven.arrays import Bool, Float, Float32, Int
 from enliven.document import SkinWeights
 
 
-def renumbered(skin: SkinWeights, numbers: Int) -> SkinWeights:
+def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
     """Returns the skin with bone j renumbered to ``numbers[j]``. If several bones become one, their weights
     are added."""
     indices = numbers[skin.indices].astype(np.uint16)
@@ -69,7 +69,7 @@ def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: floa
     return np.asarray(1.0 - x * x * (3.0 - 2.0 * x))
 
 
-def nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
+def find_nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
     """Returns (V,) the nearest segment from ``starts`` (B, 3) to ``ends`` (B, 3) for each vertex."""
     axis = ends - starts
     length = np.maximum((axis * axis).sum(1), 1e-300)
@@ -78,6 +78,6 @@ def nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
     return np.asarray(((vertices[:, None] - nearest) ** 2).sum(2).argmin(1))
 
 
-def follows(skin: SkinWeights, bone: int) -> Bool:
+def follows_bone(skin: SkinWeights, bone: int) -> Bool:
     """Returns (V,) True for vertices that follow a bone."""
     return np.asarray(((skin.indices == bone) & (skin.weights > 0)).any(1))

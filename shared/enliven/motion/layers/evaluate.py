@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
-from enliven.document import Pose, Project, Shape, stretched
+from enliven.document import Pose, Project, Shape, apply_stretch
 from enliven.errors import InputError
 from enliven.motion.contact.contacts import Contacts
 from enliven.motion.contact.foot_lock import FootLock, compute_foot_lock, find_analysis_window
@@ -149,7 +149,7 @@ class Player:
             offsets, strains = self._stretching.at(times)
             links = links + offsets
             stretch = self._stretching.stretch(times, strains)
-            links = links if stretch is None else stretched(stretch, links)
+            links = links if stretch is None else apply_stretch(stretch, links)
             # Make the array read-only like a skeleton's arrays, so that Numba compiles the kernels only once.
             links.setflags(write=False)
         return links

@@ -105,7 +105,7 @@ def _is_own_clip(skeleton: Skeleton, take: Clip) -> bool:
     is_same_skeleton = skeleton.names == take_skeleton.names and np.array_equal(
         skeleton.parents, take_skeleton.parents
     )
-    return is_same_skeleton and take.deforms
+    return is_same_skeleton and take.has_deformation
 
 
 def clear_chain(
@@ -157,7 +157,7 @@ def extend_to_leaf(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     return tuple(chain)
 
 
-def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
+def chain_between(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> tuple[int, ...]:
     """Returns the chain from ``start`` to ``end``. If ``extend`` is True, it continues along the longest
     branch below ``end``.
     """

@@ -16,7 +16,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from enliven.arrays import Float, Int32
-from enliven.document import Layer, Project, Shape, smoothed
+from enliven.document import Layer, Project, Shape, smooth_take
 from enliven.motion.kinematics.composing import own_turns
 from enliven.motion.layers.polyline import Polyline, blend_knots, knot_turns, locate_on_knots
 from enliven.motion.layers.timing import Clocks
@@ -33,7 +33,7 @@ class Sampler:
 
     def __init__(self, project: Project, shape: Shape) -> None:
         self.layers: list[Layer] = sorted(active_layers(shape), key=_sampling_group)
-        takes = [smoothed(project.takes[layer.take], layer.smooth) for layer in self.layers]
+        takes = [smooth_take(project.takes[layer.take], layer.smooth) for layer in self.layers]
         self.lines = [Polyline.of(take, layer.chain) for take, layer in zip(takes, self.layers, strict=True)]
         knot_bounds = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(knot_bounds)]

@@ -99,7 +99,7 @@ class StretchLayers:
         """
         layers_and_lines = zip(sampler.layers, sampler.lines, strict=True)
         stretching_layers = [
-            (layer, line) for layer, line in layers_and_lines if layer.stretch and line.clip.deforms
+            (layer, line) for layer, line in layers_and_lines if layer.stretch and line.clip.has_deformation
         ]
         ratios = [_length_ratios(layer, line, shape) for layer, line in stretching_layers]
         finite_ratios = [ratio[np.isfinite(ratio)] for ratio in ratios]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Clip, Segment, TimeMap, curve_of, run_of
+from enliven.document import Clip, Segment, TimeMap, curve_from_keys, run_of
 from enliven.kernels import njit
 
 
@@ -85,7 +85,7 @@ class Clocks:
         even = np.repeat(seconds[:, None], len(self.rows), 1)
         for number, layer in enumerate(self.layers):
             if layer.speeds:
-                even[:, number] = layer.offset + curve_of(layer.speeds).area(seconds - layer.offset)
+                even[:, number] = layer.offset + curve_from_keys(layer.speeds).area(seconds - layer.offset)
         _play_layers(even, self.rows, self.lanes, self.first, played)
         for number, moments in enumerate(self.fine):
             if moments is not None:
@@ -98,7 +98,7 @@ class Clocks:
         curves = np.ones((len(seconds), len(self.layers)))
         for number, layer in enumerate(self.layers):
             if layer.weights:
-                curves[:, number] = curve_of(layer.weights)(seconds - layer.offset)
+                curves[:, number] = curve_from_keys(layer.weights)(seconds - layer.offset)
         return curves
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Clip, Project, Shape, Skeleton, smoothed
+from enliven.document import Clip, Project, Shape, Skeleton, smooth_take
 from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import turn
 from enliven.motion.layers.timing import Clocks
@@ -63,7 +63,7 @@ class Travel:
         layer = None if shape.travel is None else shape.layer(shape.travel)
         self.layer = None if layer is None or layer.muted else layer
         if self.layer is not None:
-            clip = smoothed(project.takes[self.layer.take], self.layer.smooth)
+            clip = smooth_take(project.takes[self.layer.take], self.layer.smooth)
             self._clip, self._root = clip, clip.finest.root
             self._clocks = Clocks.of([self.layer], [clip])
             self._factor = self.layer.weight * travel_scale(shape, clip)

@@ -9,7 +9,7 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.meshes import Mesh, submesh
+from enliven.meshes import Mesh, extract_submesh
 from enliven.scanning.cutting.parts import CutOut, place_on_floor
 from enliven.scanning.ground_plane import GroundPlane, cut_above_plane
 from enliven.scanning.settings import CutOutSettings
@@ -102,4 +102,4 @@ def _faces_near_box(mesh: Mesh, box: CutBox) -> Mesh:
     points = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
     corners = points[mesh.faces]
     may_intersect = (corners.max(1) >= box.low).all(1) & (corners.min(1) <= box.high).all(1)
-    return submesh(mesh, may_intersect)
+    return extract_submesh(mesh, may_intersect)

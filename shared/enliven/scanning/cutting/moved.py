@@ -12,7 +12,7 @@ from enliven.arrays import Bool, Float, Float32, Int32
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.meshes import Mesh, shells, submesh
+from enliven.meshes import Mesh, extract_submesh, shells
 from enliven.scanning.cutting.box import upright_frame
 from enliven.scanning.cutting.parts import CutOut, place_on_floor
 from enliven.scanning.ground_plane import GroundPlane, cut_above_plane, find_ground
@@ -136,7 +136,7 @@ def cut_new_object(
     s = settings or CutOutSettings()
     is_new = _smooth_states(mesh.faces, compare_with_images(mesh.vertices, images, noise)) > 0
     new_faces = np.asarray(is_new[mesh.faces].all(1))
-    new_part = submesh(mesh, new_faces)
+    new_part = extract_submesh(mesh, new_faces)
     if not new_faces.any() or new_part.area < s.least_area:
         problem = "no new object was found"
         advice = (
@@ -157,7 +157,9 @@ def cut_new_object(
     )
     is_kept = (earlier >= 0) & np.isfinite(distance_to_object) | is_near_support
     kept_faces = np.asarray(is_kept[above_support.faces].any(1))
-    cut = submesh(above_support, kept_faces | _find_small_patches(above_support, ~kept_faces, earlier >= 0))
+    cut = extract_submesh(
+        above_support, kept_faces | _find_small_patches(above_support, ~kept_faces, earlier >= 0)
+    )
     return place_on_floor(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
 
 
@@ -185,7 +187,7 @@ def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)) / 2
     large = areas >= min(s.least_area / 2, areas.max())
-    return submesh(mesh, large[label])
+    return extract_submesh(mesh, large[label])
 
 
 def _smooth_states(faces: Int32, states: Int32) -> Int32:
@@ -210,7 +212,7 @@ def _support_plane(mesh: Mesh, new_faces: Bool, new_object: Mesh, ground: Ground
     high[1] = object_vertices[:, 1].min() + _SUPPORT_HEIGHT_RANGE_M
     is_nearby = ~new_faces & (face_centres > low).all(1) & (face_centres < high).all(1)
     try:
-        plane = find_ground(submesh(mesh, is_nearby), up) if is_nearby.any() else None
+        plane = find_ground(extract_submesh(mesh, is_nearby), up) if is_nearby.any() else None
     except InputError:
         plane = None
     if plane is not None:

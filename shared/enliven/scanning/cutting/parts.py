@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.meshes import Mesh, shells, submesh
+from enliven.meshes import Mesh, extract_submesh, shells
 from enliven.scanning.holes import close_holes
 from enliven.scanning.settings import CutOutSettings
 
@@ -38,7 +38,7 @@ def remove_specks(mesh: Mesh) -> tuple[Mesh, int]:
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1))
     large = areas > _MAX_SPECK_FRACTION * areas.max()
-    return submesh(mesh, large[label]), int(np.count_nonzero(large))
+    return extract_submesh(mesh, large[label]), int(np.count_nonzero(large))
 
 
 def place_on_floor(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOutSettings) -> CutOut:

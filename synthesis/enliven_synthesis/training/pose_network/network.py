@@ -69,10 +69,10 @@ class PoseNetwork(nn.Module):
         size = (told[:, 2:] - USUAL_CELL) / CELL_SPREAD
         condition = self.told(torch.cat([told[:, :2], size], 1))
         x = self.mixed(relu(waist + condition[:, :, None, None]))
-        x = self.up_8(eighth + _double_resolution(self.to_8(x)))
-        x = self.up_4(quarter + _double_resolution(self.to_4(x)))
+        x = self.up_8(eighth + _upsampling_layer(self.to_8(x)))
+        x = self.up_4(quarter + _upsampling_layer(self.to_4(x)))
         joints, spread = self._read(self.maps(x).flatten(2).float(), told[:, 2:])
-        parts = self.parts(self.up_2(half + _double_resolution(self.to_2(x))))
+        parts = self.parts(self.up_2(half + _upsampling_layer(self.to_2(x))))
         return joints, spread, facing, parts
 
     def _read(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
@@ -101,7 +101,7 @@ def _make_block(inward: int, outward: int, stride: int = 1, size: int = 3) -> nn
     return nn.Sequential(convolution, nn.BatchNorm2d(outward), nn.ReLU(inplace=True))
 
 
-def _double_resolution(x: Tensor) -> Tensor:
+def _upsampling_layer(x: Tensor) -> Tensor:
     return interpolate(x, scale_factor=2.0, mode="nearest")
 
 

@@ -131,9 +131,9 @@ def train(
         batch = batch.mirrored(torch.rand(settings.batch, device=device) < 0.5)
         image = batch.image.contiguous(memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16):
-            out = network(image, _condition(batch))
+            out = network(image, _network_condition(batch))
         optimizer.zero_grad(set_to_none=True)
-        _loss(out, batch).backward()
+        _training_loss(out, batch).backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), _MAX_GRADIENT_NORM)
         optimizer.step()
         stepped(step, network)
@@ -197,7 +197,7 @@ def _schedule(step: int, steps: int) -> float:
     return min(1.0, (step + 1) / _WARM_UP_STEPS) * float(falling)
 
 
-def _condition(batch: TensorBatch) -> Tensor:
+def _network_condition(batch: TensorBatch) -> Tensor:
     """Returns the (N, 3) condition: the facing with noise, reversed or unknown, and the cell size in
     metres."""
     anywhere = torch.pi * (2.0 * torch.rand_like(batch.cell) - 1.0)
@@ -208,7 +208,7 @@ def _condition(batch: TensorBatch) -> Tensor:
     return torch.stack([angle.cos() * has_facing, angle.sin() * has_facing, batch.cell], 1)
 
 
-def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
+def _training_loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
     """Returns the training loss, a scalar: likelihood, distance, and cross-entropies of facing and body
     parts."""
     joints, spread, facing, parts = out

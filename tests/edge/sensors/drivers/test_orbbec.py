@@ -52,13 +52,13 @@ def bent_stream(lens: Intrinsics, fps: int) -> bytes:
     return straight[: -8 * 4 - 1] + struct.pack("<8fB", *BENT, 4)
 
 
-playback_stream = playback._stream
+playback_stream = playback._stream_message
 
 
 def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeypatch):
     """The library's filter and ours round to the nearest pixel, but not every half in the same way."""
     needs("orbbec")
-    monkeypatch.setattr(playback, "_stream", bent_stream)
+    monkeypatch.setattr(playback, "_stream_message", bent_stream)
     write_playback(take, tmp_path / "bent.bag")
     imported = {frame.sequence: frame for frame in BagReader().read([tmp_path / "bent.bag"])}
     with open_sensor("orbbec", rehearse=str(tmp_path / "bent.bag")) as sensor:
@@ -158,7 +158,7 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
                 number: value,
             }
             messages = messages + [
-                ("property", 1_000_000, playback._property(*each)) for each in about.items()
+                ("property", 1_000_000, playback._property_message(*each)) for each in about.items()
             ]
         write_bag(bag, messages)
 

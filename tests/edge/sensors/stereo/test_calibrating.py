@@ -18,7 +18,7 @@ from enliven import cli
 from enliven.errors import InputError
 from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import load_calibration
-from enliven_edge.sensors.stereo.calibration_quality import PairSelector, judge
+from enliven_edge.sensors.stereo.calibration_quality import PairSelector, rate_solution
 from enliven_edge.sensors.stereo.rectification import Rectification
 from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, _rectify_points, solve
 
@@ -168,7 +168,7 @@ def test_a_pair_that_does_not_fit_is_left_out_by_name():
 
 
 def test_good_calibration_is_judged_good_with_its_error():
-    judgement = judge(BOARD, solve(BOARD, sightings(rig(), 30), (640, 400)))
+    judgement = rate_solution(BOARD, solve(BOARD, sightings(rig(), 30), (640, 400)))
     assert judgement.verdict == "good" and judgement.usable and not judgement.advice
     facts = dict(judgement.facts)
     assert facts["baseline"] == "100.0 mm" or abs(float(facts["baseline"].split()[0]) - 100) < 0.5
@@ -203,12 +203,12 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
     ],
 )
 def test_insufficient_calibration_gives_advice(of, sentence):
-    judgement = judge(BOARD, solve(BOARD, sightings(rig(), **of), (640, 400)))
+    judgement = rate_solution(BOARD, solve(BOARD, sightings(rig(), **of), (640, 400)))
     assert not judgement.usable and any(sentence in each for each in judgement.advice), judgement
 
 
 def test_exchanged_cameras_are_reported():
-    judgement = judge(BOARD, solve(BOARD, sightings(rig()[::-1]), (640, 400)))
+    judgement = rate_solution(BOARD, solve(BOARD, sightings(rig()[::-1]), (640, 400)))
     assert not judgement.usable and "exchanged" in judgement.advice[0]
 
 

@@ -76,7 +76,9 @@ def test_mirroring_twice_changes_nothing():
 
 def test_standing_height_is_the_height_asked_for():
     for height in (1.2, 1.75, 2.0):
-        assert model.height_of(model.lengths_for_height(height)) == pytest.approx(height, rel=0.01)
+        assert model.body_height_from_lengths(model.lengths_for_height(height)) == pytest.approx(
+            height, rel=0.01
+        )
 
 
 @given(st.integers(0, 10_000))

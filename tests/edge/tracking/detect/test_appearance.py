@@ -15,11 +15,11 @@ from enliven_edge.tracking.body_model.capsules import nearest_capsules
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import (
     CAPSULE_PARTS,
-    agreement,
+    chest_facing,
     estimate_at_points,
-    facing,
     facing_score,
     flip_posture,
+    network_agreement,
 )
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart
 
@@ -126,7 +126,7 @@ def test_thinning_keeps_what_each_point_looks_like(seed, step):
 @settings(max_examples=20, deadline=None)
 def test_a_posture_agrees_with_its_own_surface_more_than_turned_about(yaw):
     seen = seen_as(estimate_of(standing(yaw).joints()), *surface_of(standing(yaw)))
-    own, other = agreement(seen, standing(yaw)), agreement(seen, flip_posture(standing(yaw)))
+    own, other = network_agreement(seen, standing(yaw)), network_agreement(seen, flip_posture(standing(yaw)))
     assert own > 0.8
     assert 0.0 <= other < own - 0.4
 
@@ -140,13 +140,15 @@ def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
     which, nobody = np.empty(len(points), np.int32), np.zeros((0, 0), np.float32)
     nearest_capsules(which, seen.surface, nobody, *posture.capsules(), np.float32(0.0))
     like = [CAPSULE_PARTS[c] @ shares for c, shares in zip(which, seen.probabilities.T, strict=True)]
-    assert agreement(seen, posture) == pytest.approx(np.mean(like), abs=1e-6)
+    assert network_agreement(seen, posture) == pytest.approx(np.mean(like), abs=1e-6)
 
 
 @given(YAWS, st.floats(-0.6, 0.6))
 @settings(max_examples=30, deadline=None)
 def test_turning_about_reverses_the_facing(yaw, bend):
-    assert np.cos(facing(flip_posture(standing(yaw)), EYE) - facing(standing(yaw), EYE)) == pytest.approx(-1)
+    assert np.cos(
+        chest_facing(flip_posture(standing(yaw)), EYE) - chest_facing(standing(yaw), EYE)
+    ) == pytest.approx(-1)
     posture = standing(yaw)
     posture.rotations[model.CHEST] = rotation(x=bend, z=0.5 * bend)
     kept = posture.copy()
@@ -155,9 +157,9 @@ def test_turning_about_reverses_the_facing(yaw, bend):
 
 
 def test_facing_is_measured_from_the_sensor_anticlockwise_from_above():
-    assert facing(standing(), EYE) == pytest.approx(0.0)
-    assert facing(standing(0.7), EYE) == pytest.approx(0.7)
-    assert facing(standing(), EYE + np.array([2.5, 0, 0])) == pytest.approx(-np.pi / 4)
+    assert chest_facing(standing(), EYE) == pytest.approx(0.0)
+    assert chest_facing(standing(0.7), EYE) == pytest.approx(0.7)
+    assert chest_facing(standing(), EYE + np.array([2.5, 0, 0])) == pytest.approx(-np.pi / 4)
 
 
 @given(YAWS)

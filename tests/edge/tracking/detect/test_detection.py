@@ -17,11 +17,11 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import flip_posture
 from enliven_edge.tracking.detect.detection import detect, detect_another
-from enliven_edge.tracking.detect.fit_quality import quality
+from enliven_edge.tracking.detect.fit_quality import fit_quality
 from enliven_edge.tracking.detect.hypotheses import pose_from_estimate
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.fit.fit import Fitter
-from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
+from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe_person, world_points
 from enliven_edge.tracking.settings import FitSettings
 from enliven_edge.tracking.work_budget import run_to_end
 from enliven_synthesis.training.rendering import random_build
@@ -42,7 +42,7 @@ def found(name: str, seed: int, network: bool) -> Posture:
     seen, by_facing = seen_in(observation) if network else (None, None)
     eye = observation.view[4][:3, 3]
     posture, report = run_to_end(detect(Fitter(FitSettings()), observation, eye, 1.72, seen, by_facing))
-    assert quality(report) > (0.6 if network else 0.5), f"{name} {seed}"
+    assert fit_quality(report) > (0.6 if network else 0.5), f"{name} {seed}"
     return posture
 
 
@@ -107,7 +107,7 @@ def hung_upside_down(observation: Observation) -> Observation:
     flipped = Intrinsics(width, height, *camera[:2], width - 1 - camera[2], height - 1 - camera[3])
     hung = WorkingCamera(flipped, width)
     z, mask = z[::-1, ::-1].copy(), mask[::-1, ::-1].copy()
-    return observe(z, world_points(z, hung.ray, turned), mask, hung, turned, 900)
+    return observe_person(z, world_points(z, hung.ray, turned), mask, hung, turned, 900)
 
 
 def test_upside_down_image_is_detected_alike():

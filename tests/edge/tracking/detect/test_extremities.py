@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.camera import world_from_level_camera
 from enliven.person.joints import Joint
-from enliven_edge.tracking.detect.extremities import _DEPTH_EDGE_COST_M, extend_distances, extremities
+from enliven_edge.tracking.detect.extremities import _DEPTH_EDGE_COST_M, extend_distances, find_extremities
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.rendering import PersonRenderer
@@ -58,7 +58,7 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
     pose[2, 3] = 3.0
     picture = PersonRenderer().render_figure(performer, figure, 1, pose, dice)
     z = picture.z.astype(float)
-    tips = extremities(z, z > 0, picture.camera, pose)
+    tips = find_extremities(z, z > 0, picture.camera, pose)
     ends = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
     for end in ends:
         assert np.linalg.norm(tips.points - figure.joints[end], axis=1).min() < 0.2, end.name
@@ -67,4 +67,4 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
 
 def test_empty_mask_has_no_extremities():
     z = np.zeros((20, 20))
-    assert len(extremities(z, z > 0, np.array([100.0, 100, 10, 10]), np.eye(4)).points) == 0
+    assert len(find_extremities(z, z > 0, np.array([100.0, 100, 10, 10]), np.eye(4)).points) == 0

@@ -9,7 +9,7 @@ from enliven.camera import world_from_level_camera
 from enliven.health import HealthKind
 from enliven_edge.sensors.base import Condition
 from enliven_edge.tracking.health.alarm import Alarms
-from enliven_edge.tracking.health.device_health import judge_condition
+from enliven_edge.tracking.health.device_health import check_condition
 
 SECOND = 1_000_000_000
 DOWN = (0.0, 9.81, 0.0)
@@ -24,7 +24,7 @@ def kinds_after(
     for condition in conditions:
         for _ in range(seconds):
             now += SECOND
-            judge_condition(alarms, condition, stand, floor_known, now)
+            check_condition(alarms, condition, stand, floor_known, now)
         reported.append({state.kind for state in alarms.states})
     return reported
 
@@ -43,7 +43,7 @@ def test_problem_is_reported_until_it_is_solved(ill, kind, words):
     assert kinds_after([well, ill, well], floor_known=False) == [set(), {kind}, set()]
     alarms = Alarms("The sensor")
     for second in range(20):
-        judge_condition(alarms, ill, LEVEL, True, second * SECOND)
+        check_condition(alarms, ill, LEVEL, True, second * SECOND)
     assert words in alarms.states[0].what and alarms.states[0].remedy
 
 

@@ -14,7 +14,7 @@ from enliven.health import HealthKind, Severity
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven_edge.tracking.frame.frame_check import FrameTiming
-from enliven_edge.tracking.frame.reduction import survey
+from enliven_edge.tracking.frame.reduction import measure_depth_image
 from enliven_edge.tracking.health.alarm import HEALTH_MESSAGES, Alarm, Alarms
 from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings, TrackerState
 
@@ -102,7 +102,7 @@ def test_lost_frames_are_counted_by_their_gaps(lost):
 def test_a_survey_counts_as_the_slow_way_does():
     depth = image(0, missing=0.3)
     depth[:10], depth[10:20] = 100, 65535
-    surveyed = survey(depth)
+    surveyed = measure_depth_image(depth)
     is_known = (depth != 0) & (depth != 65535)
     assert surveyed.known_fraction == pytest.approx(is_known.mean())
     assert surveyed.usable_fraction == pytest.approx((is_known & (depth >= 300)).mean())
@@ -111,8 +111,8 @@ def test_a_survey_counts_as_the_slow_way_does():
 
 
 def test_the_mark_tells_images_apart_and_knows_the_same_one():
-    marks = [survey(image(i)).image_hash for i in range(50)]
-    assert len(set(marks)) == 50 and survey(image(3)).image_hash == marks[3]
+    marks = [measure_depth_image(image(i)).image_hash for i in range(50)]
+    assert len(set(marks)) == 50 and measure_depth_image(image(3)).image_hash == marks[3]
 
 
 # --- alarms ------------------------------------------------------------------------------------------------

@@ -86,7 +86,7 @@ def detections(monkeypatch, view, pixels, posture):
         return posture, None
 
     monkeypatch.setattr(follower, "detect", detect)
-    monkeypatch.setattr(follower, "quality", lambda report: 0.0)
+    monkeypatch.setattr(follower, "fit_quality", lambda report: 0.0)
     settings = TrackerSettings(estimator=False)
     return asked, Follower.detect(view, pixels, settings, Fitter(settings.fit))
 

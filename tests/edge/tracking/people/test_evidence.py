@@ -14,7 +14,13 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
 from enliven_edge.tracking.people import evidence as of_joints
-from enliven_edge.tracking.people.confidence import ALONE, GROUP_OF_JOINT, WITH_NETWORK, _weights, confidence
+from enliven_edge.tracking.people.confidence import (
+    ALONE,
+    GROUP_OF_JOINT,
+    WITH_NETWORK,
+    _evidence_weights,
+    joint_confidences,
+)
 from enliven_edge.tracking.people.evidence import NAMES
 from enliven_edge.tracking.settings import FitSettings
 
@@ -103,13 +109,13 @@ def test_the_network_is_evidence_where_there_is_one():
     posture, report = fitter.fit(observation, standing())
     estimate = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.3]), np.linspace(0.02, 0.4, 20))
     last = [NAMES.index("spread"), NAMES.index("apart")]
-    alone = of_joints.evidence(posture, report, observation, np.zeros(20))
-    evidence = of_joints.evidence(posture, report, observation, np.zeros(20), estimate)
+    alone = of_joints.joint_evidence(posture, report, observation, np.zeros(20))
+    evidence = of_joints.joint_evidence(posture, report, observation, np.zeros(20), estimate)
     assert evidence.shape == (20, len(NAMES)) and not alone[:, last].any()
     assert_alike(np.delete(evidence, last, 1), np.delete(alone, last, 1), SOLVED)
     np.testing.assert_allclose(np.exp(evidence[:, last[0]]), estimate.spread)
     nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
-    near = of_joints.evidence(posture, report, observation, np.zeros(20), nearer)
+    near = of_joints.joint_evidence(posture, report, observation, np.zeros(20), nearer)
     assert (near[:, last[1]] < evidence[:, last[1]]).all()
 
 
@@ -166,12 +172,12 @@ def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
 def test_confidence_is_the_logistic_regression_of_the_joints_group(seed, alone):
     evidence = np.random.default_rng(seed).normal(0, 3, (20, len(NAMES)))
     evidence[:, NAMES.index("outside")] = np.random.default_rng(seed).choice([0.5, 0.98, 1.0], 20)
-    table = _weights(ALONE if alone else WITH_NETWORK)
+    table = _evidence_weights(ALONE if alone else WITH_NETWORK)
     likely = [
         1 / (1 + np.exp(-(row @ table[group]))) for row, group in zip(evidence, GROUP_OF_JOINT, strict=True)
     ]
     slow = np.where(evidence[:, NAMES.index("outside")] == 1.0, 0.0, likely)
-    np.testing.assert_allclose(confidence(evidence, alone=alone), slow, atol=1e-12)
+    np.testing.assert_allclose(joint_confidences(evidence, alone=alone), slow, atol=1e-12)
 
 
 @given(st.integers(0, 10_000), st.booleans())
@@ -181,7 +187,7 @@ def test_confidence_is_a_probability_and_alike_for_both_sides(seed, alone):
     evidence[:, NAMES.index("outside")] = 0.0
     left, right = slice(4, 8), slice(8, 12)
     evidence[right] = evidence[left]
-    sure = confidence(evidence, alone=alone)
+    sure = joint_confidences(evidence, alone=alone)
     assert ((sure >= 0) & (sure <= 1)).all()
     assert_alike(sure[left], sure[right])
     assert (GROUP_OF_JOINT[left] == GROUP_OF_JOINT[right]).all()
@@ -192,7 +198,7 @@ def test_joints_outside_the_image_are_not_invented(alone):
     evidence = np.ones((20, len(NAMES)))
     evidence[15, NAMES.index("outside")] = 1.0
     evidence[19, NAMES.index("outside")] = 0.0
-    sure = confidence(evidence, alone=alone)
+    sure = joint_confidences(evidence, alone=alone)
     assert sure[15] == 0.0
     assert sure[19] > 0.0
 
@@ -219,5 +225,5 @@ def test_visible_joint_is_surer_than_occluded_one(alone):
     visible[:, NAMES.index("visible")] = 1.0
     through[:, NAMES.index("seen through")] = 1.0
     through[:, NAMES.index("violated")] = 1 / 20  # one capsule of twenty
-    surer = confidence(visible, alone=alone) - confidence(through, alone=alone)
+    surer = joint_confidences(visible, alone=alone) - joint_confidences(through, alone=alone)
     assert surer.min() > -0.3 and np.median(surer) > 0.1

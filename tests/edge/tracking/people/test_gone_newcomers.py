@@ -43,6 +43,6 @@ def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_los
             assert newcomers and not finder._has_lost_all(view)
             finder._search.start(view, newcomers, [], alone=True, most=1)
     assert finder._has_lost_all(view) == is_lost
-    finder.allot(Budget(0.0))
+    finder.set_budget(Budget(0.0))
     finder.find(view, kind, segments, BackgroundModel((60, 80)))
     assert not (is_lost and finder._search.searched_candidates)

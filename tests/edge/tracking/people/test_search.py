@@ -23,7 +23,7 @@ from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 from enliven_edge.tracking.people.search import ScoredDetection, Search
 from enliven_edge.tracking.scene.background_kernels import FOREGROUND, UNLIKELY
-from enliven_edge.tracking.segment.candidate import Candidate, _unions, measure_blob
+from enliven_edge.tracking.segment.candidate import Candidate, _union_masks, measure_blob
 from enliven_edge.tracking.segment.person_shape import measure_shape
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import run_to_end
@@ -111,14 +111,14 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
     whose = random.integers(-1, count, (8, 8))
     parts = [whose == k for k in range(count)]
     part = parts[seed % count]
-    unions = _unions(part, parts)
+    unions = _union_masks(part, parts)
     assert len(unions) == (0 if count == 1 else 1 if count == 2 else count)
     sizes = [int(union.sum()) for union in unions[1:]]
     assert sizes == sorted(sizes, reverse=True)
     assert all((union | ~part).all() for union in unions)
     if unions:
         np.testing.assert_array_equal(unions[0], whose >= 0)
-    assert _unions(part.copy(), parts) == [], "of what is none of the parts"
+    assert _union_masks(part.copy(), parts) == [], "of what is none of the parts"
 
 
 def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):

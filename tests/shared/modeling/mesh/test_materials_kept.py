@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.gltf.read import read_gltf
-from enliven.meshes import MeshMaterials, Texture, joined_materials, refine, submesh
+from enliven.meshes import MeshMaterials, Texture, extract_submesh, join_materials, refine
 from enliven.modeling.edits import mirror_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
@@ -126,7 +126,7 @@ def test_refinement_and_a_part_keep_them(seed, longest):
     mesh, maps = clothed(ball(0.1, detail=2), seed)
     fine = refine(mesh, longest)
     assert (check(fine, maps) != "").all()
-    check(submesh(fine, np.arange(len(fine.faces)) % 3 > 0), maps)
+    check(extract_submesh(fine, np.arange(len(fine.faces)) % 3 > 0), maps)
 
 
 def test_the_corners_of_a_mirrored_shape_have_the_places_in_textures_that_they_had():
@@ -160,10 +160,10 @@ def test_a_shape_that_is_cut_and_merged_is_exported_with_them(tmp_path):
 def test_equal_materials_become_one_and_bare_faces_have_none():
     clothed_mesh, _ = clothed(ball(0.1, detail=1), 0)
     count = len(clothed_mesh.faces)
-    both = joined_materials([(clothed_mesh.materials, count), (None, 2), (clothed_mesh.materials, count)])
+    both = join_materials([(clothed_mesh.materials, count), (None, 2), (clothed_mesh.materials, count)])
     assert len(both.definitions) == len(both.textures) == 2 and (both.of[count : count + 2] == -1).all()
     np.testing.assert_array_equal(both.of[:count], both.of[count + 2 :])
-    assert joined_materials([(None, 3), (None, 1)]) is None
+    assert join_materials([(None, 3), (None, 1)]) is None
 
 
 @pytest.mark.parametrize(

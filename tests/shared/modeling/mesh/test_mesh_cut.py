@@ -22,7 +22,7 @@ from mesh_makers import (
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.cut_loops import joined, order_chains, signed_area, winding_number
+from enliven.modeling.mesh.cut_loops import join_chains, order_chains, signed_area, winding_number
 from enliven.modeling.mesh.cut_plan import CutSettings
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh.mesh_cut import cut_across_bone, cut_by_stroke
@@ -295,5 +295,5 @@ def test_loops_chains_and_windings():
     open_chains = order_chains(np.array([[0, 1], [1, 2], [5, 6], [6, 7]]))
     assert not any(shut for _, shut in open_chains)
     places = np.array([[0, 0], [1, 0], [2, 0], [9, 9], [9, 9], [2, 0.1], [1, 0.1], [0, 0.1]], float)
-    (whole, shut), *rest = joined(open_chains, places, 0.3)
+    (whole, shut), *rest = join_chains(open_chains, places, 0.3)
     assert shut and not rest and len(whole) == 6

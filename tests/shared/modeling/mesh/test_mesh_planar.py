@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.meshes.planar import refine_triangulation, triangulate_loops
-from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of
+from enliven.modeling.mesh.caps import HarmonicInterpolation, triangulate_cap
 from enliven.modeling.mesh.cut_loops import signed_area
 
 wobbles = st.lists(st.floats(0.4, 1.6), min_size=5, max_size=40)
@@ -71,7 +71,7 @@ def test_refining_keeps_the_outline_and_the_area(radii):
 def test_a_hole_stays_a_hole():
     outer, inner = flower([2.0] * 40), flower([1.0] * 20)[::-1]
     points = np.concatenate([outer, inner])
-    cap = cap_of([np.arange(40), 40 + np.arange(20)], points)
+    cap = triangulate_cap([np.arange(40), 40 + np.arange(20)], points)
     vertices = np.concatenate([points[cap.rim], cap.inside(points[cap.rim])])
     assert areas(vertices, cap.faces).sum() == pytest.approx(signed_area(outer) + signed_area(inner))
     assert np.linalg.norm(vertices[cap.faces].mean(1), axis=1).min() > 0.9

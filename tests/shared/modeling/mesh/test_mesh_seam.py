@@ -21,7 +21,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import unite_meshes
-from enliven.modeling.mesh.seam import SeamSettings, fair, heal_seam, reweight_seam, smooth_seam
+from enliven.modeling.mesh.seam import SeamSettings, fair_surface, heal_seam, reweight_seam, smooth_seam
 
 
 def tee(flat=False):
@@ -106,7 +106,7 @@ def test_fairing_continues_surrounding_surface():
         free = np.abs(mesh.vertices[:, 2] - mesh.vertices[:, 2].mean()) < 0.17
         dented = mesh.vertices.copy()
         dented[free, :2] *= 0.9 + 0.05 * np.random.default_rng(1).random((free.sum(), 1))
-        fair_mesh = fair(Mesh(dented, mesh.faces), free)
+        fair_mesh = fair_surface(Mesh(dented, mesh.faces), free)
         assert same_bits(fair_mesh[~free], dented[~free])
         before = np.linalg.norm(dented[free] - mesh.vertices[free], axis=1).max()
         assert before > 0.02
@@ -116,7 +116,7 @@ def test_fairing_continues_surrounding_surface():
     cells += [[12 * i + j, 12 * i + j + 13, 12 * i + j + 12] for i in range(11) for j in range(11)]
     free = (np.abs(grid[:, :2] - 5.5) < 2).all(1)
     bumpy = grid + np.where(free[:, None], [0, 0, 1.0], 0)
-    np.testing.assert_allclose(fair(Mesh(bumpy, np.array(cells)), free)[:, 2], 0, atol=1e-3)
+    np.testing.assert_allclose(fair_surface(Mesh(bumpy, np.array(cells)), free)[:, 2], 0, atol=1e-3)
 
 
 @settings(max_examples=20, deadline=None)

@@ -19,7 +19,7 @@ from mesh_makers import (
 
 from enliven.meshes import barycentric
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.closing import closed_surface
+from enliven.modeling.mesh.closing import close_surface
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import unite_meshes
 
@@ -222,7 +222,7 @@ def test_any_triangles_become_a_closed_surface_and_leaves(seed, count, points):
     faces = np.array([rng.permutation(points)[:3] for _ in range(count)], np.int32)
     faces = faces[np.unique(np.sort(faces, 1), axis=0, return_index=True)[1]]
     mesh = Mesh(rng.normal(size=(points, 3)), faces)
-    closed = closed_surface(mesh, np.arange(points))
+    closed = close_surface(mesh, np.arange(points))
     assert same_bits(closed.vertices[:points], mesh.vertices)
     own = faces[~closed.leaf]
     assert (closed.vertices[closed.faces[: len(own)]] == mesh.vertices[own]).all()

@@ -15,7 +15,7 @@ from enliven.modeling.mesh.meshes import posed_vertices
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
-from enliven.modeling.rigged.posed import moment, posed
+from enliven.modeling.rigged.posed import pose_with_stretch, posed
 from enliven.modeling.rigged.posing import set_bone, turn_bone
 from enliven.modeling.rigged.stroke_cut import cut_stroke
 from enliven.motion.layers.evaluate import pose_of
@@ -29,7 +29,7 @@ def arm():
 
 def surface(project, shape_id, time):
     shape = project.shape(shape_id)
-    pose = moment(project, shape, time)
+    pose = pose_with_stretch(project, shape, time)
     return posed_vertices(shape, pose.linear, pose.joints)
 
 

@@ -51,7 +51,7 @@ class Part:
         return map_defines + flags + (self.alpha,) * (self.alpha != "OPAQUE")
 
     @property
-    def cutter(self) -> tuple[str, ...]:
+    def shadow_defines(self) -> tuple[str, ...]:
         """Returns the preprocessor defines of the part's shadow shader, which only needs the opacity."""
         return (*(define for define in self.defines if define.startswith("BASE_MAP")), self.alpha)
 
