@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Bool, Float32, Int, UInt8, UInt16
-from enliven.camera import Intrinsics, project, pixel_rays
+from enliven.camera import Intrinsics, pixel_rays, project
 from enliven.kernels import njit, run_in_pieces
 from enliven.scanning.kernel_arguments import PointArrays
 from enliven.scanning.settings import DepthNoiseModel

@@ -13,7 +13,7 @@ from enliven.deformation.graph.connectivity import components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.caps import Cap, triangulate_cap, flatten_loop
+from enliven.modeling.mesh.caps import Cap, flatten_loop, triangulate_cap
 from enliven.modeling.mesh.cut_loops import (
     Crossings,
     find_crossings,

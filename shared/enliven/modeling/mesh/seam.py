@@ -24,7 +24,7 @@ from enliven.arrays import Bool, Float
 from enliven.document import Skeleton, SkinWeights
 from enliven.meshes import Mesh, weld
 from enliven.meshes.flips import adjacent_triangles
-from enliven.modeling.skinning.heat_diffusion import heat_weights, bone_segments
+from enliven.modeling.skinning.heat_diffusion import bone_segments, heat_weights
 from enliven.modeling.skinning.skin_values import bone_count, dense_weights, keep_largest_weights
 from enliven.settings import parameter
 

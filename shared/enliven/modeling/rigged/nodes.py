@@ -9,7 +9,14 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Shape, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.rigged.bones import Bone, bone_number, list_bones, check_fraction, bone_numbers_in, rebuild_shape
+from enliven.modeling.rigged.bones import (
+    Bone,
+    bone_number,
+    bone_numbers_in,
+    check_fraction,
+    list_bones,
+    rebuild_shape,
+)
 from enliven.modeling.rigged.posed import with_travel_kept
 from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, rigid_continuation, split_spans
 from enliven.modeling.skinning.skins import find_nearest_bone, renumber_bones, shared_skin, upper_part

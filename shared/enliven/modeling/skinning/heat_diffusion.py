@@ -73,7 +73,9 @@ def heat_weights(
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
     welded, of = weld(mesh)
-    chosen, distance = nearest_seen(welded.vertices, outward_normals(welded), welded.faces, segments, _TIE_FRACTION)
+    chosen, distance = nearest_seen(
+        welded.vertices, outward_normals(welded), welded.faces, segments, _TIE_FRACTION
+    )
     laplacian, mass = cotangent_laplacian(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
