@@ -68,8 +68,8 @@ matter."""
 _MIN_FOOT_LENGTH = 1e-3
 """Smallest length of a foot in metres, for feet that are a single point."""
 _MIN_SWING_S = 0.2
-"""Shortest swing in seconds in which a stepping foot takes the body's new heading. In captures a standing foot
-may tremble."""
+"""Shortest swing in seconds in which a stepping foot takes the body's new heading. In captures a standing
+foot may tremble."""
 _FOOT_WEIGHT = 0.5
 """Minimum total skin weight of a vertex on the foot's bones for the vertex to belong to the foot."""
 _SEARCH_DIRECTIONS = 128

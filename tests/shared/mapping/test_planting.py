@@ -307,7 +307,7 @@ def test_soles_that_move_with_the_shin_do_not_slide(how, share):
 
 
 def with_soft_soles(shape, share):
-    """The shape, whose shins move its feet by a share."""
+    """Returns the shape with shins that move its feet by a share."""
     skeleton, indices, weights = shape.skeleton, shape.skin.indices.copy(), shape.skin.weights.copy()
     for side, foot in (("Left", slice(-24, -12)), ("Right", slice(-12, None))):
         indices[foot], weights[foot] = 0, 0.0

@@ -82,7 +82,7 @@ def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(st.integers(0, 10_000))
 def test_feet_stand_while_the_body_turns_over_them(model, seed):
-    """A performer who turns the hips on standing feet: every foot of the model stays."""
+    """Hips turn over standing feet: every foot of the model stays."""
     random, skeleton = np.random.default_rng(seed), man()
     turn = np.radians(random.uniform(10.0, 25.0)) * np.sin(2.0 * np.pi * np.arange(FRAMES) / (FRAMES - 1))
     turns = np.tile(from_rotation_vector(turn[:, None] * [0.0, 1.0, 0.0])[:, None], (1, len(skeleton), 1))
