@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from enliven.arrays import Float, Int
+from enliven.arrays import AnyArray, Float, Int
 from enliven.document import Shape
 from enliven.motion.contact.contacts import find_runs, touching
 from enliven.rotation import rotate
@@ -249,7 +249,7 @@ class Sole:
         return np.concatenate(lowest)
 
 
-def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, Int, Float]:
+def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:
     """Returns the outermost points (P, 3) of a foot in metres, and the bones (P, K) that move them with their
     weights (P, K).
 
