@@ -2,8 +2,8 @@
 not slide.
 
     spans = standing_spans(foot, root, step, length)     # the contacts of the performer's foot
-    turns = remove_spin(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
-    rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
+    turns = remove_spin(Sole(shape, bones).spin(turns, joints), spans, step)   # keeps its heading
+    rolled, low = Sole(shape, bones).rolling(turns, joints)   # how the model's own foot rolls
     plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
 In the performer's pose, the feet of a model with other proportions would slide, because its strides have
@@ -25,10 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from enliven.arrays import Float, Int
+from enliven.arrays import AnyArray, Float, Int
 from enliven.document import Shape
 from enliven.motion.contact.contacts import find_runs, touching
-from enliven.rotation import conjugate, multiply, rotate
+from enliven.rotation import rotate
 
 Spans = tuple[tuple[int, int], ...]
 """The contacts of a foot with the floor: the first and the last frame of each."""
@@ -60,8 +60,16 @@ off the floor."""
 _MIN_SWING_HEIGHT = 0.03
 """Smallest height of a swinging foot in leg lengths, unless the performer's foot is lower: 25 mm on an
 adult."""
-_CONTACT_DECAY = 0.006
-"""Decay length of contact weights above a foot's lowest point, in leg lengths: 5 mm on an adult."""
+_CONTACT_DECAY = 0.02
+"""Decay length of contact weights above a foot's lowest point, in foot lengths: 5 mm on an adult."""
+_MIN_PATCH_RADIUS = 0.01
+"""Radius of the touching part, in foot lengths, below which its rotation about the vertical does not
+matter."""
+_MIN_FOOT_LENGTH = 1e-3
+"""Smallest length of a foot in metres, for feet that are a single point."""
+_MIN_SWING_S = 0.2
+"""Shortest swing in seconds in which a stepping foot takes the body's new heading. In captures a standing
+foot may tremble."""
 _FOOT_WEIGHT = 0.5
 """Minimum total skin weight of a vertex on the foot's bones for the vertex to belong to the foot."""
 _SEARCH_DIRECTIONS = 128
@@ -98,7 +106,7 @@ class PosedLeg:
     spans: Spans
 
 
-def rolling_motion(points: Float, length: float) -> tuple[Float, Float]:
+def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
     """Computes the motion of a foot that rolls over a floor.
 
     A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
@@ -106,20 +114,28 @@ def rolling_motion(points: Float, length: float) -> tuple[Float, Float]:
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
-        length: length of the leg in metres.
+        contact_height: decay length, in metres, of contact weights above the lowest point.
 
     Returns:
         (T, 2) metres along x and z, the accumulated motion of the touching points relative to the root, and
         (T,) metres from the root up to the lowest point.
     """
-    height = points[..., 1]
-    mean_height = 0.5 * (height[1:] + height[:-1])
-    height_above_lowest = mean_height - mean_height.min(axis=1, keepdims=True)
-    weights = np.exp(-height_above_lowest / (_CONTACT_DECAY * length))
-    steps = np.diff(points[..., [0, 2]], axis=0)
-    touching_steps = np.einsum("tp,tpc->tc", weights, steps) / weights.sum(1, keepdims=True)
+    weights = _touching_weights(points[..., 1], contact_height)
+    touching_steps = np.einsum("tp,tpc->tc", weights, np.diff(points[..., [0, 2]], axis=0))
     rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(touching_steps, axis=0)])
-    return rolled, np.asarray(height.min(1))
+    return rolled, np.asarray(points[..., 1].min(1))
+
+
+def _touching_weights(height: Float, contact_height: float) -> Float:
+    """Returns the contact weights (T - 1, P) of points in each step, with the sum 1.
+
+    Args:
+        height: (T, P) metres, the heights of the points.
+        contact_height: decay length of the weights above the lowest point, in metres.
+    """
+    mean_height = 0.5 * (height[1:] + height[:-1])
+    weights = np.exp((mean_height.min(axis=1, keepdims=True) - mean_height) / contact_height)
+    return np.asarray(weights / weights.sum(1, keepdims=True))
 
 
 def standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
@@ -162,19 +178,10 @@ class Sole:
 
     def __init__(self, shape: Shape, bones: Sequence[int]) -> None:
         self._skeleton = shape.skeleton
-        self._points, self._bones = shape.skeleton.positions[list(bones)], np.array(bones)[:, None]
-        self._weights = np.ones((len(bones), 1))
-        if shape.mesh is None or shape.skin is None:
-            return
-        foot_weights = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
-        foot_vertices = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
-        if not len(foot_vertices):
-            return
-        main_bone = shape.skin.indices[foot_vertices, foot_weights[foot_vertices].argmax(1)]
-        groups = [foot_vertices[main_bone == bone] for bone in np.unique(main_bone)]
-        outermost = np.concatenate([group[_outermost_points(shape.mesh.vertices[group])] for group in groups])
-        self._points = shape.mesh.vertices[outermost]
-        self._bones, self._weights = shape.skin.indices[outermost], shape.skin.weights[outermost]
+        self._points, self._bones, self._weights = _foot_surface(shape, bones)
+        foot_length = max(float(np.ptp(self._points[:, [0, 2]], axis=0).max()), _MIN_FOOT_LENGTH)
+        self._contact_height = _CONTACT_DECAY * foot_length
+        self._min_patch_radius = _MIN_PATCH_RADIUS * foot_length
 
     def points(self, turns: Float, joints: Float) -> Float:
         """Returns the points (T, P, 3) in metres, for world rotations (T, N, 4) and joint positions (T, N,
@@ -186,37 +193,40 @@ class Sole:
             positions += weight[:, None] * (rotated + joints[:, bone, None])
         return positions
 
-    def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
+    def rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
         """Returns :func:`rolling_motion` of the points, for world rotations (T, N, 4), and joint positions
         (T, N, 3) in metres relative to the root."""
         rolled, lowest, offset = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK + 1)
-            path, height = rolling_motion(self.points(turns[frames], joints[frames]), length)
+            path, height = rolling_motion(self.points(turns[frames], joints[frames]), self._contact_height)
             rolled.append(offset + path[1:])
             offset, lowest = offset + path[-1], [*lowest, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(lowest)
 
-    def spin(self, turns: Float, joints: Float, length: float) -> Float:
+    def spin(self, turns: Float, joints: Float) -> Float:
         """Returns the accumulated rotation (T,) of the touching part about +Y, in radians.
 
         A foot that rolls without sliding rotates about horizontal axes only. Rotation about +Y makes it
-        slide.
+        slide. In each step, the rotation is the one that fits the motion of the touching points best. So it
+        also contains the rotation of skin that the foot shares with the shin.
         """
-        main_bone = np.take_along_axis(self._bones, self._weights.argmax(1)[:, None], axis=1)[:, 0]
-        touching, bones = list[Float](), np.unique(main_bone)
-        for start in range(0, len(turns), _FRAMES_PER_BLOCK):
-            frames = slice(start, start + _FRAMES_PER_BLOCK)
-            height = self.points(turns[frames], joints[frames])[..., 1]
-            weights = np.exp(-(height - height.min(axis=1, keepdims=True)) / (_CONTACT_DECAY * length))
-            touching.append(np.stack([weights[:, main_bone == bone].sum(1) for bone in bones], axis=1))
-        contact_weights = np.concatenate(touching)
-        contact_weights = contact_weights[1:] + contact_weights[:-1]
-        rotation_steps = multiply(turns[1:, bones], conjugate(turns[:-1, bones]))
-        angles = 2.0 * np.arctan2(rotation_steps[..., 2], rotation_steps[..., 0])
-        angles = (angles + np.pi) % (2.0 * np.pi) - np.pi
-        steps = np.sum(contact_weights * angles, axis=1) / contact_weights.sum(1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        steps = [np.zeros(1)]
+        for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
+            frames = slice(start, start + _FRAMES_PER_BLOCK + 1)
+            points = self.points(turns[frames], joints[frames])
+            weights = _touching_weights(points[..., 1], self._contact_height)
+            places, moves = (
+                0.5 * (points[1:] + points[:-1])[..., [0, 2]],
+                np.diff(points[..., [0, 2]], axis=0),
+            )
+            places, moves = (
+                values - np.einsum("tp,tpc->tc", weights, values)[:, None] for values in (places, moves)
+            )
+            moments = places[..., 1] * moves[..., 0] - places[..., 0] * moves[..., 1]
+            inertia = np.sum(weights * np.sum(places**2, axis=2), axis=1)
+            steps.append(np.sum(weights * moments, axis=1) / (inertia + self._min_patch_radius**2))
+        return np.cumsum(np.concatenate(steps))
 
     def lowest(self, turns: Float, joints: Float) -> Float:
         """Returns the height (T,) in metres of the lowest point, for rotations (T, N, 4) and joints (T, N,
@@ -237,6 +247,25 @@ class Sole:
             offsets = self.points(turns[frames], joints[frames] - joints[frames, about, None])
             lowest.append(rotate(turning[frames, None], offsets)[..., 1].min(1))
         return np.concatenate(lowest)
+
+
+def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:
+    """Returns the outermost points (P, 3) of a foot in metres, and the bones (P, K) that move them with their
+    weights (P, K).
+
+    Without skin on the bones, the points are the joints at their ends.
+    """
+    joints = (shape.skeleton.positions[list(bones)], np.array(bones)[:, None], np.ones((len(bones), 1)))
+    if shape.mesh is None or shape.skin is None:
+        return joints
+    foot_weights = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
+    foot_vertices = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
+    if not len(foot_vertices):
+        return joints
+    main_bone = shape.skin.indices[foot_vertices, foot_weights[foot_vertices].argmax(1)]
+    groups = [foot_vertices[main_bone == bone] for bone in np.unique(main_bone)]
+    outermost = np.concatenate([group[_outermost_points(shape.mesh.vertices[group])] for group in groups])
+    return shape.mesh.vertices[outermost], shape.skin.indices[outermost], shape.skin.weights[outermost]
 
 
 def _outermost_points(points: Float) -> Int:
@@ -266,14 +295,7 @@ def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
     ends = [-blend, *(b for _, b in spans)]
     starts = [*(a for a, _ in spans), count + blend]
     for number, (first, last) in enumerate(spans):
-        standing_heading = float(np.median(spin[first : last + 1]))
-        for t in range(first, last + 1):
-            standing_heading = float(
-                np.clip(
-                    standing_heading, spin[t] - _MAX_HEADING_DIFFERENCE, spin[t] + _MAX_HEADING_DIFFERENCE
-                )
-            )
-            turns[t] = standing_heading - spin[t]
+        turns[first : last + 1] = _standing_turns(spin[first : last + 1])
         frames_before, frames_after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
         fade_in, fade_out = (
             _fading_weights(frames_before)[::-1] * turns[first],
@@ -281,6 +303,42 @@ def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
         )
         turns[max(first - len(fade_in), 0) : first] += fade_in[len(fade_in) - min(len(fade_in), first) :]
         turns[last + 1 : last + 1 + len(fade_out)] += fade_out[: count - last - 1]
+    return turns
+
+
+def hold_heading(heading: Float, spans: Spans, step: float) -> Float:
+    """Returns the heading (T,) in radians of a foot that steps: constant while it stands, if possible.
+
+    The heading changes while the foot swings. If the body turns farther than a leg allows during a contact,
+    the foot turns with it.
+
+    Args:
+        heading: (T,) radians, the heading of the body.
+        spans: the contacts of the foot.
+        step: seconds from one frame to the next.
+    """
+    spans = _join_spans(spans, max(round(_MIN_SWING_S / step), 1))
+    if not spans:
+        return heading
+    turns = np.concatenate([_standing_turns(heading[first : last + 1]) for first, last in spans])
+    frames = np.concatenate([np.arange(first, last + 1) for first, last in spans])
+    # Before the first contact and after the last the correction is constant. Between two contacts it eases
+    # from one to the next.
+    position = np.interp(np.arange(len(heading)), frames, np.arange(len(frames)))
+    before = np.floor(position).astype(int)
+    share = position - before
+    share = share * share * (3.0 - 2.0 * share)
+    after = np.minimum(before + 1, len(frames) - 1)
+    return np.asarray(heading + (1.0 - share) * turns[before] + share * turns[after])
+
+
+def _standing_turns(spin: Float) -> Float:
+    """Returns the rotations (F,) in radians that keep the median heading of a contact, as far as a leg
+    allows."""
+    heading, turns = float(np.median(spin)), np.empty(len(spin))
+    for t, angle in enumerate(spin):
+        heading = float(np.clip(heading, angle - _MAX_HEADING_DIFFERENCE, angle + _MAX_HEADING_DIFFERENCE))
+        turns[t] = heading - angle
     return turns
 
 
@@ -355,6 +413,16 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
         else rise
     )
     return root, [_foot_offsets(leg, root, step, floor, flight_weights) for leg in legs]
+
+
+def remaining_offsets(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> list[Float]:
+    """Returns the remaining offset (T, 3) in metres of each foot, for a path ``root`` (T, 3) that stays
+    unchanged.
+
+    The other arguments are those of :func:`plant_body`.
+    """
+    flight_weights = _flight_weights([_standing_mask(leg.spans, len(root)) for leg in legs], step)
+    return [_foot_offsets(leg, root, step, floor, flight_weights) for leg in legs]
 
 
 def _smoothest_path(targets: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:

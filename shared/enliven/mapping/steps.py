@@ -16,6 +16,7 @@ proportions of the model.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -39,7 +40,9 @@ from enliven.mapping.planting import (
     Sole,
     Spans,
     contact_clearance,
+    hold_heading,
     plant_body,
+    remaining_offsets,
     remove_spin,
     standing_spans,
 )
@@ -65,6 +68,9 @@ _MAX_LOWERING = 0.15
 """Maximum lowering of the body so that feet reach the floor, as a fraction of the leg length."""
 _EASING_S = 0.05
 """Time in seconds over which the body is lowered before a foot would no longer reach the floor."""
+_SOLE_PASSES = 3
+"""Number of passes that correct the soles after the legs bent. Each pass leaves 40 % of the error if the shin
+moves the sole by 40 %."""
 _MAX_LIFT_PASSES = 3
 """Maximum number of passes that lift a foreleg. Several are needed, since its lowest point changes as it
 bends."""
@@ -94,11 +100,8 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     )
     posed_steps = [step for step in steps if step.posed]
     if posed_steps:
-        offsets = _plant_feet(shape, posed_steps, performer, turns, joints)
+        _plant_feet(shape, posed_steps, performer, turns, joints)
         project = follow_path(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
-        for step, offset in zip(posed_steps, offsets, strict=True):
-            targets = joints[:, step.leg[-1]] + offset
-            _bend_leg(shape.skeleton, step, performer, targets, turns, joints)
     for step in steps:
         if not step.posed:
             targets = _end_targets(shape, step, performer, turns, joints)
@@ -137,12 +140,9 @@ def _rotation_chains(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]
 
 def _plant_feet(
     shape: Shape, steps: Sequence[LegStep], performer: PerformerGait, turns: Float, joints: Float
-) -> list[Float]:
-    """Moves the body so that the feet of posed legs stand still. Changes ``turns`` and ``joints`` in place.
-
-    Returns:
-        For each leg, the remaining offset (T, 3) in metres of its foot.
-    """
+) -> None:
+    """Moves the body and bends posed legs so that standing feet are still. Changes ``turns`` and ``joints``
+    in place."""
     root, floor = joints[:, 0].copy(), floor_height_under(shape)
     # Begin with the performer's floor at the height of the model's floor. This is final if no foot ever
     # stands.
@@ -152,8 +152,10 @@ def _plant_feet(
     posed_leg = partial(
         _leg_in_pose, shape.skeleton, performer=performer, root=root, turns=turns, joints=joints
     )
-    for step, sole in zip(steps, soles, strict=True):
+    spins = [
         _hold_heading(shape.skeleton, step, sole, performer, root, turns, joints)
+        for step, sole in zip(steps, soles, strict=True)
+    ]
     legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
     _, offsets = plant_body(legs, corrected_root, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
@@ -167,9 +169,47 @@ def _plant_feet(
         for step, target in zip(steps, targets, strict=True)
     ]
     # Lower the body for feet that would not reach the floor. Swinging feet keep their positions.
-    lowering = _smooth_drops(np.max(drops, axis=0), performer.step)[:, None] * [0.0, 1.0, 0.0]
-    joints -= lowering[:, None]
-    return [offset + lowering for offset in offsets]
+    joints -= (_smooth_drops(np.max(drops, axis=0), performer.step)[:, None] * [0.0, 1.0, 0.0])[:, None]
+    for step, target in zip(steps, targets, strict=True):
+        _bend_leg(shape.skeleton, step, performer, target, turns, joints)
+    _correct_soles(shape, steps, soles, legs, spins, performer, turns, joints)
+
+
+def _correct_soles(
+    shape: Shape,
+    steps: Sequence[LegStep],
+    soles: Sequence[Sole],
+    legs: Sequence[PosedLeg],
+    spins: Sequence[Float],
+    performer: PerformerGait,
+    turns: Float,
+    joints: Float,
+) -> None:
+    """Corrects the feet for the motion of their soles with the bent legs. Changes ``turns`` and ``joints`` in
+    place.
+
+    The shin moves a part of the sole too if they share skin weights. So a sole moves if its leg bends, even
+    if the foot does not.
+
+    Args:
+        legs: the legs before they bent.
+        spins: (T,) radians for each leg, the rotation of the sole about +Y that is intended.
+    """
+    skeleton, floor = shape.skeleton, floor_of(shape)
+    for _ in range(_SOLE_PASSES):
+        for step, sole, leg, spin in zip(steps, soles, legs, spins, strict=True):
+            if step.toes:
+                excess = remove_spin(sole.spin(turns, joints) - spin, leg.spans, performer.step)
+                _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
+        bent_legs = [
+            replace(leg, rolled=rolled, sole=lowest)
+            for leg, (rolled, lowest) in (
+                (leg, sole.rolling(turns, joints)) for leg, sole in zip(legs, soles, strict=True)
+            )
+        ]
+        offsets = remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
+        for step, offset in zip(steps, offsets, strict=True):
+            _bend_leg(skeleton, step, performer, joints[:, step.leg[-1]] + offset, turns, joints)
 
 
 def _foot_part(shape: Shape, step: LegStep) -> Sole:
@@ -195,7 +235,7 @@ def _leg_in_pose(
         + performer.root_height[:, None]
     )
     clearance = performer.scale * contact_clearance(heights, spans)
-    return PosedLeg(*sole.rolling(turns, joints - root[:, None], length), clearance, length, spans)
+    return PosedLeg(*sole.rolling(turns, joints - root[:, None]), clearance, length, spans)
 
 
 def _contact_spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, root: Float) -> Spans:
@@ -207,6 +247,14 @@ def _contact_spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, 
     return standing_spans(foot, root, performer.step, leg_length(skeleton, step.leg))
 
 
+def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) -> Spans:
+    """Returns the contacts of the performer's foot for a leg that steps, given the path ``root`` (T, 3) of
+    the body in metres."""
+    foot = root[:, None] + performer.scale * performer.offsets[:, [step.source_leg[-1], *step.source_toes]]
+    length = performer.scale * leg_length(performer.skeleton, step.source_leg)
+    return standing_spans(foot, root, performer.step, length)
+
+
 def _hold_heading(
     skeleton: Skeleton,
     step: LegStep,
@@ -215,14 +263,24 @@ def _hold_heading(
     root: Float,
     turns: Float,
     joints: Float,
-) -> None:
-    """Stops a standing foot from spinning about the vertical. Changes ``turns`` and ``joints`` in place."""
+) -> Float:
+    """Stops a standing foot from spinning about the vertical. Changes ``turns`` and ``joints`` in place.
+
+    Returns:
+        (T,) radians, the intended rotation of the sole about +Y.
+    """
+    spin = sole.spin(turns, joints)
     if not step.toes:
-        return
-    ankle, length = step.leg[-1], leg_length(skeleton, step.leg)
-    spin = sole.spin(turns, joints, length)
+        return spin
     correction = remove_spin(spin, _contact_spans(skeleton, step, performer, root), performer.step)
-    _turn_foot(skeleton, ankle, from_rotation_vector(correction[:, None] * [0.0, 1.0, 0.0]), turns, joints)
+    _turn_about_vertical(skeleton, step.leg[-1], correction, turns, joints)
+    return spin + correction
+
+
+def _turn_about_vertical(skeleton: Skeleton, ankle: int, angles: Float, turns: Float, joints: Float) -> None:
+    """Rotates all descendants of an ankle by ``angles`` (T,) radians about +Y. Changes ``turns`` and
+    ``joints`` in place."""
+    _turn_foot(skeleton, ankle, from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0]), turns, joints)
 
 
 def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joints: Float) -> None:
@@ -274,14 +332,20 @@ def _tilt_foot(
 
 def _end_targets(shape: Shape, step: LegStep, performer: PerformerGait, turns: Float, joints: Float) -> Float:
     """Returns the target positions (T, 3) in metres for the end of a leg, in the current pose of the
-    model."""
+    model.
+
+    While the performer's foot stands, the end of the leg stands too, even if the body turns.
+    """
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.foot(step.source)
     heading, scale = heading_from_rotation(turns[:, 0]), performer.scale
     foot_mean = performer.home(foot, heading)
     rest = skeleton.positions[ankle] - skeleton.positions[0]
-    smooth_heading = _smooth_headings(heading, round(STRIDE_S / performer.step))
+    angles = _smooth_headings(heading, round(STRIDE_S / performer.step))
+    if shape.travel is not None:
+        angles = hold_heading(angles, _performed_contacts(step, performer, joints[:, 0]), performer.step)
+    foot_heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
     return np.asarray(
-        joints[:, 0] + scale * performer.offsets[:, foot] + rotate(smooth_heading, rest - scale * foot_mean)
+        joints[:, 0] + scale * performer.offsets[:, foot] + rotate(foot_heading, rest - scale * foot_mean)
     )
 
 
@@ -392,8 +456,7 @@ def _smooth_drops(drops: Float, step: float) -> Float:
 
 
 def _smooth_headings(headings: Float, count: int) -> Float:
-    """Returns headings (T, 4) averaged over ``count`` frames, so that feet do not turn while the body
-    sways."""
+    """Returns heading angles (T,) in radians of rotations (T, 4) about +Y, averaged over ``count`` frames, so
+    that feet do not turn while the body sways."""
     angles = np.unwrap(2.0 * np.arctan2(headings[:, 2], headings[:, 0]))
-    half_angles = scipy.ndimage.uniform_filter1d(angles, max(count, 1), mode="nearest") / 2.0
-    return np.stack([np.cos(half_angles), 0.0 * half_angles, np.sin(half_angles), 0.0 * half_angles], axis=1)
+    return np.asarray(scipy.ndimage.uniform_filter1d(angles, max(count, 1), mode="nearest"))

@@ -8,9 +8,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from made_bodies import crawler, horse, man, meshed, random_motion, snake, spider, walk
 
-from enliven.document.clip import joint_places
+from enliven.document.clip import Clip, joint_places
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.gait import legs_that_step
+from enliven.mapping.gait import legs_that_step, steps_of
 from enliven.mapping.ground import floor_height_under, posed_surfaces
 from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import soften_plan
@@ -76,6 +76,27 @@ def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
     assert min(low) - floor_height_under(shape) > -0.015 * tall
     loose = made_of(shape, clip, pin=True, floor=False)
     assert feet(loose)[1][..., 1].min() > -1e-3 * tall, "without the floor kept, feet that hold keep it"
+
+
+@pytest.mark.parametrize("model", MODELS)
+@settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(st.integers(0, 10_000))
+def test_feet_stand_while_the_body_turns_over_them(model, seed):
+    """Hips turn over standing feet: every foot of the model stays."""
+    random, skeleton = np.random.default_rng(seed), man()
+    turn = np.radians(random.uniform(10.0, 25.0)) * np.sin(2.0 * np.pi * np.arange(FRAMES) / (FRAMES - 1))
+    turns = np.tile(from_rotation_vector(turn[:, None] * [0.0, 1.0, 0.0])[:, None], (1, len(skeleton), 1))
+    legs = {j for pair in anatomy_of(skeleton).legs for limb in pair for j in limb.proper[1:]}
+    hips = {limb.proper[0] for pair in anatomy_of(skeleton).legs for limb in pair}
+    turns[:, sorted(legs | hips)] = [1.0, 0.0, 0.0, 0.0]
+    clip = Clip("turn", skeleton, turns, np.tile(skeleton.positions[0], (FRAMES, 1)), STEP)
+    result = made_of(meshed(model, MODELS[model]()), clip, pin=True)
+    steps = steps_of(result.project.shape(model), clip, result.plan)
+    ankles = [step.leg[-1] for step in steps if step.arm is None]
+    at = feet(result)[0][:, ankles]
+    size = np.ptp(MODELS[model]().positions, axis=0).max()
+    assert len(ankles) >= 2
+    assert np.ptp(at, axis=0).max() < 0.02 * size
 
 
 @settings(max_examples=5, deadline=None)
