@@ -195,7 +195,7 @@ def _correct_soles(
         legs: the legs before they bent.
         spins: (T,) radians for each leg, the rotation of the sole about +Y that is intended.
     """
-    skeleton, floor = shape.skeleton, floor_of(shape)
+    skeleton, floor = shape.skeleton, floor_height_under(shape)
     for _ in range(_SOLE_PASSES):
         for step, sole, leg, spin in zip(steps, soles, legs, spins, strict=True):
             if step.toes:

@@ -86,8 +86,8 @@ def test_feet_stand_while_the_body_turns_over_them(model, seed):
     random, skeleton = np.random.default_rng(seed), man()
     turn = np.radians(random.uniform(10.0, 25.0)) * np.sin(2.0 * np.pi * np.arange(FRAMES) / (FRAMES - 1))
     turns = np.tile(from_rotation_vector(turn[:, None] * [0.0, 1.0, 0.0])[:, None], (1, len(skeleton), 1))
-    legs = {j for pair in anatomy_of(skeleton).legs for limb in pair for j in limb.proper[1:]}
-    hips = {limb.proper[0] for pair in anatomy_of(skeleton).legs for limb in pair}
+    legs = {j for pair in find_anatomy(skeleton).legs for limb in pair for j in limb.proper[1:]}
+    hips = {limb.proper[0] for pair in find_anatomy(skeleton).legs for limb in pair}
     turns[:, sorted(legs | hips)] = [1.0, 0.0, 0.0, 0.0]
     clip = Clip("turn", skeleton, turns, np.tile(skeleton.positions[0], (FRAMES, 1)), STEP)
     result = made_of(meshed(model, MODELS[model]()), clip, pin=True)
