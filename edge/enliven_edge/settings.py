@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 from enliven.errors import InputError
 from enliven.keys.roles import Role
@@ -29,8 +29,6 @@ from enliven_edge.tracking.settings import TrackerSettings
 @dataclass(frozen=True)
 class WireSettings:
     """Name, addresses and ports of the edge."""
-
-    REMOVED_SETTINGS: ClassVar = ("budget",)
 
     name: str = setting("edge", "Name of the edge on the network, unique on this computer.")
     host: str = setting("127.0.0.1", "Network address to listen on. 0.0.0.0 listens on every interface.")
@@ -64,6 +62,14 @@ class WireSettings:
         True,
         "Announces the edge on the local network, so that viewers find it. Needs the extra 'discovery', and "
         "an address that other computers reach.",
+    )
+    budget: float = parameter(
+        2.0,
+        "Time per frame for viewers' requests, half for reading and half for executing them. The rest "
+        "waits for the next frame, so that characters do not stall.",
+        unit="ms",
+        low=0.5,
+        high=100.0,
     )
 
 

@@ -34,9 +34,6 @@ from enliven_edge.recording.take import Take
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.tick import Tick
 
-_REQUEST_BUDGET_MS = 2.0
-"""Time per frame for viewers' requests, half for reading and half for executing them. The rest waits for the
-next frame, so that characters do not stall."""
 _FINAL_HEARTBEATS = 5
 """Number of heartbeats that report the end of the stream: one may be lost in transit."""
 
@@ -86,7 +83,7 @@ class Outlet(Closeable):
         waits_for_space: bool = False,
     ) -> None:
         self._publisher = _publisher(wire, access)
-        self._commands = CommandQueue(0.5e-3 * _REQUEST_BUDGET_MS)
+        self._commands = CommandQueue(0.5e-3 * wire.budget)
         try:
             self._take = None
             if record:
@@ -259,5 +256,5 @@ def _publisher(wire: WireSettings, access: Access | None = None) -> Publisher:
         access=access,
         open_to_all=wire.insecure,
         rate=wire.rate,
-        budget_ms=0.5 * _REQUEST_BUDGET_MS,
+        budget_ms=0.5 * wire.budget,
     )

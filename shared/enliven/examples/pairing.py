@@ -53,8 +53,9 @@ _MIN_JOINT_MOTION = 0.01
 """A joint is still if it moves less than this fraction of body height relative to the hips."""
 _MIN_UPRIGHT_RATIO = 0.6
 """Minimum ratio of height to length of a mesh that stands on a single foot. A fish has a lower ratio."""
-_LAST_RESORT_COST = 1000.0
-"""Cost of a joint that is chosen only if no other joint is left."""
+_LAST_RESORT_COST = 30.0
+"""Cost of a still joint, so that it is chosen only if no moving joint of its kind is left. It lies between
+:data:`_SAME_END_COST` and :data:`_CROSSED_SIDES_COST`."""
 _SIDE_WIDTH_FRACTION = 0.15
 """Minimum distance of a position on a side from the middle, as a fraction of half the width."""
 _WRONG_GROUND_COST = 0.3
@@ -135,7 +136,8 @@ def guess_joints(
         wanted: numbers of the control points that need a joint; None for all. The other control points only
             define the size of the mesh.
         motion: how much the joints move in the take. Joints that move more are preferred. A still joint is
-            suggested only for the base of a mesh that stands on one foot.
+            suggested only for the base of a mesh that stands on one foot. With ``partners``, it is also
+            suggested if its mirror image moves, or if too few middle joints or pairs move.
         partners: (P,) numbers of the control points' mirror images; a point on the symmetry plane has its own
             number. Mirror images follow the corresponding joints of both sides. Points on the plane follow
             middle joints.
@@ -159,12 +161,9 @@ def guess_joints(
         if skeleton.names[candidate.joint] not in taken
     ]
     candidates = candidates or _joint_costs(anatomy, skeleton)
-    candidates = [
-        candidate
-        for candidate in candidates
-        if skeleton.names[candidate.joint] not in {*still_joints} - {root}
-    ] or candidates
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
+    immobile = {skeleton.index(name) for name in {*still_joints} - {root}}
+    candidates = _usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
     bounds_points, ours = level, _normalize_points(rest, rest[rows_wanted])
     base = np.zeros(len(ours), np.bool_)
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
@@ -256,6 +255,33 @@ def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) 
     return chosen
 
 
+def _usable_candidates(
+    candidates: list[_Candidate],
+    still: Collection[int],
+    wanted: Sequence[int],
+    partners: Sequence[int] | None,
+    skeleton: Skeleton,
+) -> list[_Candidate]:
+    """Returns the candidates that move.
+
+    With ``partners``, a joint is also usable if its mirror image moves. If too few middle joints or pairs
+    move, all of them are usable: a point in the middle that follows a side joint would move the mesh to one
+    side.
+    """
+    if partners is None:
+        return [candidate for candidate in candidates if candidate.joint not in still]
+    anatomy, joints = find_anatomy(skeleton), {candidate.joint for candidate in candidates}
+    images, side = _mirror_images(anatomy, len(skeleton)), _side_joints(anatomy, skeleton)
+    usable = {joint for joint in joints if not {joint, int(images[joint])} <= set(still)}
+    points_on_plane = sum(partners[point] == point for point in wanted)
+    if len(usable - side) < points_on_plane:
+        usable |= joints - side
+    paired = {joint for joint in side if images[joint] != joint}
+    if len(usable & paired) < len(wanted) - points_on_plane:
+        usable |= joints & paired
+    return [candidate for candidate in candidates if candidate.joint in usable]
+
+
 def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int, ...]]:
     """Returns the lowest cost of assigning a unit of columns to a unit of rows, and the column of each
     row.
@@ -288,7 +314,7 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
     """Returns the columns of the joints: middle joints one by one, and side joints in pairs."""
     column = {joint: number for number, joint in enumerate(joints)}
     images = _mirror_images(anatomy, len(skeleton))
-    side_joints = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
+    side_joints = _side_joints(anatomy, skeleton)
     units = list[_Unit]()
     for joint, number in column.items():
         mirror_joint_number = int(images[joint])
@@ -297,6 +323,11 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
         elif mirror_joint_number > joint and mirror_joint_number in column:
             units.append((number, column[mirror_joint_number]))
     return units or [(number,) for number in column.values()]
+
+
+def _side_joints(anatomy: Anatomy, skeleton: Skeleton) -> set[int]:
+    """Returns the joints of paired limbs, with all joints below them."""
+    return {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
 
 
 def _mirror_images(anatomy: Anatomy, count: int) -> Int:

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Joint, Limb
-from enliven.settings import parameter
+from enliven.settings import setting
 from enliven_synthesis.body.kinematics import MAX_LEG_REACH, Lengths, forward_kinematics, posture_tuples
 from enliven_synthesis.body.posture import PerformerPosture
 from enliven_synthesis.body.rotations import round_to_grid
@@ -26,14 +26,14 @@ REFERENCE_HEIGHT = 1.75
 class Proportions:
     """The performer's build."""
 
-    height: float = parameter(
+    height: float = setting(
         1.75, "Height from the soles to the top of the head.", unit="m", low=0.8, high=2.3
     )
-    girth: float = parameter(1.0, "Body thickness relative to an average build.", low=0.6, high=1.8)
-    shoulders: float = parameter(1.0, "Shoulder width relative to an average build.", low=0.7, high=1.4)
-    hips: float = parameter(1.0, "Hip width relative to an average build.", low=0.7, high=1.4)
-    arms: float = parameter(1.0, "Arm length relative to an average build.", low=0.7, high=1.3)
-    legs: float = parameter(1.0, "Leg length relative to an average build.", low=0.7, high=1.3)
+    girth: float = setting(1.0, "Body thickness relative to an average build.", low=0.6, high=1.8)
+    shoulders: float = setting(1.0, "Shoulder width relative to an average build.", low=0.7, high=1.4)
+    hips: float = setting(1.0, "Hip width relative to an average build.", low=0.7, high=1.4)
+    arms: float = setting(1.0, "Arm length relative to an average build.", low=0.7, high=1.3)
+    legs: float = setting(1.0, "Leg length relative to an average build.", low=0.7, high=1.3)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 sys.path.append(str(Path(__file__).parents[1] / "mapping"))
@@ -120,6 +120,7 @@ def acting(names, seed=0, frames=40):
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10_000), st.permutations(range(5)))
+@example(261, [0, 1, 2, 3, 4])  # no middle joint moves
 def test_fins_follow_hands_when_only_hands_act_and_feet_when_only_feet_do(seed, order):
     partners = tuple(order.index(FISH_PARTNERS[k]) for k in order)
     for limbs, ends in (
@@ -131,11 +132,14 @@ def test_fins_follow_hands_when_only_hands_act_and_feet_when_only_feet_do(seed, 
         joints = guess_joints(clip.skeleton, FISH[order], motion=motion, partners=partners)
         fins = tuple(joints[order.index(k)] for k in (3, 4))
         assert fins == ends
-        assert max(motion.shares[name] for name in ends) > 0.9
+        # A wrist, knee or ankle may move a little more than the end.
+        assert max(motion.shares[name] for name in ends) > 0.8
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10_000), st.integers(0, 4), st.integers(1, 4))
+@example(5743, 2, 1)  # too few middle joints move
+@example(114, 4, 3)  # the joints of one side are still
 def test_mirror_images_follow_the_same_joint_of_both_sides(seed, middle, pairs):
     """Whatever acts, even one hand alone, and wherever the points are."""
     random = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from made_bodies import crawler, horse, man, meshed, random_motion, snake, spide
 
 from enliven.document.clip import Clip, joint_places
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.gait import legs_that_step, steps_of
+from enliven.mapping.gait import find_stepping_legs, legs_that_step
 from enliven.mapping.ground import floor_height_under, posed_surfaces
 from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import soften_plan
@@ -91,7 +91,7 @@ def test_feet_stand_while_the_body_turns_over_them(model, seed):
     turns[:, sorted(legs | hips)] = [1.0, 0.0, 0.0, 0.0]
     clip = Clip("turn", skeleton, turns, np.tile(skeleton.positions[0], (FRAMES, 1)), STEP)
     result = made_of(meshed(model, MODELS[model]()), clip, pin=True)
-    steps = steps_of(result.project.shape(model), clip, result.plan)
+    steps = find_stepping_legs(result.project.shape(model), clip, result.plan)
     ankles = [step.leg[-1] for step in steps if step.arm is None]
     at = feet(result)[0][:, ankles]
     size = np.ptp(MODELS[model]().positions, axis=0).max()

@@ -26,7 +26,7 @@ HELPERS = {"button": 1, "choice": 1, "switch": 1, "modal": 0, "panel": 0}
 """Own functions that pass on a label, and its argument index: their callers are checked instead."""
 PASSED_ON = {
     *(("modal.py", word) for word in ("label", "title", "yes", "no")),
-    *(("fields.py", "label"), ("style.py", "name"), ("layer.py", "label")),
+    *(("fields.py", "label"), ("style.py", "name"), ("layer_options.py", "label")),
     *(("dialogs.py", "_TITLES[workspace.asking]"), ("dialogs.py", "'Save' if browser.saving else 'Open'")),
 }
 """Labels that helpers pass on, the names of a layer's fields, and those of a file dialog, which are constant
