@@ -85,7 +85,11 @@ def _set_rate(scene, rate):
 def _repair_gltf_importer():
     """Brings back a name that Debian's Blender 3.4 uses, and that NumPy 1.24 has removed."""
     if bpy.app.version < (3, 6, 0):
-        import numpy
+        try:
+            import numpy
+        except ModuleNotFoundError:
+            message = "Blender's glTF importer needs NumPy. Install it: sudo apt install python3-numpy"
+            raise RuntimeError(message) from None
 
         if "bool" not in vars(numpy):
             numpy.bool = bool

@@ -172,8 +172,16 @@ def fetch(address: str) -> bytes:
 
 
 def decode(pixels: np.ndarray) -> str:
-    """Returns the text of the QR code in (H, W, 3) pixels."""
-    return cv2.QRCodeDetector().detectAndDecode(np.ascontiguousarray(pixels[..., ::-1]))[0]
+    """Returns the text of the QR code in (H, W, 3) pixels, or an empty text.
+
+    OpenCV's detector misses some codes at some sizes, so several sizes are tried, as a phone does that moves.
+    """
+    image = np.ascontiguousarray(pixels[..., ::-1])
+    for scale in (1.0, 2.0, 1.5, 0.75, 3.0, 1.25):
+        scaled = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+        if text := cv2.QRCodeDetector().detectAndDecode(scaled)[0]:
+            return text
+    return ""
 
 
 def without_character(visit: Visit) -> np.ndarray:
