@@ -1,7 +1,7 @@
 """Edge flips in a triangulation that keep its adjacency up to date.
 
-The adjacency array ``beside[t, k]`` contains the triangle across the edge opposite to corner k of triangle t,
-or -1 at a border. The caller decides whether a flip is legal and improves the triangulation.
+``beside[t, k]`` is the triangle that shares the edge opposite to corner k of triangle t, or -1 at a border.
+The caller decides whether a flip is legal and improves the triangulation.
 """
 
 from __future__ import annotations

@@ -172,7 +172,7 @@ class PlacementRules:
         return placement.yaw + (0.0 if self.likeness is None else self.likeness.yaw)
 
     def approach_transform(self, body: Body, placement: Placement) -> LimbRetargeting | None:
-        """Returns the transform with which a waiting mesh moves into a performer's pose, or None if the mesh
+        """Returns the transform that moves a waiting mesh into a performer's pose. None means that the mesh
         keeps its own pose.
 
         Args:

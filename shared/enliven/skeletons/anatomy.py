@@ -374,7 +374,7 @@ def _limb_from_chain(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
 
 
 def _separate_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
-    """Separates the hand of a limb: the part beyond a joint near the end from which fingers spread."""
+    """Separates the hand of a limb. The hand begins at the joint near the end where the fingers begin."""
     proper = limb.proper
     if limb.grounded or len(proper) < _MIN_LEG_JOINTS + 1:
         return limb

@@ -183,9 +183,9 @@ def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, t
     cut, parts = cut_character(project, name, plane, time, notes=notes)
     assert parts[0] == name and len(parts) == 2
     size = float(np.linalg.norm(np.ptp(seen, axis=0)))
-    # A half of a puppet is within 2 % of where it was (MAX_HALF_DEVIATION) in its key poses, of which
-    # the moment is a mixture. A bone's skin near a joint follows bones of both sides, and one of them after
-    # the cut. A graph keeps every vertex to rounding.
+    # In its key poses, a half of a puppet stays within 2 % of its place (MAX_HALF_DEVIATION). The pose of
+    # this moment is a mixture of them. A bone's skin near a joint follows bones of both sides, and one of
+    # them after the cut. A graph keeps every vertex to rounding.
     within = {"points": 0.04 * size, "bones": 0.02 * size}.get(kind(rig), NEAR)
     for part in parts:
         assert off_surface(vertices_of(cut, part, time), seen, plane) < within

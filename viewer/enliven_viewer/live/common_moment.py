@@ -8,8 +8,8 @@ from typing import TypeVar
 Key = TypeVar("Key")
 
 MAX_LAG_NS = 250_000_000
-"""Maximum delay in nanoseconds with which a fast edge waits for a slow one. A longer delay would feel
-sluggish to performers.
+"""Maximum time in nanoseconds that frames of a fast edge wait for those of a slow one. Performers would
+notice a longer delay.
 """
 _MAX_AGE_NS = 1_000_000_000
 """Maximum age of an edge's newest frame in nanoseconds. The other edges do not wait for an edge with an older
@@ -28,7 +28,7 @@ class CommonMoment:
         self._shown_ns: int | None = None
 
     def find_lags(self, newest: Mapping[Key, int], now_ns: int) -> dict[Key, int]:
-        """Returns the delay in nanoseconds with which each edge must be drawn.
+        """Returns for each edge how long its frames wait before they are drawn, in nanoseconds.
 
         Args:
             newest: the time of each edge's newest frame.

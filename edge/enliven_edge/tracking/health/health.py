@@ -239,7 +239,7 @@ class HealthMonitor:
         self._alarms.log_changes()
 
     def check_device(self, condition: Condition | None, world_from_camera: Float, floor_known: bool) -> None:
-        """Checks the device's own report, see :func:`check_condition`. None: there is no report."""
+        """Checks the report of the device itself with :func:`check_condition`. None: no report."""
         if condition is not None:
             check_condition(self._alarms, condition, world_from_camera, floor_known, self._now_ns)
 

@@ -94,7 +94,7 @@ def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[i
 
 
 def choose_root_joint(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
-    """Returns the root joint: the thickest junction, or the thicker end if there is no junction."""
+    """Returns the root joint: the thickest junction. Without a junction, it is the thickest end."""
     degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
     most = degree == degree.max() if degree.max() > 2 else degree == 1
     # If two joints are equally thick, the lower joint is the root.
