@@ -8,6 +8,7 @@ is listed as unsteady: this is a fault of the test, which should be fixed.
 """
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -22,7 +23,9 @@ unknown."""
 STOP_HANGS = (
     f"-ofaulthandler_timeout={HANG_S}",
     "-ofaulthandler_exit_on_timeout=true",
-    "--max-worker-restart=1",
+    # A process that ends is not replaced. pytest-xdist waits for ever for the replacement of the last one.
+    "--max-worker-restart=0",
+    "-pended_processes",
 )
 MAX_REPEATED = 5
 """Failed tests that are run again. If more fail, the reason is not a busy machine."""
@@ -39,7 +42,8 @@ def run_pytest(cache: Path, *arguments: str) -> int:
         The exit status.
     """
     command = [sys.executable, "-m", "pytest", *STOP_HANGS, f"-ocache_dir={cache}", *arguments]
-    return subprocess.run(command, check=False).returncode
+    scripts = os.pathsep.join(filter(None, (str(Path(__file__).parent), os.environ.get("PYTHONPATH"))))
+    return subprocess.run(command, env={**os.environ, "PYTHONPATH": scripts}, check=False).returncode
 
 
 def read_failed_tests(cache: Path) -> list[str]:

@@ -176,3 +176,12 @@ def _usual_window():
         theme.use_theme("dark", "usual")
     if language := sys.modules.get("enliven_viewer.language"):
         language.set_language("en")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _contexts_are_closed():
+    """A context of ZeroMQ that a test file forgot would stop a later test when Python collects it."""
+    yield
+    if contexts := sys.modules.get("zmq_contexts"):
+        forgotten = contexts.close_forgotten()
+        assert not forgotten, f"this file left {forgotten} contexts of ZeroMQ open: close them in the test"

@@ -18,6 +18,16 @@ def test_fails_the_first_time():
 """
 BROKEN = "def test_fails_always():\n    assert False\n"
 MANY = "import pytest\n@pytest.mark.parametrize('k', range(6))\ndef test_fails(k):\n    assert False\n"
+ENDED_LAST = """
+import os, time
+import pytest
+
+@pytest.mark.parametrize("k", range(12))
+def test_waits(k):
+    time.sleep(0.2)
+    if k == 8:
+        os._exit(3)
+"""
 STOPPED = "import os\ndef test_ends_its_process():\n    os._exit(3)\ndef test_after(): pass\n"
 
 
@@ -50,6 +60,15 @@ def test_a_test_that_fails_twice_fails_the_run(tmp_path):
 def test_a_run_with_many_failures_or_without_an_end_fails(tmp_path, text):
     result = run(tmp_path, broken=text, unsteady="def test_passes():\n    pass\n")
     assert result.returncode != 0, result.stdout
+
+
+@pytest.mark.slow
+def test_a_process_that_ends_when_all_others_have_ended_fails_the_run(tmp_path):
+    """pytest-xdist would wait for ever for a process that replaces it."""
+    quick = "import pytest\n@pytest.mark.parametrize('k', range(9))\ndef test_passes(k):\n    pass\n"
+    result = run(tmp_path, last=ENDED_LAST, a=quick, b=quick, c=quick)
+    assert result.returncode == 7 and "once more" not in result.stdout, result.stdout
+    assert "test_last.py::test_waits[8]" in result.stdout
 
 
 @pytest.mark.slow

@@ -154,6 +154,17 @@ def test_helpers_import_no_module_of_one_test_folder():
         assert not names & elsewhere, path
 
 
+def test_test_files_make_contexts_of_zeromq_by_the_helper():
+    """A forgotten context can stop a later test for ever. Benchmarks and the soak test are other programs."""
+    tests = ROOT / "tests"
+    programs = (tests / "benchmarks", tests / "soak", tests / "helpers")
+    for path in tests.rglob("*.py"):
+        if not any(path.is_relative_to(folder) for folder in programs) and path != Path(__file__):
+            assert "zmq.Context(" not in path.read_text(encoding="utf-8"), (
+                f"{path}: use zmq_contexts.make_context"
+            )
+
+
 def test_architecture_page_is_current():
     sys.path.insert(0, str(ROOT / "scripts"))
     import architecture

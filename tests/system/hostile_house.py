@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 import zmq
 from patience import PATIENCE
+from zmq_contexts import make_context
 
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.frames import BodyFrame
@@ -94,7 +95,7 @@ class Visitor:
 
     def __init__(self, house: House, keys: ClientKeys | None = None) -> None:
         self.house, self.number = house, 0
-        self.context = zmq.Context()
+        self.context = make_context()
         self.socket = self.context.socket(zmq.DEALER)
         if keys is not None:
             keys.apply(self.socket)

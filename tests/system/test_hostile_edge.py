@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import zmq
 from patience import PATIENCE
+from zmq_contexts import make_context
 
 from enliven.health import Severity
 from enliven.wire import Endpoint, Smooth, characters, requests, scans, streams, topics
@@ -32,7 +33,7 @@ class HostileEdge:
     """Raw sockets in place of an edge: sends each viewer a list of characters, and then anything."""
 
     def __init__(self) -> None:
-        self.context = zmq.Context()
+        self.context = make_context()
         self.pub, self.router = self.context.socket(zmq.PUB), self.context.socket(zmq.ROUTER)
         self.pub.setsockopt(zmq.SNDHWM, 100_000)
         ports = [each.bind_to_random_port("tcp://127.0.0.1") for each in (self.pub, self.router)]

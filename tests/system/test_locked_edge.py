@@ -23,6 +23,7 @@ from message_values import message
 from msgspec import inspect
 from patience import PATIENCE
 from real_edge import RealEdge
+from zmq_contexts import make_context
 
 from enliven import cli
 from enliven.commands.learn_room import learn_room
@@ -198,7 +199,7 @@ def test_roles_have_the_rights_that_the_page_states() -> None:
 
 @pytest.mark.parametrize("peer", ["without keys", "unpaired", "watch"])
 def test_only_paired_viewers_receive_any_stream(locked: Locked, peer: str) -> None:
-    context: zmq.Context[Any] = zmq.Context()
+    context: zmq.Context[Any] = make_context()
     socket = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, 100, locked.client_keys(peer))
     for topic in STREAMS.values():
         socket.setsockopt(zmq.SUBSCRIBE, topic.name.encode() + b"\0")
@@ -222,7 +223,7 @@ def test_bytes_on_the_wire_are_not_readable(locked: Locked) -> None:
     listener = sockets.create_server(("127.0.0.1", 0))
     listener.setblocking(False)
     keys = locked.client_keys("operate")
-    context: zmq.Context[Any] = zmq.Context()
+    context: zmq.Context[Any] = make_context()
     viewer = context.socket(zmq.DEALER)
     assert keys is not None
     keys.apply(viewer)
@@ -503,8 +504,7 @@ def test_strangers_at_many_addresses_keep_no_paired_viewer_out(
     locked: Locked, request: pytest.FixtureRequest
 ) -> None:
     server = ZmtpServer("127.0.0.1", 0, "--port", "ROUTER", 1000, 4, locked.access.curve)
-    context: zmq.Context[Any] = zmq.Context()
-    # If the test fails, the garbage collection of a context with open sockets would wait for ever.
+    context: zmq.Context[Any] = make_context()
     request.addfinalizer(lambda: context.destroy(linger=0))
 
     def connect(keys: ClientKeys | None, address: str) -> Any:

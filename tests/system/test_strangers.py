@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import zmq
+from zmq_contexts import make_context
 
 from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
@@ -60,7 +61,7 @@ class RunningEdge:
 
     def hear_bodies(self, count: int) -> None:
         """Waits until a new viewer has received some frames of bodies."""
-        with zmq.Context() as context, context.socket(zmq.SUB) as viewer:
+        with make_context() as context, context.socket(zmq.SUB) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.setsockopt(zmq.SUBSCRIBE, b"bodies")
             viewer.connect(f"tcp://127.0.0.1:{self.pose_port}")
@@ -74,7 +75,7 @@ class RunningEdge:
 
     def answer(self) -> None:
         """Sends a new viewer's request, and waits for the answer."""
-        with zmq.Context() as context, context.socket(zmq.DEALER) as viewer:
+        with make_context() as context, context.socket(zmq.DEALER) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.connect(f"tcp://127.0.0.1:{self.control_port}")
             viewer.send(pack_control(requests.Request(1, requests.Ping("good", 5))))
@@ -159,7 +160,7 @@ def request(body: requests.Ask) -> bytes:
 @pytest.mark.slow
 def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge) -> None:
     """Ten thousands of commands from libzmq's own socket, which is closed while they wait."""
-    context = zmq.Context()
+    context = make_context()
     dealer = context.socket(zmq.DEALER)
     dealer.connect(f"tcp://127.0.0.1:{edge.control_port}")
     order = pack_control(requests.Request(1, requests.Possess("statue")))

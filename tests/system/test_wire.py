@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import zmq
 from patience import PATIENCE
+from zmq_contexts import make_context
 
 from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError
@@ -218,7 +219,7 @@ class FakeEdge:
     """Raw sockets in place of an edge, which send given messages."""
 
     def __init__(self) -> None:
-        self.context = zmq.Context()
+        self.context = make_context()
         self.pub, self.router = self.context.socket(zmq.PUB), self.context.socket(zmq.ROUTER)
         ports = [s.bind_to_random_port("tcp://127.0.0.1") for s in (self.pub, self.router)]
         self.endpoint = Endpoint("127.0.0.1", *ports)

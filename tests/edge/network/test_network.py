@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 import zmq
+from zmq_contexts import make_context
 
 from enliven.errors import InputError, ResourceError
 from enliven.wire import requests, streams, topics
@@ -79,7 +80,7 @@ class Peer:
     """A viewer made of raw sockets."""
 
     def __init__(self, publisher: Publisher) -> None:
-        self.context = zmq.Context()
+        self.context = make_context()
         self.dealer = self.context.socket(zmq.DEALER)
         self.dealer.setsockopt(zmq.SNDHWM, 0)
         self.dealer.setsockopt(zmq.RCVHWM, 0)
@@ -222,7 +223,7 @@ def known_viewers() -> int:
 
 
 def test_viewers_that_have_gone_are_forgotten(publisher: Publisher) -> None:
-    context = zmq.Context()
+    context = make_context()
     for number in range(100):
         dealer = context.socket(zmq.DEALER)
         dealer.setsockopt(zmq.IDENTITY, b"viewer %d" % number)
@@ -270,7 +271,7 @@ def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, p
         idle.append(socket.create_connection(address))
         publisher.poll()
     until(lambda: sum(map(closed, idle)) >= 100, publisher.poll)
-    context = zmq.Context()
+    context = make_context()
     subscriber = context.socket(zmq.SUB)
     subscriber.setsockopt(zmq.SUBSCRIBE, b"status")
     subscriber.connect(publisher.endpoint.stream_address)
@@ -284,7 +285,7 @@ def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, p
 
 
 def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
-    context = zmq.Context()
+    context = make_context()
     subscriber = context.socket(zmq.SUB)
     for topic in (b"status", b"bodies", b"nothing like it"):
         subscriber.setsockopt(zmq.SUBSCRIBE, topic)

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 import pytest
 import zmq
+from zmq_contexts import make_context
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError, ResourceError
@@ -48,7 +49,7 @@ class Peer:
 
     def __init__(self, publisher: Publisher) -> None:
         self.publisher = publisher
-        self.context = zmq.Context()
+        self.context = make_context()
         self.dealer = self.context.socket(zmq.DEALER)
         self.dealer.connect(publisher.endpoint.control_address)
         self.sub = self.context.socket(zmq.SUB)

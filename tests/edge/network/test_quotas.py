@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 import zmq
 from patience import PATIENCE
+from zmq_contexts import make_context
 
 from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control
@@ -71,7 +72,7 @@ class Studio:
     """A viewer made of raw sockets that sends requests repeatedly."""
 
     def __init__(self, publisher: Publisher) -> None:
-        self.context = zmq.Context()
+        self.context = make_context()
         self.socket = self.context.socket(zmq.DEALER)
         self.socket.setsockopt(zmq.LINGER, 0)
         self.socket.setsockopt(zmq.RECONNECT_IVL, 50)

@@ -1,0 +1,32 @@
+"""ZeroMQ contexts of tests, which a test cannot leave open by mistake.
+
+If Python collects a context as garbage while a socket of it is open, libzmq waits for that socket for ever,
+during whichever test runs then, so that the wrong test seems to hang. The contexts from here are held until
+they are closed. A fixture for all tests fails in the file that forgot one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import zmq
+
+_CONTEXTS: list[zmq.Context[Any]] = []
+"""Contexts that no test file has been asked about yet."""
+
+
+def make_context() -> zmq.Context[Any]:
+    """Returns a context whose sockets do not wait, when they are closed, for messages that nobody takes."""
+    context: zmq.Context[Any] = zmq.Context()
+    context.linger = 0
+    _CONTEXTS.append(context)
+    return context
+
+
+def close_forgotten() -> int:
+    """Closes the contexts that are still open, and returns how many there were."""
+    forgotten = [context for context in _CONTEXTS if not context.closed]
+    _CONTEXTS.clear()
+    for context in forgotten:
+        context.destroy(linger=0)
+    return len(forgotten)
