@@ -36,7 +36,7 @@ UNASKED = {
 
 
 def test_an_edge_loads_only_what_its_character_needs(tmp_path):
-    """A kiosk waits for this start when its edge has failed. The first start prepares character and kernels."""
+    """A kiosk waits for this start if its edge fails. The first start prepares the character and kernels."""
     environment = os.environ | {"ENLIVEN_CHARACTERS": str(tmp_path)}
     for _ in range(2):
         shown = subprocess.run(
