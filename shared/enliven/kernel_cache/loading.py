@@ -1,9 +1,8 @@
 """Loads stored machine code without the parts of Numba that only the compiler needs.
 
 Numba itself loads a stored kernel as if it were about to compile: it first imports all its lowering rules and
-SciPy's linear algebra, and it parses the bitcode from which other kernels can be compiled. For the 112
-kernels of an edge that took 0.8 s of processor time. Here, all of it waits until this process compiles a
-kernel.
+SciPy's linear algebra, and it parses the bitcode that other kernels can include. For the 112 kernels of an
+edge that took 0.8 s of processor time. Here, all of it waits until this process compiles a kernel.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ class StoredLibrary(JITCodeLibrary):  # type: ignore[misc]
         return int(super().get_pointer_to_function(name))
 
     def _get_module_for_linking(self) -> Any:
-        """Returns the module from which other kernels are compiled."""
+        """Returns the module that other kernels include when they are compiled."""
         if self._bitcode is not None:
             self._shared_module = llvmlite.binding.parse_bitcode(self._bitcode)
             self._codegen._engine._load_defined_symbols(self._shared_module)
@@ -106,8 +105,9 @@ def _read_environment(module: str, constants: list[Any], name: str) -> Environme
     Numba reads its constants for exceptions. It reads its globals only in object mode, which kernels do not
     use. So the globals of a module that is not imported yet are left out, except for the name of the module.
     """
-    if (known := lookup_environment(name)) is not None:
-        return known
+    environment = lookup_environment(name)
+    if environment is not None:
+        return environment
     is_imported = module in sys.modules
     environment = Environment(vars(sys.modules[module]) if is_imported else {"__name__": module})
     environment.consts[:] = constants

@@ -20,13 +20,13 @@ def _number_components(count, edges):
     parent, label = np.arange(count), np.empty(count, np.int64)
     for e in range(edges.shape[0]):
         join(parent, edges[e, 0], edges[e, 1])
-    found = 0
+    component_count = 0
     for i in range(count):
         root = root_of(parent, i)
         # The root of a component is its first node, so it has a number already.
         if root == i:
-            label[i] = found
-            found += 1
+            label[i] = component_count
+            component_count += 1
         else:
             label[i] = label[root]
     return label
