@@ -1,5 +1,6 @@
 """Tests that an edge's start loads only the modules that this run needs."""
 
+import os
 import subprocess
 import sys
 
@@ -16,20 +17,31 @@ print(code, *sorted(sys.modules), sep="\\n")
 """
 UNASKED = {
     "trimesh": "reads mesh files",
+    "scipy.linalg": "solves what the edge's kernels solve",
+    "scipy.ndimage": "filters the lessons of the estimator",
     "scipy.optimize": "assigns by the edge's own kernel",
+    "scipy.sparse": "prepares meshes that are not prepared yet",
     "scipy.spatial": "finds neighbours of what was not made to fit",
-    "scipy.ndimage": "is the lessons'",
+    "numba.np.arraymath": "compiles kernels that are not compiled yet",
+    "asyncio": "is the health page's",
     "rich.progress": "draws on a terminal",
     "PIL.Image": "reads pictures",
     "enliven_edge.stage.rig.rig_actor": "is a rigged model's",
     "enliven_edge.stage.puppet.puppet_actor": "is a puppet's",
     "enliven.document.project": "is the studio's",
+    "enliven_edge.importing.motion_capture": "reads motion captures",
+    "enliven_edge.uploaded_actor": "prepares characters that viewers send",
 }
 """Modules that a start with the chair must not load, and their purpose."""
 
 
-def test_an_edge_loads_only_what_its_character_needs():
-    shown = subprocess.run([sys.executable, "-c", START], capture_output=True, text=True, timeout=600)
+def test_an_edge_loads_only_what_its_character_needs(tmp_path):
+    """A kiosk waits for this start if its edge fails. The first start prepares the character and kernels."""
+    environment = os.environ | {"ENLIVEN_CHARACTERS": str(tmp_path)}
+    for _ in range(2):
+        shown = subprocess.run(
+            [sys.executable, "-c", START], env=environment, capture_output=True, text=True, timeout=600
+        )
     code, *loaded = shown.stdout.splitlines()
     assert code == "0", shown.stderr
     assert "enliven_edge.tracking.tracker" in loaded, "it did start"

@@ -166,9 +166,6 @@ class StageKeeper(Closeable):
         """Returns the actor of a character that a viewer sent. None for an initial one, or if it cannot be
         used.
         """
-        # Imported here, because an edge without kept characters never needs it.
-        from enliven_edge.uploaded_actor import create_uploaded_actor
-
         if not kept.digest:
             return None
         if self._journal.crashes.get(kept.digest, 0) >= MAX_CRASHES:
@@ -180,6 +177,9 @@ class StageKeeper(Closeable):
             )
             self._folder.set_character_aside(kept.digest, "the edge crashed while it was restored")
             return None
+        # Imported here, because an edge without kept characters never needs it.
+        from enliven_edge.uploaded_actor import create_uploaded_actor
+
         self._update_journal(kept.digest, is_starting=True)
         try:
             data = self._folder.read_character(kept.digest)

@@ -16,7 +16,6 @@ from enliven.errors import InputError
 from enliven.files import TemporaryFolder, open_file
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, RecordingInfo
-from enliven_edge.importing.motion_capture import MotionCaptureReader
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.event_log import LogEntry, LogReader
 
@@ -128,6 +127,9 @@ def _import_capture(path: Path, folder: Path) -> Path:
     """Returns the path of a recording. A motion capture is converted into one in ``folder``."""
     if path.suffix.lower() not in CAPTURE_SUFFIXES or not path.is_file():
         return path
+    # Imported here, because recordings do not need it.
+    from enliven_edge.importing.motion_capture import MotionCaptureReader
+
     recording = folder / f"{path.stem}.mcap"
     with Recorder(recording) as recorder:
         for frame in MotionCaptureReader().read([path]):

@@ -15,6 +15,8 @@ Private interfaces of Numba that are used, all in this package and in ``kernels.
 - ``Dispatcher._cache``: the one place where Numba asks for compiled code; there is no public hook.
 - ``numba.core.caching._Cache``: the interface that Numba expects there.
 - ``CompileResult._reduce`` and ``_rebuild``: the serialised form of machine code.
+- ``JITCodeLibrary`` and ``JitEngine._defined_symbols``: machine code that is loaded without its bitcode.
+- ``environment._rebuild_env`` and ``Environment._memo``: the serialised form of a function's globals.
 - ``cpu_target._toplevel_target_context``: exists if Numba has chosen its processor level already.
 - ``numba.core.extending._Intrinsic._defn``: the function behind an intrinsic, for the fingerprint.
 - ``njit(no_cfunc_wrapper=True)``: an undocumented option that skips an entry point for C.

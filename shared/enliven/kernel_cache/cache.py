@@ -11,11 +11,11 @@ from typing import Any
 
 from numba.core import types
 from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaWarning
 
 from enliven.kernel_cache.fingerprint import describe_options, fingerprint
+from enliven.kernel_cache.loading import rebuild_kernel, unpickle_kernel
 from enliven.kernel_cache.native_schedule import record_use
 from enliven.kernel_cache.store import load_kernel, save_kernel, user_folder
 from enliven.kernel_cache.target import is_native_session, processor_levels
@@ -70,15 +70,14 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
         A session with native code uses the code for the processor's level if native code is missing.
         """
-        target_context.refresh()
         target = target_context.codegen().magic_tuple()
         targets = [target, (target[0], processor_levels()[0], "")] if is_native_session() else [target]
         for possible_target in targets:
             with contextlib.suppress(Exception):  # If machine code cannot be loaded, it is compiled again.
-                data = load_kernel(self.file_name(sig, possible_target))
+                data = load_kernel(self.file_name(sig, possible_target), unpickle_kernel)
                 if data is not None:
                     record_use(self, sig, target[0])
-                    return CompileResult._rebuild(target_context, *data)
+                    return rebuild_kernel(target_context, data)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:

@@ -9,6 +9,7 @@ import os
 import pickle
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +51,12 @@ def user_folder() -> Path | None:
     return None
 
 
-def load_kernel(name: str) -> Any:
-    """Returns the data that was saved under a name, or None if no folder has a readable file with it."""
+def load_kernel(name: str, unpickle: Callable[[bytes], Any] = pickle.loads) -> Any:
+    """Returns the data that was saved under a name, or None if no folder has a readable file with it.
+
+    Args:
+        unpickle: reads the serialised data.
+    """
     writable_folder = user_folder()
     for folder in (*shipped_folders(), *(() if writable_folder is None else (writable_folder,))):
         path = folder / name
@@ -60,7 +65,7 @@ def load_kernel(name: str) -> Any:
             data = path.read_bytes()
             with contextlib.suppress(OSError):
                 os.utime(path)
-            return pickle.loads(zstandard.decompress(data))
+            return unpickle(zstandard.decompress(data))
     return None
 
 

@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import zmq
 from zmq.utils import z85
-from zmq.utils.monitor import recv_monitor_message
 
 from enliven.errors import InputError
 from enliven.keys.key_files import KeyPair, KeyStore
@@ -88,6 +87,9 @@ class HandshakeWatch:
 
     def poll(self) -> None:
         """Reads the events since the last call; does not block."""
+        # Imported here, because it imports asyncio, which an edge does not need.
+        from zmq.utils.monitor import recv_monitor_message
+
         for _ in range(_MAX_EVENTS_PER_POLL):
             try:
                 event = recv_monitor_message(self._monitor, zmq.DONTWAIT)

@@ -8,7 +8,7 @@ from math import comb
 from typing import ClassVar, Literal
 
 import numpy as np
-from scipy.sparse import csr_matrix
+import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import Skeleton
@@ -163,14 +163,14 @@ def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -
     return _Plan(np.cumsum(rows), np.array(are_complete, np.int64), total)
 
 
-def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
+def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.csr_matrix:
     """Returns (C + B, N) the weights of the roots and of the branches' abstract positions."""
     weights = [{tree.root: 1.0} for tree in trees]
     weights += [branch.weights for tree in trees for branch in tree.branches]
     starts = np.concatenate([[0], np.cumsum([len(row) for row in weights])])
     columns = [joint for row in weights for joint in row]
     values = [value for row in weights for value in row.values()]
-    return csr_matrix((values, columns, starts), shape=(len(weights), joints))
+    return scipy.sparse.csr_matrix((values, columns, starts), shape=(len(weights), joints))
 
 
 def _best_indices(scores: Float, most: int, tie: float) -> Int:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import selectors
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -27,7 +29,7 @@ log = logging.getLogger(__name__)
 NIGHTLY_CAUSE = "nightly restart"
 """Cause of a restart at the nightly time in the profile."""
 POLL_INTERVAL_S = 0.05
-"""Interval between two checks of the programs, in seconds. It is short enough to react at once, and cheap."""
+"""Interval between two checks of the programs, in seconds. Linux reports the end of a program at once."""
 _RECORD_INTERVAL_S = 2.0
 """Interval between two records of the programs' states, in seconds. The health page displays whole seconds.
 """
@@ -80,6 +82,8 @@ class Supervisor:
         self._nightly = NightlyRestart(restart_at, time.monotonic())
         self.exit_codes: dict[str, int] = {}
         self._children: list[Child] = []
+        self._selector = selectors.DefaultSelector()
+        self._end_descriptors: dict[Child, int] = {}
         self._is_stopped = False
         self._exit_code: int | None = None
         self._starting: Child | None = None
@@ -98,7 +102,7 @@ class Supervisor:
             The exit code of the leading program, or of the first program that fails and is not restarted;
             130 after SIGTERM, Ctrl-C or :meth:`stop`.
         """
-        with TemporaryFolder("supervisor") as folder, self._handle_signals():
+        with TemporaryFolder("supervisor") as folder, self._handle_signals(), self._selector:
             self._children = [
                 Child(program, Path(folder) / str(number), self._backoff())
                 for number, program in enumerate(self._programs)
@@ -111,20 +115,19 @@ class Supervisor:
     def _supervise(self) -> int:
         """Runs until a program or a signal ends the run. Returns its exit code."""
         started_count = 0
-        with selectors.DefaultSelector() as selector:
-            for child in self._children:
-                if child.socket is not None:
-                    selector.register(child.socket, selectors.EVENT_READ)
-            while self._exit_code is None and not self._is_stopped:
-                started_count = self._start_next(started_count)
-                for child in self._children[:started_count]:
-                    self._check(child)
-                self._restart_nightly()
-                self._write_records()
-                if selector.get_map():
-                    selector.select(POLL_INTERVAL_S)
-                else:
-                    time.sleep(POLL_INTERVAL_S)
+        for child in self._children:
+            if child.socket is not None:
+                self._selector.register(child.socket, selectors.EVENT_READ)
+        while self._exit_code is None and not self._is_stopped:
+            started_count = self._start_next(started_count)
+            for child in self._children[:started_count]:
+                self._check(child)
+            self._restart_nightly()
+            self._write_records()
+            if self._selector.get_map():
+                self._selector.select(POLL_INTERVAL_S)
+            else:
+                time.sleep(POLL_INTERVAL_S)
         return INTERRUPTED_EXIT_CODE if self._exit_code is None else self._exit_code
 
     def _start_next(self, started_count: int) -> int:
@@ -148,8 +151,9 @@ class Supervisor:
             # Write a record at once, so that the health page shows the change.
             self._recorded_s = -_RECORD_INTERVAL_S
         if cause is not None:
+            self._unwatch_end(child)
             self._handle_end(child, cause, now_s)
-        elif child.process is None and child.due_s is not None and now_s >= child.due_s:
+        if child.process is None and child.due_s is not None and now_s >= child.due_s:
             self._start(child)
 
     def _start(self, child: Child) -> None:
@@ -160,6 +164,24 @@ class Supervisor:
         except OSError as error:
             child.exit_code = _FAILED_START_CODE
             self._handle_end(child, f"cannot be started ({error.strerror or error})", now_s)
+            return
+        self._watch_end(child)
+
+    def _watch_end(self, child: Child) -> None:
+        """Ends the wait between two checks when the program ends (Linux)."""
+        if child.process is None or sys.platform != "linux":
+            return
+        with contextlib.suppress(OSError):
+            descriptor = os.pidfd_open(child.process.pid)
+            self._end_descriptors[child] = descriptor
+            self._selector.register(descriptor, selectors.EVENT_READ)
+
+    def _unwatch_end(self, child: Child) -> None:
+        """Closes the descriptor of a program that has ended."""
+        descriptor = self._end_descriptors.pop(child, None)
+        if descriptor is not None:
+            self._selector.unregister(descriptor)
+            os.close(descriptor)
 
     def _handle_end(self, child: Child, cause: str, now_s: float) -> None:
         """Schedules the restart of a program that has ended, or ends the run."""
@@ -236,6 +258,7 @@ class Supervisor:
         end_children(list(running.values()), TERMINATION_GRACE_S)
         self.exit_codes = {name: process.returncode for name, process in running.items()}
         for child in self._children:
+            self._unwatch_end(child)
             child.close()
 
     @contextlib.contextmanager

@@ -4,7 +4,7 @@ import inspect
 
 import numba
 import pytest
-from numba.core import caching, compiler, dispatcher, extending, options
+from numba.core import caching, codegen, compiler, dispatcher, environment, extending, options
 from numba.core.registry import cpu_target
 
 from enliven.kernels import quantile
@@ -14,6 +14,13 @@ REQUIRED = {
         caching, "_Cache", ("cache_path", "load_overload", "save_overload", "enable", "disable", "flush")
     ),
     "numba.core.compiler.CompileResult": (compiler, "CompileResult", ("_reduce", "_rebuild")),
+    "numba.core.codegen.JITCodeLibrary": (
+        codegen, "JITCodeLibrary",
+        ("enable_object_caching", "_set_compiled_object", "_finalize_final_module", "_get_module_for_linking")
+    ),
+    "numba.core.codegen.JitEngine": (codegen, "JitEngine", ("is_symbol_defined", "_load_defined_symbols")),
+    "numba.core.environment.Environment": (environment, "Environment", ("_memo", "consts", "env_name")),
+    "numba.core.environment._rebuild_env": (environment, "_rebuild_env", ()),
     "numba.core.dispatcher.Dispatcher": (dispatcher, "Dispatcher", ("compile", "stats")),
     "numba.core.extending._Intrinsic": (extending, "_Intrinsic", ()),
 }  # fmt: skip

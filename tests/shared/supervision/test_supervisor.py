@@ -166,6 +166,23 @@ def test_first_progress_is_recorded_at_once(tmp_path, monkeypatch) -> None:
         until(lambda: any(s.progress_s for s in read_services(tmp_path / "run")), "the first progress")
 
 
+@pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="needs Linux")
+def test_end_of_a_program_is_noticed_without_waiting_for_the_next_check(tmp_path, monkeypatch) -> None:
+    """Also the end of its successor. The wait between two checks is longer than the patience of this test."""
+    monkeypatch.setattr(supervisor_module, "POLL_INTERVAL_S", 3600.0)
+    ended = Program("edge", script("sys.exit(3)"), restart="failure")
+    backoff = RestartBackoff(max_wait_s=0.0)
+    supervisor = Supervisor(
+        [ended], RecordFolders(tmp_path / "run", tmp_path / "history"), backoff=lambda: backoff
+    )
+    thread = threading.Thread(target=supervisor.run, daemon=True)
+    thread.start()
+    until(lambda: len(causes(tmp_path)) >= 2)
+    supervisor.stop()
+    thread.join(60)
+    assert not thread.is_alive(), "the next end wakes the supervisor, which then stops"
+
+
 def test_state_that_a_program_writes_itself_is_kept(tmp_path) -> None:
     own = f"""
 import os, sys, time

@@ -11,11 +11,9 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from enliven.document import Project
 from enliven.errors import EnlivenError
-from enliven.formats.project.one_character import character_bytes
 from enliven.wire import (
     MAX_PART_BYTES,
     MAX_TEXTURE_BYTES,
@@ -29,6 +27,9 @@ from enliven.wire import (
     Refused,
     RemoveCharacter,
 )
+
+if TYPE_CHECKING:
+    from enliven.document import Project
 
 _MAX_PENDING_PARTS = 8
 """Maximum number of unanswered parts: 15 MB per second if an edge answers at 30 frames per second."""
@@ -51,6 +52,9 @@ def _pack_character(project: Project, character: str) -> bytes:
 
     Textures are included if they are small enough for the edge to send them back.
     """
+    # Imported here, because a viewer or a kiosk that sends no character does not need projects.
+    from enliven.formats.project.one_character import character_bytes
+
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
     return data if len(data) <= MAX_UPLOAD_BYTES else character_bytes(project, character)
 

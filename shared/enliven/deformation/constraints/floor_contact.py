@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.constraints.soft import ConstrainedPoints, join_planes, subsample_on_grid
+from enliven.deformation.graph.connectivity import components
 from enliven.document import Character
 from enliven.settings import parameter, setting
 
@@ -230,5 +229,5 @@ def _point_clusters(points: Float, gap: float) -> list[Int]:
     """Returns clusters of points (P, 3), as indices. Horizontal gaps within a cluster are at most ``gap``
     metres."""
     distances = np.linalg.norm(points[:, None, [0, 2]] - points[None][:, :, [0, 2]], axis=2)
-    count, label = connected_components(csr_matrix(distances < gap), directed=False)
-    return [np.flatnonzero(label == k) for k in range(count)]
+    label = components(len(points), np.argwhere(distances < gap))
+    return [np.flatnonzero(label == k) for k in range(label.max(initial=-1) + 1)]

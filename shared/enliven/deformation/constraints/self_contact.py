@@ -7,8 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from enliven.arrays import Bool, Float
 from enliven.deformation.constraints.planes import PlaneConstraints
@@ -65,7 +64,9 @@ class SelfContact:
         a, b = graph.edges[:, 0], graph.edges[:, 1]
         lengths = np.maximum(np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1), 1e-9)
         count = len(graph.positions)
-        path_lengths = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
+        path_lengths = scipy.sparse.csgraph.dijkstra(
+            scipy.sparse.csr_matrix((lengths, (a, b)), (count, count)), directed=False
+        )
         reach = self.radii[:, None] + self.radii[None]
         distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
         return np.asarray(

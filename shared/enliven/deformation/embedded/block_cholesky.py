@@ -18,8 +18,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, identity
-from scipy.sparse.linalg import splu
 
 from enliven.arrays import Int, Int32
 from enliven.kernels import njit
@@ -77,19 +75,51 @@ class BlockPattern:
 
 
 def elimination_order(count: int, pairs: Int) -> Int:
-    """Returns (N,) the nodes in an elimination order with little fill-in (multiple minimum degree).
+    """Returns (N,) the nodes in an elimination order with little fill-in (minimum degree).
 
     Args:
         count: the number of nodes.
         pairs: (M, 2) the pairs of coupled nodes.
     """
-    ones = np.ones(len(pairs))
-    graph = coo_matrix((ones, (pairs[:, 0], pairs[:, 1])), (count, count))
-    is_coupled = ((graph + graph.T) > 0).astype(np.float64)
-    dominant = csc_matrix(-is_coupled + (count + 1.0) * identity(count))
-    options = {"SymmetricMode": True}
-    factor = splu(dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    return np.asarray(np.argsort(factor.perm_c), np.int64)
+    is_coupled = np.zeros((count, count), np.bool_)
+    is_coupled[pairs[:, 0], pairs[:, 1]] = is_coupled[pairs[:, 1], pairs[:, 0]] = True
+    np.fill_diagonal(is_coupled, False)
+    return np.asarray(_minimum_degree_order(is_coupled))
+
+
+@njit(cache=True, nogil=True)
+def _minimum_degree_order(is_coupled):
+    """Eliminates the node with the fewest neighbours, again and again. Overwrites (N, N) ``is_coupled``.
+
+    SuperLU's multiple minimum degree leaves as many blocks. But SciPy, which contains it, is slow to load.
+    """
+    count = is_coupled.shape[0]
+    degree, order = np.zeros(count, np.int64), np.empty(count, np.int64)
+    is_left, neighbours = np.ones(count, np.bool_), np.empty(count, np.int64)
+    for i in range(count):
+        for j in range(count):
+            degree[i] += is_coupled[i, j]
+    for k in range(count):
+        node = -1
+        for i in range(count):
+            if is_left[i] and (node < 0 or degree[i] < degree[node]):
+                node = i
+        order[k], is_left[node], size = node, False, 0
+        for i in range(count):
+            if is_coupled[node, i]:
+                neighbours[size] = i
+                size += 1
+        # Eliminating a node couples all its neighbours.
+        for m in range(size):
+            a = neighbours[m]
+            is_coupled[a, node] = False
+            degree[a] -= 1
+            for n in range(size):
+                b = neighbours[n]
+                if a != b and not is_coupled[a, b]:
+                    is_coupled[a, b] = True
+                    degree[a] += 1
+    return order
 
 
 def find_block_pattern(count: int, pairs: Int) -> BlockPattern:

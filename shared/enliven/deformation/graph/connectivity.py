@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
+from enliven.union_find import join, root_of
 
 
 def components(count: int, edges: Int32 | Int) -> Int:
-    """Returns (N,) the number of the connected component of each node."""
-    ones = np.ones(len(edges), bool)
-    graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    """Returns (N,) the number of the connected component of each node, counted in the order of the nodes."""
+    return np.asarray(_number_components(count, np.ascontiguousarray(edges, np.int64)))
+
+
+@njit(cache=True, nogil=True)
+def _number_components(count, edges):
+    """Numbers the components of ``count`` nodes that (E, 2) ``edges`` connect."""
+    parent, label = np.arange(count), np.empty(count, np.int64)
+    for e in range(edges.shape[0]):
+        join(parent, edges[e, 0], edges[e, 1])
+    component_count = 0
+    for i in range(count):
+        root = root_of(parent, i)
+        # The root of a component is its first node, so it has a number already.
+        if root == i:
+            label[i] = component_count
+            component_count += 1
+        else:
+            label[i] = label[root]
+    return label
 
 
 def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:

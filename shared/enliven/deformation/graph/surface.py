@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.deformation.graph import geodesic_kernels
@@ -312,8 +310,10 @@ def path_lengths(count: int, edges: Int, lengths: Float, limit: float = np.inf) 
         return np.where(np.eye(count, dtype=bool), 0.0, np.inf)
     # Remove duplicate edges, because csr_matrix would add up their lengths.
     pairs, shortest_lengths = _shortest_pairs(edges.astype(np.int64), lengths)
-    graph = csr_matrix((np.maximum(shortest_lengths, 1e-12), (pairs[:, 0], pairs[:, 1])), (count, count))
-    return np.asarray(dijkstra(graph, directed=False, limit=limit))
+    graph = scipy.sparse.csr_matrix(
+        (np.maximum(shortest_lengths, 1e-12), (pairs[:, 0], pairs[:, 1])), (count, count)
+    )
+    return np.asarray(scipy.sparse.csgraph.dijkstra(graph, directed=False, limit=limit))
 
 
 def _shortest_pairs(pairs: Int, lengths: Float) -> tuple[Int, Float]:

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
 
 from enliven.arrays import Float, Int
+from enliven.deformation.graph.connectivity import components
 from enliven.deformation.graph.geodesic_kernels import nearest_sources
 from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
@@ -54,11 +53,11 @@ class LimbEnds:
     ends: Int
     prominence: Float
     longest: float
-    ways: csr_matrix
+    ways: scipy.sparse.csr_matrix
 
     def distances_from(self, points: Int) -> Float:
         """Returns (P, C) the distances in metres along the surface from ``points`` (P,) to all points."""
-        return np.atleast_2d(dijkstra(self.ways, indices=points))
+        return np.atleast_2d(scipy.sparse.csgraph.dijkstra(self.ways, indices=points))
 
 
 def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
@@ -99,7 +98,7 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)
 
 
-def _sample_far_points(links: csr_matrix, count: int) -> Float:
+def _sample_far_points(links: scipy.sparse.csr_matrix, count: int) -> Float:
     """Returns (S, C) the distances in metres along the surface from S points that are far from each other."""
     net = links.indptr.astype(np.int64), links.indices, links.data
     near, _ = nearest_sources(*net, np.array([0]))
@@ -148,15 +147,16 @@ def _local_maxima(offsets, neighbours, height, order):
     return tips[:size].copy(), over[tips[:size]]
 
 
-def _joined_net_edges(net: SurfaceNet) -> csr_matrix:
+def _joined_net_edges(net: SurfaceNet) -> scipy.sparse.csr_matrix:
     """Returns (C, C) the net's edges and their lengths in metres, with shells joined at their nearest
     points."""
     count, edges = len(net.points), net.graph.edges
-    graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
-    joints = shell_connections(net.points, connected_components(graph, directed=False)[1])
+    graph = scipy.sparse.csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
+    joints = shell_connections(net.points, components(count, edges))
     lengths = np.linalg.norm(net.points[joints[:, 0]] - net.points[joints[:, 1]], axis=1)
-    graph = graph + csr_matrix((np.maximum(lengths, 1e-12), (joints[:, 0], joints[:, 1])), (count, count))
-    return csr_matrix(graph + graph.T)
+    gaps = np.maximum(lengths, 1e-12), (joints[:, 0], joints[:, 1])
+    graph = graph + scipy.sparse.csr_matrix(gaps, (count, count))
+    return scipy.sparse.csr_matrix(graph + graph.T)
 
 
 def shell_connections(points: Float, label: Int) -> Int:
@@ -178,9 +178,8 @@ def shell_connections(points: Float, label: Int) -> Int:
         nearest = order[np.unique(label[point[order]], return_index=True)[1]]
         pairs = np.sort(np.column_stack([point[nearest], other[nearest]]), axis=1)
         edges = np.unique(np.vstack([edges, pairs]), axis=0)
-        links = csr_matrix((np.ones(len(pairs)), (label[pairs[:, 0]], label[pairs[:, 1]])), (count, count))
-        count, merged = connected_components(links, directed=False)
-        label = merged[label]
+        merged = components(count, label[pairs])
+        count, label = int(merged.max()) + 1, merged[label]
     return edges
 
 

@@ -9,8 +9,7 @@ head, and the same holds for a chair. A lamp gets only a spine and an arm.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph.graph import DeformationGraph
@@ -137,13 +136,13 @@ class _GeodesicDistances:
         a, b = graph.edges[:, 0], graph.edges[:, 1]
         lengths = np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1)
         count = len(graph.positions)
-        self._matrix = csr_matrix((np.maximum(lengths, 1e-9), (a, b)), (count, count))
+        self._matrix = scipy.sparse.csr_matrix((np.maximum(lengths, 1e-9), (a, b)), (count, count))
         self._known: dict[int, Float] = {}
 
     def of(self, node: int) -> Float:
         """Returns (N,) the distances from a node, metres."""
         if node not in self._known:
-            self._known[node] = dijkstra(self._matrix, directed=False, indices=node)
+            self._known[node] = scipy.sparse.csgraph.dijkstra(self._matrix, directed=False, indices=node)
         return self._known[node]
 
 
