@@ -1,6 +1,6 @@
 """pytest plug-in: if a test process ends, remembers which tests did not finish, so that they can run again.
 
-A process ends if a library crashes it, or if a test takes so long that it is stopped. Load this plug-in with
+A process ends if a library crashes it, or if a test exceeds the time limit. Load this plug-in with
 ``-p unfinished_tests``.
 """
 

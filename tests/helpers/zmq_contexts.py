@@ -1,8 +1,8 @@
 """ZeroMQ contexts of tests, which a test cannot leave open by mistake.
 
-If Python collects a context as garbage while a socket of it is open, libzmq waits for that socket for ever,
-during whichever test runs then, so that the wrong test seems to hang. The contexts from here are held until
-they are closed. A fixture for all tests fails in the file that forgot one.
+If Python collects a context as garbage while one of its sockets is open, libzmq waits for that socket for
+ever. This happens during another test, which then seems to hang. The contexts from here are held until they
+are closed. A fixture for all tests fails in the file that forgot a context.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _CONTEXTS: list[zmq.Context[Any]] = []
 
 
 def make_context() -> zmq.Context[Any]:
-    """Returns a context whose sockets do not wait, when they are closed, for messages that nobody takes."""
+    """Returns a context. When its sockets are closed, they drop the messages that no peer has received."""
     context: zmq.Context[Any] = zmq.Context()
     context.linger = 0
     _CONTEXTS.append(context)
