@@ -252,6 +252,8 @@ def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasse
         expected = getattr(hint, "__name__", str(hint))
         if typing.get_origin(hint) is typing.Literal:
             expected = " or ".join(repr(word) for word in typing.get_args(hint))
+        elif typing.get_origin(hint) is tuple:
+            expected = "a list in square brackets"
         raise InputError(
             f"{path} is {value!r}, expected {expected}", where=where, remedy=field.metadata.get("doc", "")
         )

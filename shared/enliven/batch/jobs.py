@@ -20,9 +20,11 @@ from pathlib import Path
 
 import msgspec
 
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.exporters import find_sheet_function
-from enliven.files import read_file, write_file
+from enliven.files import INVALID_NAME_REASON, file_fault, read_file, write_file
+from enliven.formats.gltf.read import read_gltf
+from enliven.formats.rig.rig import Rig
 from enliven.oneshot.retargeting import RetargetedFile, RetargetOptions, retarget_file
 from enliven.settings import load_settings
 
@@ -32,6 +34,11 @@ _MAX_RECORD_BYTES = 1 << 20
 """Maximum bytes of a record that is read."""
 _CACHED_DIGESTS = 100_000
 """Maximum number of file hashes in the cache. Its keys are path, size and modification time."""
+_CACHED_MODELS = 1
+"""Number of models that a worker keeps in memory. Jobs are sorted by character, so one is enough."""
+
+_FileStamps = tuple[tuple[str, int, int], ...]
+"""Path, size in bytes and modification time in nanoseconds of a file and of the files that it refers to."""
 
 
 class BatchJob(msgspec.Struct, frozen=True):
@@ -66,6 +73,16 @@ class BatchJob(msgspec.Struct, frozen=True):
         """Path of the record."""
         output = Path(self.output)
         return output.parent / RECORDS / f"{self.digest[:32]}.json"
+
+    def with_absolute_paths(self) -> BatchJob:
+        """Returns the job with absolute paths, for workers with another current folder."""
+        options = dict(self.options)
+        if options["mapping"]:
+            options["mapping"] = os.path.abspath(str(options["mapping"]))
+        motion, character, output = map(os.path.abspath, (self.motion, self.character, self.output))
+        return msgspec.structs.replace(
+            self, motion=motion, character=character, output=output, options=options
+        )
 
 
 class JobResult(msgspec.Struct, frozen=True):
@@ -113,6 +130,32 @@ def create_job(
     return BatchJob(str(motion), str(character), str(output), values, digest, sheet)
 
 
+def create_results_folder(path: Path) -> None:
+    """Creates a folder of results, with the folders above it, if it does not exist.
+
+    Raises:
+        InputError: if no folder can have that name.
+        ResourceError: if it cannot be created.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except ValueError:
+        raise InputError(INVALID_NAME_REASON, where=str(path), remedy="Choose another name.") from None
+    except (FileExistsError, NotADirectoryError):
+        raise ResourceError(
+            "a folder is needed here, and a file has this name or that of a folder above",
+            where=str(path),
+            remedy="Move the file, or choose another folder for the results.",
+        ) from None
+    except OSError as error:
+        raise file_fault(error, path, "written") from None
+
+
+def is_result(path: Path) -> bool:
+    """Returns True if a file is in a folder of results, next to their records."""
+    return (path.parent / RECORDS).is_dir()
+
+
 def find_finished_result(job: BatchJob) -> JobResult | None:
     """Returns the result of an earlier run, or None if it is missing or its file has changed since."""
     try:
@@ -135,13 +178,10 @@ def run_job(job: BatchJob) -> JobResult:
     started_at = time.monotonic()
     output = Path(job.output)
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        retargeted_file = retarget_file(
-            Path(job.motion),
-            Path(job.character),
-            output,
-            _collect_options(job),
-        )
+        create_results_folder(job.record.parent)
+        options, character = _collect_options(job), Path(job.character)
+        rig = _read_model(character, options.height)
+        retargeted_file = retarget_file(Path(job.motion), character, output, options, rig)
         if job.sheet:
             find_sheet_function("motion")(job.sheet_path, retargeted_file.retargeted, job.name)
         result = JobResult(
@@ -152,11 +192,12 @@ def run_job(job: BatchJob) -> JobResult:
             measures=_collect_measures(retargeted_file, output),
             took_s=time.monotonic() - started_at,
         )
-        job.record.parent.mkdir(exist_ok=True)
         write_file(job.record, msgspec.json.encode(result))
     except EnlivenError as error:
         with contextlib.suppress(OSError):
-            output.parent.rmdir()  # Removes the folder only if it is empty.
+            # Remove the folders only if they are empty.
+            job.record.parent.rmdir()
+            output.parent.rmdir()
         return JobResult(job, problem=str(error), took_s=time.monotonic() - started_at)
     return result
 
@@ -180,19 +221,37 @@ def _collect_measures(written: RetargetedFile, output: Path) -> dict[str, float]
     return measures | {name: value for name, value in optional.items() if value is not None}
 
 
+def _read_model(path: Path, height: float | None) -> Rig:
+    """Returns the model in a file. Uses a cache for an unchanged file."""
+    try:
+        stamps = _stamp_with_references(path)
+    except OSError:
+        return read_gltf(path, height=height)  # Raises an error that names the problem.
+    return _cached_model(stamps, height)
+
+
+@lru_cache(maxsize=_CACHED_MODELS)
+def _cached_model(stamps: _FileStamps, height: float | None) -> Rig:
+    return read_gltf(Path(stamps[0][0]), height=height)
+
+
 def _hash_with_references(path: Path) -> str:
     """Returns the hash of a file and of the files that a .gltf refers to. Uses a cache for unchanged
     files.
     """
+    return _cached_file_hash(_stamp_with_references(path))
+
+
+def _stamp_with_references(path: Path) -> _FileStamps:
+    """Returns the stamps of a file and of the files that a .gltf refers to."""
     parts = [path]
     if path.suffix.lower() == ".gltf":
         parts += sorted(file for file in path.parent.rglob("*") if file.is_file() and file != path)
-    stamps = tuple((str(part), os.stat(part).st_size, os.stat(part).st_mtime_ns) for part in parts)
-    return _cached_file_hash(stamps)
+    return tuple((str(part), os.stat(part).st_size, os.stat(part).st_mtime_ns) for part in parts)
 
 
 @lru_cache(maxsize=_CACHED_DIGESTS)
-def _cached_file_hash(stamps: tuple[tuple[str, int, int], ...]) -> str:
+def _cached_file_hash(stamps: _FileStamps) -> str:
     hashes = [_hash_file(Path(name)) for name, _, _ in stamps]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 

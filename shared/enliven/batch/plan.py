@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import collections
 import glob
-from collections.abc import Sequence
+import math
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from enliven.batch.jobs import BatchJob, create_job
+from enliven.batch.jobs import BatchJob, create_job, create_results_folder, is_result
 from enliven.errors import InputError
 from enliven.exporters import exporter_of, find_sheet_function
 from enliven.files import require_folder
@@ -77,12 +79,14 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
     character again.
 
     Raises:
-        InputError: if the plan is empty or too large, or if files are missing. The message names all of them.
+        InputError: if the plan is empty or too large, a height is not above 0, or files are missing. The
+            message names all of them.
         ResourceError: if the output folder cannot be created.
     """
     missing_files: list[str] = []
-    motions = _find_files(plan.motions, MOTION_SUFFIXES, missing_files)
-    characters = _find_files(plan.characters, CHARACTER_SUFFIXES, missing_files)
+    output = Path(plan.output)
+    motions = _find_files(plan.motions, MOTION_SUFFIXES, output, missing_files)
+    characters = _find_files(plan.characters, CHARACTER_SUFFIXES, output, missing_files)
     missing_files += [
         file for file in (*plan.mappings.values(), plan.options.mapping) if file and not Path(file).is_file()
     ]
@@ -109,11 +113,14 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
             where="batch",
             remedy=f"Name files or a folder under `{empty_list}`.",
         )
+    for name, height in plan.heights.items():
+        if not 0.0 < height < math.inf:
+            problem = f"the height of {name} is {height:g} m"
+            raise InputError(problem, where="heights", remedy="Write a height above 0, in metres.")
     if len(motions) * len(characters) > MAX_JOBS:
         problem = f"{len(motions)} motions and {len(characters)} characters are more than {MAX_JOBS} pairs"
         raise InputError(problem, where="batch", remedy="Divide them into several plans.")
-    output = Path(plan.output)
-    output.mkdir(parents=True, exist_ok=True)
+    create_results_folder(output)
     exporter_of(output / f"check.{plan.format}")
     if plan.sheets:
         find_sheet_function("motion")
@@ -142,27 +149,43 @@ def _options_for(plan: BatchPlan, character: Path) -> RetargetOptions:
     return options
 
 
-def _find_files(entries: Sequence[str], kinds: Sequence[str], missing: list[str]) -> list[Path]:
+def _find_files(entries: Sequence[str], kinds: Sequence[str], output: Path, missing: list[str]) -> list[Path]:
     """Returns the files of paths, patterns and folders, sorted and without duplicates.
 
+    Folders and patterns leave out the results of earlier runs, if these are in the same folder.
+
     Args:
+        kinds: suffixes of the files that are read from a folder.
+        output: folder of the results.
         missing: receives the entries without a file.
     """
     files: list[Path] = []
+    results_folder = os.path.abspath(output)
     for entry in entries:
         path = Path(entry)
-        if path.is_dir():
-            matching = [file for file in sorted(path.rglob("*")) if _is_kind(file, kinds)]
-        elif path.is_file():
-            matching = [path]
-        else:
-            matching = [
-                Path(name) for name in sorted(glob.glob(entry, recursive=True)) if Path(name).is_file()
-            ]
+        if path.is_file():
+            files.append(path)
+            continue
+        is_folder = path.is_dir()
+        matching = [
+            file
+            for file in (sorted(path.rglob("*")) if is_folder else _match_pattern(path))
+            if (_is_kind(file, kinds) if is_folder else file.is_file())
+            and not (Path(os.path.abspath(file)).is_relative_to(results_folder) and is_result(file))
+        ]
         if not matching:
-            missing.append(entry)
+            missing.append(f"{entry} (the folder has no {', '.join(kinds)})" if is_folder else entry)
         files += matching
     return list(dict.fromkeys(files))
+
+
+def _match_pattern(pattern: Path) -> Iterator[Path]:
+    """Yields the paths that match a pattern, sorted. Brackets in the name of an existing folder are part of
+    the name.
+    """
+    folder = next((parent for parent in pattern.parents if parent.is_dir()), Path())
+    names = glob.glob(str(pattern.relative_to(folder)), root_dir=folder, recursive=True)
+    return (folder / name for name in sorted(names))
 
 
 def _is_kind(file: Path, kinds: Sequence[str]) -> bool:

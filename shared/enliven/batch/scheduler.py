@@ -10,14 +10,17 @@ not at all. The same code runs on one computer and on many, if all of them see t
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import os
+import signal
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from enliven.batch.jobs import BatchJob, JobResult, find_finished_result, run_job
 from enliven.errors import InputError, ResourceError, plain_reason
+from enliven.supervision.lifetime import block_interrupts
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -39,6 +42,9 @@ _CONNECT_TIMEOUT_S = 8.0
 @contextlib.contextmanager
 def open_client(workers: int = 0, scheduler: str = "") -> Iterator[Client]:
     """Yields a client of a cluster, and closes it at the end.
+
+    Ctrl-C does not reach the workers on this computer. It would end them in the middle of a job, with a long
+    message.
 
     Args:
         workers: processes on this computer. 0: one per processor core.
@@ -64,17 +70,31 @@ def open_client(workers: int = 0, scheduler: str = "") -> Iterator[Client]:
         if scheduler:
             yield stack.enter_context(_connect(Client, scheduler))
             return
-        cluster = stack.enter_context(
-            LocalCluster(
-                n_workers=workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                dashboard_address=None,
-                silence_logs=logging.CRITICAL,
+        _start_resource_tracker()
+        with block_interrupts():
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=workers or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
             )
-        )
-        yield stack.enter_context(Client(cluster))
+            client = stack.enter_context(Client(cluster))
+        yield client
+
+
+def _start_resource_tracker() -> None:
+    """Starts the helper process of Python's multiprocessing now.
+
+    Otherwise it starts with the first worker, and its start unblocks Ctrl-C for that worker.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        from multiprocessing import resource_tracker
+
+        resource_tracker.ensure_running()
 
 
 def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
@@ -138,14 +158,26 @@ def _result_from_future(future: Any, job: BatchJob) -> JobResult:
     return JobResult(job, problem=f"{reason}. {remedy}")
 
 
+async def _try_handshake(address: str) -> None:
+    """Connects to a scheduler once. A client itself would wait forever for the reply of another program."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    arguments = Security().get_connection_args("client")
+    connection = await connect(address, timeout=_CONNECT_TIMEOUT_S, **arguments)
+    await connection.close()
+
+
 @contextlib.contextmanager
 def _connect(client_type: type[Client], address: str) -> Iterator[Client]:
     """Yields a client of the scheduler at an address."""
     try:
+        asyncio.run(asyncio.wait_for(_try_handshake(address), _CONNECT_TIMEOUT_S))
         client = client_type(address, timeout=_CONNECT_TIMEOUT_S)
-    except (OSError, TimeoutError) as error:
+    except (OSError, TimeoutError, EOFError, MemoryError) as error:
+        reason = str(error) or f"no reply in {_CONNECT_TIMEOUT_S:g} s"
         remedy = "Start it there: dask scheduler; and on each computer: dask worker ADDRESS --nthreads 1."
-        raise ResourceError(f"no Dask scheduler answers ({error})", where=address, remedy=remedy) from None
+        raise ResourceError(f"no Dask scheduler answers ({reason})", where=address, remedy=remedy) from None
     except ValueError as error:
         remedy = "Write it as tcp://HOST:8786."
         raise InputError(

@@ -13,7 +13,7 @@ import typer
 
 from enliven.commands.terminal import print_line, progress_lines
 from enliven.errors import InputError
-from enliven.supervision.lifetime import block_interrupts, terminate_as_interrupt
+from enliven.supervision.lifetime import terminate_as_interrupt
 
 if TYPE_CHECKING:
     from enliven.batch.jobs import BatchJob, JobResult
@@ -115,14 +115,22 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
     from enliven.batch.report import write_report
     from enliven.batch.scheduler import open_client, run_jobs
 
+    if scheduler:
+        jobs = [job.with_absolute_paths() for job in jobs]
     results: list[JobResult] = []
     written_at = time.monotonic()
-    print_line(f"enliven: {len(jobs)} pairs; the progress is in {report}", err=True)
     with contextlib.ExitStack() as stack:
         stack.enter_context(terminate_as_interrupt())
-        with block_interrupts():
-            # Ctrl-C must not reach the workers: they would end in the middle of a job with a long message.
-            client = stack.enter_context(open_client(workers, scheduler))
+        client = stack.enter_context(open_client(workers, scheduler))
+        print_line(
+            f"enliven: {len(jobs)} pair{'s' * (len(jobs) != 1)}; the progress is in {report}", err=True
+        )
+        if not client.scheduler_info()["workers"]:
+            print_line(
+                f"enliven: {scheduler} has no workers yet. Start them on each computer: "
+                f"dask worker {scheduler} --nthreads 1",
+                err=True,
+            )
         display = stack.enter_context(
             progress_lines("{task.description}", "{task.completed:.0f} of {task.total:.0f}", bar=True)
         )
@@ -140,9 +148,9 @@ def _run(jobs: Sequence[BatchJob], report: Path, workers: int, scheduler: str) -
         finally:
             write_report(report, results, len(jobs))
     failed, earlier_count = sum(bool(r.problem) for r in results), sum(not r.is_new for r in results)
-    faulty = sum(bool(r.faults) for r in results)
+    faulty, written = sum(bool(r.faults) for r in results), len(results) - failed
     print_line(
-        f"enliven: {len(results) - failed} pairs are in {report.parent} ({earlier_count} from earlier runs), "
-        f"{faulty} have visible faults, {failed} failed: {report}"
+        f"enliven: {written} pair{' is' if written == 1 else 's are'} in {report.parent} "
+        f"({earlier_count} from earlier runs), {faulty} with visible faults, {failed} failed: {report}"
     )
     return failed

@@ -34,6 +34,7 @@ from enliven.motion.layers.retarget import bind_chain, chain_between, set_travel
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 from enliven.skeletons.anatomy import Anatomy, find_anatomy
+from enliven.skeletons.weak_cache import cache_while_alive
 
 _MAX_OPPOSITE_COSINE = -0.94
 """Cosine below which two directions count as opposite."""
@@ -44,6 +45,7 @@ _MAX_FOOT_HEIGHT = 0.15
 _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 
+@cache_while_alive
 def source_anatomy(clip: Clip) -> Anatomy:
     """Returns the anatomy of the performer. Its facing is the performer's heading in the first frames.
 

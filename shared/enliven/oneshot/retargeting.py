@@ -93,7 +93,7 @@ class RetargetedFile:
 
 
 def retarget_file(
-    take: Path, model: Path, output: Path, options: RetargetOptions | None = None
+    take: Path, model: Path, output: Path, options: RetargetOptions | None = None, rig: Rig | None = None
 ) -> RetargetedFile:
     """Retargets a motion onto a model, writes the result completely or not at all, and measures it.
 
@@ -101,6 +101,7 @@ def retarget_file(
         take: the motion: .bvh, .mcap, .glb, .enliven, or CMU's tables (.txt).
         model: the model: .glb, .gltf or .vrm, rigged or not.
         output: the suffix determines the format.
+        rig: the model in the height of the options, if it was read before.
 
     Raises:
         InputError: if a file cannot be read, an option does not fit, or the format is unknown.
@@ -109,7 +110,7 @@ def retarget_file(
     options = options or RetargetOptions()
     exporter = exporter_of(output)
     clip, take_notes = read_take(take, options.animation or None, options.start, options.end)
-    rig = read_gltf(model, height=options.height)
+    rig = rig or read_gltf(model, height=options.height)
     is_own = _has_no_mapping(options) and is_own_take(clip, rig.shape)
     if is_own:
         retargeted = play_own_take(rig.shape, clip)

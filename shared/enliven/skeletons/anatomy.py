@@ -21,6 +21,7 @@ from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
 from enliven.skeletons.facing import facing_of, rotate_about_y, separate_words, side_from_name
 from enliven.skeletons.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
+from enliven.skeletons.weak_cache import cache_while_alive
 
 _TWIG_WORDS = re.compile(
     r"(?<![a-z])(eye|eye ?lid|(eye ?)?brow|ear|jaw|mouth|lip|tongue|tooth|teeth|nose|cheek|hair|finger|thumb)"
@@ -177,7 +178,17 @@ def find_anatomy(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
         skeleton: the skeleton.
         facing: heading of its front: angle about +Y from +Z, radians. If None, it is detected.
     """
-    facing = facing_of(skeleton) if facing is None else facing
+    return _detect_anatomy(skeleton) if facing is None else _find_anatomy(skeleton, facing)
+
+
+@cache_while_alive
+def _detect_anatomy(skeleton: Skeleton) -> Anatomy:
+    """Finds the parts of a skeleton, with the detected heading of its front."""
+    return _find_anatomy(skeleton, facing_of(skeleton))
+
+
+def _find_anatomy(skeleton: Skeleton, facing: float) -> Anatomy:
+    """Finds the parts of a skeleton with a known heading of its front."""
     at = _symmetric_positions(
         rotate_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
     )

@@ -1,12 +1,9 @@
 """Small motions and characters for the tests of batches."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "mapping"))
 from made_bodies import bvh_text, horse, man, meshed
 
 from enliven.document.project import Project

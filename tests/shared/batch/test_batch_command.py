@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import random
 import signal
-import threading
+import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -16,8 +18,12 @@ from enliven.batch.plan import BatchPlan, plan_jobs
 from enliven.batch.scheduler import open_client, run_jobs
 from enliven.cli import run
 from enliven.errors import EnlivenError
+from enliven.formats.gltf.read import read_gltf
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install './shared[batch]'")
+
+_MAX_WAIT_S = 300.0
+"""Maximum time to wait for a batch, in seconds. Machines with other work are slow."""
 
 
 def _batch(library: Path, *options: str) -> int:
@@ -55,38 +61,104 @@ def test_all_pairs_are_done_once_and_a_failure_stops_no_other(
 
 @pytest.mark.slow
 def test_workers_that_are_killed_lose_nothing(library: Path) -> None:
-    """Kills a worker process at random moments, while 60 jobs run on two of them."""
+    """Kills one of two workers after four random numbers of results, while 100 jobs run on them."""
     walk = (library / "motions" / "walk.bvh").read_text()
-    for number in range(28):
+    for number in range(48):
         (library / "motions" / f"walk-{number}.bvh").write_text(walk + "\n" * number)
     plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(library / "out"))
     jobs = plan_jobs(plan)
-    ended, killed = threading.Event(), []
-
-    def kill_workers(pids_of_workers) -> None:
-        chance = random.Random(0)
-        while not ended.wait(chance.uniform(1.0, 3.0)) and len(killed) < 4:
-            pid = chance.choice(pids_of_workers())
-            killed.append(pid)
-            os.kill(pid, signal.SIGKILL)
-
+    assert len(jobs) == 100
+    chance = random.Random(0)
+    kill_after = set(chance.sample(range(5, 90), 4))
+    results, killed = [], []
     with open_client(workers=2) as client:
-
-        def pids_of_workers() -> list[int]:
-            return list(client.run(os.getpid).values())
-
-        pids_of_workers()
-        killer = threading.Thread(target=kill_workers, args=(pids_of_workers,))
-        killer.start()
-        results = list(run_jobs(jobs, client))
-        ended.set()
-        killer.join()
-    assert killed
+        for result in run_jobs(jobs, client):
+            results.append(result)
+            if len(results) in kill_after:
+                # A worker that is just being restarted is not in the list.
+                killed.append(chance.choice(list(client.run(os.getpid, on_error="ignore").values())))
+                os.kill(killed[-1], signal.SIGKILL)
+    assert len(killed) == 4
     assert sorted(result.job.output for result in results) == sorted(job.output for job in jobs)
     assert [result.problem for result in results if result.problem] == []
     assert all(find_finished_result(job) for job in jobs)
+    for character in ("horse", "man"):
+        # All motions but one are the same walk, so all results are equal but for their names.
+        measures = {
+            tuple((name, value) for name, value in result.measures.items() if name != "bytes")
+            for result in results
+            if f"/{character}/walk" in Path(result.job.output).as_posix()
+        }
+        assert len(measures) == 1
     leftovers = [path for path in (library / "out").rglob("*") if path.is_file() and ".part" in path.name]
     assert len(leftovers) <= len(killed), "only the file that a killed worker was writing may remain"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups with signals")
+def test_ctrl_c_ends_a_batch_without_a_traceback_and_the_next_run_continues(library: Path) -> None:
+    """Sends SIGINT to all processes of the batch, as a terminal does, while jobs run."""
+    walk = (library / "motions" / "walk.bvh").read_text()
+    for number in range(98):
+        (library / "motions" / f"walk-{number}.bvh").write_text(walk + "\n" * number)
+    out = library / "out"
+    arguments = ["--motions", library / "motions", "--characters", library / "characters", "-o", out]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "enliven", "batch", *map(str, arguments), "--workers", "2"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + _MAX_WAIT_S
+    while not list(out.glob("*/.records/*.json")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=_MAX_WAIT_S)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert "stopped before its end" in (out / "report.html").read_text(encoding="utf-8")
+    plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(out))
+    done = [job for job in plan_jobs(plan) if find_finished_result(job)]
+    written = list(out.rglob("*.glb"))
+    assert 0 < len(done) < 200
+    assert len(written) - len(done) <= 2, "each worker may lack the record of one result"
+    for path in written:
+        read_gltf(path)  # Raises an error if the file is incomplete.
+
+
+@pytest.mark.slow
+def test_workers_with_another_current_folder_find_relative_paths(
+    library: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(library)
+    with open_client(workers=1) as client:
+        client.run(os.chdir, "/")
+        options = ["--motions", "motions", "--characters", "characters", "-o", "out"]
+        assert run(["batch", *options, "--scheduler", client.scheduler.address]) == 0
+    assert "4 pairs are in out (0 from earlier runs)" in capsys.readouterr().out
+    assert len(list((library / "out").rglob("*.glb"))) == 4
+    page = (library / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'href="horse/walk.glb"' in page
+
+
+@pytest.mark.slow
+def test_each_worker_uses_one_thread(library: Path) -> None:
+    def count_threads() -> tuple[int, str | None]:
+        import numba
+
+        return numba.get_num_threads(), os.environ.get("OPENBLAS_NUM_THREADS")
+
+    with open_client(workers=2) as client:
+        assert list(client.run(count_threads).values()) == [(1, "1")] * 2
+
+
+@pytest.mark.slow
+def test_another_program_at_the_address_of_the_scheduler_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(EnlivenError, match="no Dask scheduler answers"), open_client(scheduler=address):
+            pass
 
 
 @pytest.mark.slow

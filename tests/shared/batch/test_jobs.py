@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from enliven.batch import jobs
 from enliven.batch.jobs import BatchJob, find_finished_result, run_job
 from enliven.batch.plan import BatchPlan, plan_jobs
 from enliven.batch.report import write_report
@@ -69,6 +70,79 @@ def test_a_failure_has_its_reason_and_leaves_no_file(library: Path) -> None:
     assert "horse.glb" in result.problem
     assert result.output_digest == ""
     assert not (library / "out" / "horse").exists()
+
+
+@pytest.mark.parametrize("place", ["horse", "horse/.records", "horse/walk.glb/below"])
+def test_a_file_or_folder_in_the_place_of_a_result_is_named(library: Path, place: str) -> None:
+    job = _first_job(library)
+    obstacle = library / "out" / place
+    obstacle.parent.mkdir(parents=True, exist_ok=True)
+    obstacle.write_text("taken")
+    result = run_job(job)
+    assert str(library / "out" / "horse") in result.problem
+    assert "Move the file" in result.problem or "Choose another place" in result.problem
+    assert obstacle.read_text() == "taken"
+    assert find_finished_result(job) is None
+
+
+def test_results_of_another_version_are_made_again(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as installation:
+        installation.setattr(jobs, "version", lambda name: "0.0.1")
+        earlier = _first_job(library)
+        run_job(earlier)
+        assert find_finished_result(_first_job(library)) is not None
+    job = _first_job(library)
+    assert find_finished_result(job) is None
+    assert run_job(job).problem == ""
+    assert find_finished_result(job) is not None
+
+
+def test_a_motion_of_one_frame_is_retargeted(library: Path) -> None:
+    motion = library / "motions" / "walk.bvh"
+    head, _, rows = motion.read_text().partition("Frames: 12")
+    interval, first_row = rows.strip().splitlines()[:2]
+    motion.write_text(f"{head}Frames: 1\n{interval}\n{first_row}\n")
+    result = run_job(_first_job(library, RetargetOptions(travel=True, pin=True)))
+    assert (result.problem, result.measures["seconds"]) == ("", 0.0)
+
+
+def test_an_empty_file_is_named(library: Path) -> None:
+    for path in (library / "motions" / "walk.bvh", library / "characters" / "horse.glb"):
+        content = path.read_bytes()
+        path.write_bytes(b"")
+        assert path.name in run_job(_first_job(library)).problem
+        path.write_bytes(content)
+
+
+def test_a_deleted_character_is_named_even_if_it_was_read_before(library: Path) -> None:
+    job = _first_job(library)
+    run_job(job)
+    Path(job.character).unlink()
+    assert "horse.glb: there is no such file" in run_job(job).problem
+
+
+def test_a_changed_character_is_read_again(library: Path) -> None:
+    first = run_job(_first_job(library))
+    character = library / "characters" / "horse.glb"
+    character.write_bytes((library / "characters" / "man.glb").read_bytes())
+    changed = run_job(_first_job(library))
+    assert changed.problem == ""
+    assert changed.output_digest != first.output_digest
+    taller = run_job(_first_job(library, RetargetOptions(height=3.0)))
+    assert len({first.output_digest, changed.output_digest, taller.output_digest}) == 3
+
+
+def test_a_job_with_relative_paths_becomes_absolute(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(library)
+    plan = BatchPlan(("motions/walk.bvh",), ("characters/horse.glb",), "out")
+    (job,) = plan_jobs(plan)
+    monkeypatch.chdir("/")
+    assert "there is no such file" in run_job(job).problem
+    monkeypatch.chdir(library)
+    absolute = job.with_absolute_paths()
+    monkeypatch.chdir("/")
+    assert run_job(absolute).problem == ""
+    assert (library / "out" / "horse" / "walk.glb").is_file()
 
 
 def test_a_job_survives_the_way_to_a_worker(library: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from enliven.batch.jobs import run_job
 from enliven.batch.plan import BatchPlan, load_plan, plan_jobs, plan_of
-from enliven.errors import EnlivenError, InputError
+from enliven.errors import EnlivenError, InputError, ResourceError
 
 
 def _written(folder: Path, text: str) -> Path:
@@ -67,10 +69,31 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
         ('motion = ["motions"]', "did you mean motions"),
         ('motions = ["motions"]\ncharacters = ["characters"]\n[options]\nrate = 1000', "options.rate"),
         ("version = 99", "version"),
+        ('motions = "motions"\ncharacters = ["characters"]', "expected a list in square brackets"),
+        ("motions:\n  - walks\ncharacters:\n  - models", "at line 1"),
+        ('motions = ["motions"]\ncharacters = ["characters"]\noutput = "a\\u0000b"', "no file can have"),
+        (
+            'motions = ["motions"]\ncharacters = ["characters"]\n[heights]\nhorse = -1.0',
+            "the height of horse",
+        ),
+        ('motions = ["empty"]\ncharacters = ["characters"]', "empty (the folder has no .bvh"),
     ],
-    ids=["no characters", "no motions", "format", "key", "range", "later version"],
+    ids=[
+        "no characters",
+        "no motions",
+        "format",
+        "key",
+        "range",
+        "later version",
+        "no list",
+        "YAML",
+        "null byte",
+        "height",
+        "empty folder",
+    ],
 )
 def test_a_mistake_is_named(library: Path, text: str, part: str) -> None:
+    (library / "empty").mkdir()
     with pytest.raises(EnlivenError) as caught:
         plan_jobs(load_plan(_written(library, text)))
     assert part.lower() in str(caught.value).lower()
@@ -87,6 +110,38 @@ def test_equal_names_do_not_overwrite_each_other(library: Path) -> None:
     )
     outputs = [Path(job.output).name for job in plan_jobs(plan)]
     assert outputs == ["a-walk-bvh.glb", "b-walk-bvh.glb"]
+
+
+def test_names_with_spaces_brackets_and_unicode_are_found(library: Path) -> None:
+    folder = library / "Gång [1] 歩く"
+    folder.mkdir()
+    plan_file = _written(folder, 'motions = ["../motions/w*.bvh", "*.bvh"]\ncharacters = ["馬 *.glb"]')
+    (folder / "två steg [2].bvh").write_bytes((library / "motions" / "walk.bvh").read_bytes())
+    (folder / "馬 #1.glb").write_bytes((library / "characters" / "horse.glb").read_bytes())
+    outputs = [Path(job.output) for job in plan_jobs(load_plan(plan_file))]
+    assert outputs == [
+        folder / "out" / "batch" / "馬 #1" / f"{name}.glb" for name in ("walk", "två steg [2]")
+    ]
+
+
+@pytest.mark.parametrize("output", ["motions", "motions/out"])
+def test_results_in_the_folder_of_motions_are_not_motions(library: Path, output: str) -> None:
+    plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(library / output))
+    jobs = plan_jobs(plan)
+    assert run_job(jobs[0]).problem == ""
+    assert plan_jobs(plan) == jobs
+    # Another batch may read them as motions.
+    next_plan = replace(plan, output=str(library / "next"))
+    assert len(plan_jobs(next_plan)) == len(jobs) + 2
+
+
+@pytest.mark.parametrize("output", ["file", "file/below"])
+def test_a_file_in_the_place_of_the_output_folder_is_named(library: Path, output: str) -> None:
+    (library / "file").write_text("taken")
+    plan = BatchPlan((str(library / "motions"),), (str(library / "characters"),), str(library / output))
+    with pytest.raises(ResourceError, match="a file has this name") as caught:
+        plan_jobs(plan)
+    assert str(library / output) in str(caught.value)
 
 
 def test_text_files_count_only_if_they_hold_numbers(library: Path) -> None:

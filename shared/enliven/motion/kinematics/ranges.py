@@ -238,21 +238,21 @@ def _decompose_swing_twist(bone: Float, axes: Float, turns: Float) -> tuple[Floa
 def _convex_hull(points: Float) -> Float:
     """Returns (K, 2) the corners of the convex hull of points (P, 2), counter-clockwise (monotone chain)."""
     sorted_points = np.unique(points, axis=0)
-    corners = list[Float]()
-    for side_points in (sorted_points, sorted_points[::-1]):
-        chain = list[Float]()
-        for point in side_points:
-            while len(chain) > 1 and _is_right_turn(chain[-2], chain[-1], point):
+    # The loop runs on Python's floats: NumPy's scalars give the same results in eight times the time.
+    point_list: list[tuple[float, float]] = [(x, y) for x, y in sorted_points.tolist()]
+    corners = list[tuple[float, float]]()
+    for side_points in (point_list, point_list[::-1]):
+        chain = list[tuple[float, float]]()
+        for x, y in side_points:
+            while len(chain) > 1:
+                (start_x, start_y), (end_x, end_y) = chain[-2:]
+                is_right_turn = (end_x - start_x) * (y - start_y) - (end_y - start_y) * (x - start_x) <= 0.0
+                if not is_right_turn:
+                    break
                 chain.pop()
-            chain.append(point)
+            chain.append((x, y))
         corners += chain[:-1]
     return np.array(corners) if corners else sorted_points
-
-
-def _is_right_turn(a: Float, b: Float, c: Float) -> bool:
-    """Returns True if the path through the points a, b, c (2,) does not turn left at b."""
-    to_b, to_c = b - a, c - a
-    return bool(to_b[0] * to_c[1] - to_b[1] * to_c[0] <= 0.0)
 
 
 def _project_onto_hull(hull: Float, points: Float) -> Float:
