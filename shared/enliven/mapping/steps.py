@@ -40,6 +40,7 @@ from enliven.mapping.planting import (
     Sole,
     Spans,
     contact_clearance,
+    hip_shift,
     hold_heading,
     plant_body,
     remaining_offsets,
@@ -50,7 +51,7 @@ from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain
-from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, slerp
+from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, slerp, swing, to_rotation_vector, unit
 
 _MAX_RATE_HZ = 60.0
 """Maximum rate at which steps are computed: the frame rate of common displays."""
@@ -71,6 +72,8 @@ _EASING_S = 0.05
 _SOLE_PASSES = 3
 """Number of passes that correct the soles after the legs bent. Each pass leaves 40 % of the error if the shin
 moves the sole by 40 %."""
+_MAX_PELVIS_TURN = np.radians(8.0)
+"""Largest rotation (radians) of the bones from the pelvis to the hips."""
 _MAX_LIFT_PASSES = 3
 """Maximum number of passes that lift a foreleg. Several are needed, since its lowest point changes as it
 bends."""
@@ -110,7 +113,7 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
     chains = [chain for step in steps for chain in _rotation_chains(shape.skeleton, step)]
-    for chain in chains:
+    for chain in [*chains, *_pelvis_bones(shape.skeleton, steps)]:
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
         project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
@@ -157,6 +160,8 @@ def _plant_feet(
         for step, sole in zip(steps, soles, strict=True)
     ]
     legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    if _turn_pelvis(shape.skeleton, steps, legs, performer.step, turns, joints):
+        legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
     _, offsets = plant_body(legs, corrected_root, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
         _tilt_foot(shape.skeleton, step, sole, offset[:, 1], performer.step, turns, joints)
@@ -173,6 +178,52 @@ def _plant_feet(
     for step, target in zip(steps, targets, strict=True):
         _bend_leg(shape.skeleton, step, performer, target, turns, joints)
     _correct_soles(shape, steps, soles, legs, spins, performer, turns, joints)
+
+
+def _turn_pelvis(
+    skeleton: Skeleton,
+    steps: Sequence[LegStep],
+    legs: Sequence[PosedLeg],
+    step_s: float,
+    turns: Float,
+    joints: Float,
+) -> bool:
+    """Rotates the bones from the pelvis to the hips so that legs need not bend while both feet stand.
+
+    Changes ``turns`` and ``joints`` in place. Trunk, thighs, shins and feet keep their rotations.
+
+    Returns:
+        True if the bones were rotated.
+    """
+    bones = _pelvis_bones(skeleton, steps)
+    if not bones:
+        return False
+    left, right = (step.leg[0] for step in steps)
+    apart = joints[:, left] - joints[:, right]
+    shift = hip_shift(legs[0], legs[1], step_s)
+    angles = to_rotation_vector(swing(unit(apart), unit(apart + shift)))
+    angle = np.linalg.norm(angles, axis=1, keepdims=True)
+    angles *= np.tanh(angle / _MAX_PELVIS_TURN) * _MAX_PELVIS_TURN / np.maximum(angle, 1e-12)
+    turning = from_rotation_vector(angles)
+    for path in bones:
+        for j in path[1:]:
+            turns[:, j] = multiply(turning, turns[:, j])
+    for j in sorted(j for path in bones for j in skeleton.below(path[1])):
+        joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
+    return True
+
+
+def _pelvis_bones(skeleton: Skeleton, steps: Sequence[LegStep]) -> list[tuple[int, ...]]:
+    """Returns the joints from the pelvis to each hip of two posed legs, or nothing for other numbers of
+    legs."""
+    hips = [step.leg[0] for step in steps if step.posed]
+    if len(hips) != 2:
+        return []
+    paths = [skeleton.path(0, hip) for hip in hips]
+    pelvis = max(set(paths[0]).intersection(paths[1]), key=paths[0].index)
+    if pelvis in hips:
+        return []
+    return [path[path.index(pelvis) :] for path in paths]
 
 
 def _correct_soles(
