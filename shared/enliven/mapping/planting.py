@@ -415,24 +415,28 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
     return root, [_foot_offsets(leg, root, step, floor, flight_weights) for leg in legs]
 
 
-def hip_shift(first: PosedLeg, second: PosedLeg, step: float) -> Float:
+def hip_shift(first: PosedLeg, second: PosedLeg, rise: Float, step: float) -> Float:
     """Returns the shift (T, 3) in metres of one hip relative to the other that lets both feet stand.
 
     If hips are wider than the performer's, the same rotation of the pelvis moves them farther. Then the legs
     would have to bend while both feet stand. With the shift, both soles are at the same height, and keep
-    their distance. While fewer than two feet stand, the shift eases from one value to the next.
+    their distance. While fewer than two feet stand, the horizontal shift eases from one value to the next.
 
     Args:
         first: the leg whose hip is shifted.
         second: the leg of the other side.
+        rise: (T,) metres, the vertical shift that gives the hips the performer's difference in height. It is
+            used while fewer than two feet stand.
         step: seconds from one frame to the next.
     """
     both = np.minimum(*(_standing_mask(leg.spans, len(leg.sole)) for leg in (first, second)))
-    apart = np.insert(first.rolled - second.rolled, 1, first.sole - second.sole, axis=1)
+    apart = first.rolled - second.rolled
     for start, end in find_runs(both > 0.0):
-        apart[start : end + 1, [0, 2]] -= np.median(apart[start : end + 1, [0, 2]], axis=0)
+        apart[start : end + 1] -= np.median(apart[start : end + 1], axis=0)
     smooth = (_SMOOTH_S / step) ** 2
-    return np.stack([_smoothest_path([-column], [both], smooth, 0.0) for column in apart.T], axis=1)
+    x, z = (_smoothest_path([-column], [both], smooth, 0.0) for column in apart.T)
+    y = _smoothest_path([second.sole - first.sole, rise], [both, 1.0 - both], smooth, 0.0)
+    return np.stack([x, y, z], axis=1)
 
 
 def remaining_offsets(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> list[Float]:

@@ -160,7 +160,7 @@ def _plant_feet(
         for step, sole in zip(steps, soles, strict=True)
     ]
     legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
-    if _turn_pelvis(shape.skeleton, steps, legs, performer.step, turns, joints):
+    if _turn_pelvis(shape.skeleton, steps, legs, performer, turns, joints):
         legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
     _, offsets = plant_body(legs, corrected_root, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
@@ -184,7 +184,7 @@ def _turn_pelvis(
     skeleton: Skeleton,
     steps: Sequence[LegStep],
     legs: Sequence[PosedLeg],
-    step_s: float,
+    performer: PerformerGait,
     turns: Float,
     joints: Float,
 ) -> bool:
@@ -200,7 +200,8 @@ def _turn_pelvis(
         return False
     left, right = (step.leg[0] for step in steps)
     apart = joints[:, left] - joints[:, right]
-    shift = hip_shift(legs[0], legs[1], step_s)
+    heights = [performer.scale * performer.offsets[:, step.source_leg[0], 1] for step in steps]
+    shift = hip_shift(legs[0], legs[1], heights[0] - heights[1] - apart[:, 1], performer.step)
     angles = to_rotation_vector(swing(unit(apart), unit(apart + shift)))
     angle = np.linalg.norm(angles, axis=1, keepdims=True)
     angles *= np.tanh(angle / _MAX_PELVIS_TURN) * _MAX_PELVIS_TURN / np.maximum(angle, 1e-12)
