@@ -200,7 +200,12 @@ def _turn_pelvis(
         return False
     left, right = (step.leg[0] for step in steps)
     apart = joints[:, left] - joints[:, right]
-    heights = [performer.scale * performer.offsets[:, step.source_leg[0], 1] for step in steps]
+    # At rest the hips of a crooked model differ in height by the difference of its legs.
+    heights = [
+        performer.scale * performer.offsets[:, step.source_leg[0], 1]
+        + skeleton.positions[step.leg[0], 1]
+        for step in steps
+    ]
     shift = hip_shift(legs[0], legs[1], heights[0] - heights[1] - apart[:, 1], performer.step)
     angles = to_rotation_vector(swing(unit(apart), unit(apart + shift)))
     angle = np.linalg.norm(angles, axis=1, keepdims=True)
