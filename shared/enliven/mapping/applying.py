@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,12 @@ _MAX_SPINE_OFFSET = 0.1
 """Maximum distance of a spine or a neck from the middle plane, as a fraction of its length."""
 _MAX_FOOT_HEIGHT = 0.15
 """Maximum height of a foot's joints above the lowest joint, as a fraction of body height."""
+_CACHED_TAKES = 8
+"""Number of takes whose anatomy is kept. A retarget asks for the same anatomy a dozen times."""
 _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 
+@lru_cache(maxsize=_CACHED_TAKES)
 def source_anatomy(clip: Clip) -> Anatomy:
     """Returns the anatomy of the performer. Its facing is the performer's heading in the first frames.
 

@@ -189,8 +189,9 @@ class Sole:
         positions = np.zeros((len(turns), *self._points.shape))
         for bone in np.unique(self._bones[self._weights > 0.0]):
             weight = np.where(self._bones == bone, self._weights, 0.0).sum(1)
-            rotated = rotate(turns[:, bone, None], self._points - self._skeleton.positions[bone])
-            positions += weight[:, None] * (rotated + joints[:, bone, None])
+            moved = np.flatnonzero(weight)
+            rotated = rotate(turns[:, bone, None], self._points[moved] - self._skeleton.positions[bone])
+            positions[:, moved] += weight[moved, None] * (rotated + joints[:, bone, None])
         return positions
 
     def rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
@@ -238,15 +239,24 @@ class Sole:
             [self.points(turns[frames], joints[frames])[..., 1].min(1) for frames in blocks]
         )
 
-    def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
-        """Returns the height (T,) in metres of the lowest point relative to a joint, after all points are
-        rotated about this joint by ``turning`` (T, 4)."""
+    def lowest_turned(self, turns: Float, joints: Float, turnings: Sequence[Float], about: int) -> Float:
+        """Returns the height (A, T) in metres of the lowest point relative to a joint, after all points are
+        rotated about this joint.
+
+        Args:
+            turns: (T, N, 4) world rotations.
+            joints: (T, N, 3) metres.
+            turnings: A sequences of rotations, (T, 4) each.
+            about: the joint.
+        """
         lowest = list[Float]()
         for start in range(0, len(turns), _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK)
             offsets = self.points(turns[frames], joints[frames] - joints[frames, about, None])
-            lowest.append(rotate(turning[frames, None], offsets)[..., 1].min(1))
-        return np.concatenate(lowest)
+            lowest.append(
+                np.stack([rotate(turning[frames, None], offsets)[..., 1].min(1) for turning in turnings])
+            )
+        return np.concatenate(lowest, axis=1)
 
 
 def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:

@@ -370,14 +370,8 @@ def _tilt_foot(
     # lowest.
     sign = np.where(rotate(turns[:, step.toes[0]], forward)[:, 1] < forward[1], 1.0, -1.0)
     candidates, angles = np.linspace(0.0, _MAX_TILT, _TILT_ANGLES), np.zeros(len(turns))
-    lift_by_angle = np.stack(
-        [
-            sole.lowest_turned(
-                turns[frames], joints[frames], from_rotation_vector((angle * sign * axes.T).T[frames]), ankle
-            )
-            for angle in candidates
-        ]
-    )
+    turnings = [from_rotation_vector((angle * sign * axes.T).T[frames]) for angle in candidates]
+    lift_by_angle = sole.lowest_turned(turns[frames], joints[frames], turnings, ankle)
     lift_by_angle -= lift_by_angle[0].copy()
     # Choose the smallest tilt that gives the required lift. If there is none, choose the tilt with the
     # largest lift.
