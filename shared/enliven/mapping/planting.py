@@ -4,6 +4,7 @@ not slide.
     spans = standing_spans(foot, root, step, length)     # the contacts of the performer's foot
     turns = remove_spin(Sole(shape, bones).spin(turns, joints), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints)   # how the model's own foot rolls
+    hip_shift(leg, other_leg, rise, step)                   # lets both feet stand without bent legs
     plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
 In the performer's pose, the feet of a model with other proportions would slide, because its strides have

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import scipy
@@ -51,7 +50,16 @@ from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain
-from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, slerp, swing, to_rotation_vector, unit
+from enliven.rotation import (
+    IDENTITY,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    slerp,
+    swing,
+    to_rotation_vector,
+    unit,
+)
 
 _MAX_RATE_HZ = 60.0
 """Maximum rate at which steps are computed: the frame rate of common displays."""
@@ -72,8 +80,11 @@ _EASING_S = 0.05
 _SOLE_PASSES = 3
 """Number of passes that correct the soles after the legs bent. Each pass leaves 40 % of the error if the shin
 moves the sole by 40 %."""
+_MIN_CORRECTION = 1e-4
+"""The passes end if all corrections are below this fraction of the leg's length: 0.1 mm on an adult."""
 _MAX_PELVIS_TURN = np.radians(8.0)
-"""Largest rotation (radians) of the bones from the pelvis to the hips."""
+"""Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. It is
+invisible even if the hips are wide."""
 _MAX_LIFT_PASSES = 3
 """Maximum number of passes that lift a foreleg. Several are needed, since its lowest point changes as it
 bends."""
@@ -152,20 +163,21 @@ def _plant_feet(
     corrected_root = root.copy()
     corrected_root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
     soles = [_foot_part(shape, step) for step in steps]
-    posed_leg = partial(
-        _leg_in_pose, shape.skeleton, performer=performer, root=root, turns=turns, joints=joints
-    )
+    contacts = [_contact_spans(shape.skeleton, step, performer, root) for step in steps]
     spins = [
-        _hold_heading(shape.skeleton, step, sole, performer, root, turns, joints)
-        for step, sole in zip(steps, soles, strict=True)
+        _hold_heading(shape.skeleton, step, sole, spans, performer.step, turns, joints)
+        for step, sole, spans in zip(steps, soles, contacts, strict=True)
     ]
-    legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    legs = [
+        _leg_in_pose(shape.skeleton, step, sole, spans, performer, turns, joints - root[:, None])
+        for step, sole, spans in zip(steps, soles, contacts, strict=True)
+    ]
     if _turn_pelvis(shape.skeleton, steps, legs, performer, turns, joints):
-        legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
+        legs = _update_rolling(legs, soles, turns, joints - root[:, None])
     _, offsets = plant_body(legs, corrected_root, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
         _tilt_foot(shape.skeleton, step, sole, offset[:, 1], performer.step, turns, joints)
-    legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    legs = _update_rolling(legs, soles, turns, joints - root[:, None])
     corrected_root, offsets = plant_body(legs, corrected_root, performer.step, floor)
     joints += (corrected_root - root)[:, None]
     targets = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
@@ -202,8 +214,7 @@ def _turn_pelvis(
     apart = joints[:, left] - joints[:, right]
     # At rest the hips of a crooked model differ in height by the difference of its legs.
     heights = [
-        performer.scale * performer.offsets[:, step.source_leg[0], 1]
-        + skeleton.positions[step.leg[0], 1]
+        performer.scale * performer.offsets[:, step.source_leg[0], 1] + skeleton.positions[step.leg[0], 1]
         for step in steps
     ]
     shift = hip_shift(legs[0], legs[1], heights[0] - heights[1] - apart[:, 1], performer.step)
@@ -258,13 +269,10 @@ def _correct_soles(
             if step.toes:
                 excess = remove_spin(sole.spin(turns, joints) - spin, leg.spans, performer.step)
                 _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
-        bent_legs = [
-            replace(leg, rolled=rolled, sole=lowest)
-            for leg, (rolled, lowest) in (
-                (leg, sole.rolling(turns, joints)) for leg, sole in zip(legs, soles, strict=True)
-            )
-        ]
+        bent_legs = _update_rolling(legs, soles, turns, joints)
         offsets = remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
+        if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
+            break
         for step, offset in zip(steps, offsets, strict=True):
             _bend_leg(skeleton, step, performer, joints[:, step.leg[-1]] + offset, turns, joints)
 
@@ -279,20 +287,29 @@ def _leg_in_pose(
     skeleton: Skeleton,
     step: LegStep,
     sole: Sole,
+    spans: Spans,
     performer: PerformerGait,
-    root: Float,
     turns: Float,
     joints: Float,
 ) -> PosedLeg:
-    """Returns a leg in the performer's pose over time, given the path ``root`` (T, 3) of the body in
-    metres."""
-    length, spans = leg_length(skeleton, step.leg), _contact_spans(skeleton, step, performer, root)
+    """Returns a leg in the performer's pose over time, given joints (T, N, 3) in metres relative to the
+    root."""
     heights = (
         performer.offsets[:, list(step.source.proper[len(step.source_leg) - 1 :]), 1]
         + performer.root_height[:, None]
     )
     clearance = performer.scale * contact_clearance(heights, spans)
-    return PosedLeg(*sole.rolling(turns, joints - root[:, None]), clearance, length, spans)
+    return PosedLeg(*sole.rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
+
+
+def _update_rolling(
+    legs: Sequence[PosedLeg], soles: Sequence[Sole], turns: Float, joints: Float
+) -> list[PosedLeg]:
+    """Returns the legs with the current motion of their soles, given the current ``turns`` and ``joints``."""
+    motions = [sole.rolling(turns, joints) for sole in soles]
+    return [
+        replace(leg, rolled=rolled, sole=lowest) for leg, (rolled, lowest) in zip(legs, motions, strict=True)
+    ]
 
 
 def _contact_spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, root: Float) -> Spans:
@@ -313,15 +330,13 @@ def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) ->
 
 
 def _hold_heading(
-    skeleton: Skeleton,
-    step: LegStep,
-    sole: Sole,
-    performer: PerformerGait,
-    root: Float,
-    turns: Float,
-    joints: Float,
+    skeleton: Skeleton, step: LegStep, sole: Sole, spans: Spans, step_s: float, turns: Float, joints: Float
 ) -> Float:
     """Stops a standing foot from spinning about the vertical. Changes ``turns`` and ``joints`` in place.
+
+    Args:
+        spans: the contacts of the foot.
+        step_s: seconds from one frame to the next.
 
     Returns:
         (T,) radians, the intended rotation of the sole about +Y.
@@ -329,7 +344,7 @@ def _hold_heading(
     spin = sole.spin(turns, joints)
     if not step.toes:
         return spin
-    correction = remove_spin(spin, _contact_spans(skeleton, step, performer, root), performer.step)
+    correction = remove_spin(spin, spans, step_s)
     _turn_about_vertical(skeleton, step.leg[-1], correction, turns, joints)
     return spin + correction
 
