@@ -43,7 +43,7 @@ _MAX_SPINE_OFFSET = 0.1
 _MAX_FOOT_HEIGHT = 0.15
 """Maximum height of a foot's joints above the lowest joint, as a fraction of body height."""
 _CACHED_TAKES = 8
-"""Number of takes whose anatomy is kept. A retarget asks for the same anatomy a dozen times."""
+"""Number of takes for which the anatomy is kept. A retarget asks for the same anatomy a dozen times."""
 _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 

@@ -434,7 +434,7 @@ def hip_shift(first: PosedLeg, second: PosedLeg, rise: Float, step: float) -> Fl
     their distance. While fewer than two feet stand, the horizontal shift eases from one value to the next.
 
     Args:
-        first: the leg whose hip is shifted.
+        first: the leg of the hip that is shifted.
         second: the leg of the other side.
         rise: (T,) metres, the vertical shift that gives the hips the performer's difference in height. It is
             used while fewer than two feet stand.
