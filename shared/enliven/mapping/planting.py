@@ -4,6 +4,7 @@ not slide.
     spans = standing_spans(foot, root, step, length)     # the contacts of the performer's foot
     turns = remove_spin(Sole(shape, bones).spin(turns, joints), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints)   # how the model's own foot rolls
+    hip_shift(leg, other_leg, rise, step)                   # lets both feet stand without bent legs
     plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
 In the performer's pose, the feet of a model with other proportions would slide, because its strides have
@@ -189,8 +190,9 @@ class Sole:
         positions = np.zeros((len(turns), *self._points.shape))
         for bone in np.unique(self._bones[self._weights > 0.0]):
             weight = np.where(self._bones == bone, self._weights, 0.0).sum(1)
-            rotated = rotate(turns[:, bone, None], self._points - self._skeleton.positions[bone])
-            positions += weight[:, None] * (rotated + joints[:, bone, None])
+            moved = np.flatnonzero(weight)
+            rotated = rotate(turns[:, bone, None], self._points[moved] - self._skeleton.positions[bone])
+            positions[:, moved] += weight[moved, None] * (rotated + joints[:, bone, None])
         return positions
 
     def rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
@@ -238,15 +240,24 @@ class Sole:
             [self.points(turns[frames], joints[frames])[..., 1].min(1) for frames in blocks]
         )
 
-    def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
-        """Returns the height (T,) in metres of the lowest point relative to a joint, after all points are
-        rotated about this joint by ``turning`` (T, 4)."""
+    def lowest_turned(self, turns: Float, joints: Float, turnings: Sequence[Float], about: int) -> Float:
+        """Returns the height (A, T) in metres of the lowest point relative to a joint, after all points are
+        rotated about this joint.
+
+        Args:
+            turns: (T, N, 4) world rotations.
+            joints: (T, N, 3) metres.
+            turnings: A sequences of rotations, (T, 4) each.
+            about: the joint.
+        """
         lowest = list[Float]()
         for start in range(0, len(turns), _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK)
             offsets = self.points(turns[frames], joints[frames] - joints[frames, about, None])
-            lowest.append(rotate(turning[frames, None], offsets)[..., 1].min(1))
-        return np.concatenate(lowest)
+            lowest.append(
+                np.stack([rotate(turning[frames, None], offsets)[..., 1].min(1) for turning in turnings])
+            )
+        return np.concatenate(lowest, axis=1)
 
 
 def _foot_surface(shape: Shape, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:
@@ -413,6 +424,30 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
         else rise
     )
     return root, [_foot_offsets(leg, root, step, floor, flight_weights) for leg in legs]
+
+
+def hip_shift(first: PosedLeg, second: PosedLeg, rise: Float, step: float) -> Float:
+    """Returns the shift (T, 3) in metres of one hip relative to the other that lets both feet stand.
+
+    If hips are wider than the performer's, the same rotation of the pelvis moves them farther. Then the legs
+    would have to bend while both feet stand. With the shift, both soles are at the same height, and keep
+    their distance. While fewer than two feet stand, the horizontal shift eases from one value to the next.
+
+    Args:
+        first: the leg of the hip that is shifted.
+        second: the leg of the other side.
+        rise: (T,) metres, the vertical shift that gives the hips the performer's difference in height. It is
+            used while fewer than two feet stand.
+        step: seconds from one frame to the next.
+    """
+    both = np.minimum(*(_standing_mask(leg.spans, len(leg.sole)) for leg in (first, second)))
+    apart = first.rolled - second.rolled
+    for start, end in find_runs(both > 0.0):
+        apart[start : end + 1] -= np.median(apart[start : end + 1], axis=0)
+    smooth = (_SMOOTH_S / step) ** 2
+    x, z = (_smoothest_path([-column], [both], smooth, 0.0) for column in apart.T)
+    y = _smoothest_path([second.sole - first.sole, rise], [both, 1.0 - both], smooth, 0.0)
+    return np.stack([x, y, z], axis=1)
 
 
 def remaining_offsets(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> list[Float]:

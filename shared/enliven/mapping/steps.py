@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import scipy
@@ -40,6 +39,7 @@ from enliven.mapping.planting import (
     Sole,
     Spans,
     contact_clearance,
+    hip_shift,
     hold_heading,
     plant_body,
     remaining_offsets,
@@ -50,7 +50,16 @@ from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain
-from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, slerp
+from enliven.rotation import (
+    IDENTITY,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    slerp,
+    swing,
+    to_rotation_vector,
+    unit,
+)
 
 _MAX_RATE_HZ = 60.0
 """Maximum rate at which steps are computed: the frame rate of common displays."""
@@ -71,6 +80,11 @@ _EASING_S = 0.05
 _SOLE_PASSES = 3
 """Number of passes that correct the soles after the legs bent. Each pass leaves 40 % of the error if the shin
 moves the sole by 40 %."""
+_MIN_CORRECTION = 1e-4
+"""The passes end if all corrections are below this fraction of the leg's length: 0.1 mm on an adult."""
+_MAX_PELVIS_TURN = np.radians(8.0)
+"""Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. It is
+invisible even if the hips are wide."""
 _MAX_LIFT_PASSES = 3
 """Maximum number of passes that lift a foreleg. Several are needed, since its lowest point changes as it
 bends."""
@@ -110,7 +124,7 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
     chains = [chain for step in steps for chain in _rotation_chains(shape.skeleton, step)]
-    for chain in chains:
+    for chain in [*chains, *_pelvis_bones(shape.skeleton, steps)]:
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
         project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
@@ -149,18 +163,21 @@ def _plant_feet(
     corrected_root = root.copy()
     corrected_root[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
     soles = [_foot_part(shape, step) for step in steps]
-    posed_leg = partial(
-        _leg_in_pose, shape.skeleton, performer=performer, root=root, turns=turns, joints=joints
-    )
+    contacts = [_contact_spans(shape.skeleton, step, performer, root) for step in steps]
     spins = [
-        _hold_heading(shape.skeleton, step, sole, performer, root, turns, joints)
-        for step, sole in zip(steps, soles, strict=True)
+        _hold_heading(shape.skeleton, step, sole, spans, performer.step, turns, joints)
+        for step, sole, spans in zip(steps, soles, contacts, strict=True)
     ]
-    legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    legs = [
+        _leg_in_pose(shape.skeleton, step, sole, spans, performer, turns, joints - root[:, None])
+        for step, sole, spans in zip(steps, soles, contacts, strict=True)
+    ]
+    if _turn_pelvis(shape.skeleton, steps, legs, performer, turns, joints):
+        legs = _update_rolling(legs, soles, turns, joints - root[:, None])
     _, offsets = plant_body(legs, corrected_root, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
         _tilt_foot(shape.skeleton, step, sole, offset[:, 1], performer.step, turns, joints)
-    legs = [posed_leg(step, sole) for step, sole in zip(steps, soles, strict=True)]
+    legs = _update_rolling(legs, soles, turns, joints - root[:, None])
     corrected_root, offsets = plant_body(legs, corrected_root, performer.step, floor)
     joints += (corrected_root - root)[:, None]
     targets = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
@@ -173,6 +190,57 @@ def _plant_feet(
     for step, target in zip(steps, targets, strict=True):
         _bend_leg(shape.skeleton, step, performer, target, turns, joints)
     _correct_soles(shape, steps, soles, legs, spins, performer, turns, joints)
+
+
+def _turn_pelvis(
+    skeleton: Skeleton,
+    steps: Sequence[LegStep],
+    legs: Sequence[PosedLeg],
+    performer: PerformerGait,
+    turns: Float,
+    joints: Float,
+) -> bool:
+    """Rotates the bones from the pelvis to the hips so that legs need not bend while both feet stand.
+
+    Changes ``turns`` and ``joints`` in place. Trunk, thighs, shins and feet keep their rotations.
+
+    Returns:
+        True if the bones were rotated.
+    """
+    bones = _pelvis_bones(skeleton, steps)
+    if not bones:
+        return False
+    left, right = (step.leg[0] for step in steps)
+    apart = joints[:, left] - joints[:, right]
+    # At rest the hips of a crooked model differ in height by the difference of its legs.
+    heights = [
+        performer.scale * performer.offsets[:, step.source_leg[0], 1] + skeleton.positions[step.leg[0], 1]
+        for step in steps
+    ]
+    shift = hip_shift(legs[0], legs[1], heights[0] - heights[1] - apart[:, 1], performer.step)
+    angles = to_rotation_vector(swing(unit(apart), unit(apart + shift)))
+    angle = np.linalg.norm(angles, axis=1, keepdims=True)
+    angles *= np.tanh(angle / _MAX_PELVIS_TURN) * _MAX_PELVIS_TURN / np.maximum(angle, 1e-12)
+    turning = from_rotation_vector(angles)
+    for path in bones:
+        for j in path[1:]:
+            turns[:, j] = multiply(turning, turns[:, j])
+    for j in sorted(j for path in bones for j in skeleton.below(path[1])):
+        joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
+    return True
+
+
+def _pelvis_bones(skeleton: Skeleton, steps: Sequence[LegStep]) -> list[tuple[int, ...]]:
+    """Returns the joints from the pelvis to each hip of two posed legs, or nothing for other numbers of
+    legs."""
+    hips = [step.leg[0] for step in steps if step.posed]
+    if len(hips) != 2:
+        return []
+    paths = [skeleton.path(0, hip) for hip in hips]
+    pelvis = max(set(paths[0]).intersection(paths[1]), key=paths[0].index)
+    if pelvis in hips:
+        return []
+    return [path[path.index(pelvis) :] for path in paths]
 
 
 def _correct_soles(
@@ -201,13 +269,10 @@ def _correct_soles(
             if step.toes:
                 excess = remove_spin(sole.spin(turns, joints) - spin, leg.spans, performer.step)
                 _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
-        bent_legs = [
-            replace(leg, rolled=rolled, sole=lowest)
-            for leg, (rolled, lowest) in (
-                (leg, sole.rolling(turns, joints)) for leg, sole in zip(legs, soles, strict=True)
-            )
-        ]
+        bent_legs = _update_rolling(legs, soles, turns, joints)
         offsets = remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
+        if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
+            break
         for step, offset in zip(steps, offsets, strict=True):
             _bend_leg(skeleton, step, performer, joints[:, step.leg[-1]] + offset, turns, joints)
 
@@ -222,20 +287,29 @@ def _leg_in_pose(
     skeleton: Skeleton,
     step: LegStep,
     sole: Sole,
+    spans: Spans,
     performer: PerformerGait,
-    root: Float,
     turns: Float,
     joints: Float,
 ) -> PosedLeg:
-    """Returns a leg in the performer's pose over time, given the path ``root`` (T, 3) of the body in
-    metres."""
-    length, spans = leg_length(skeleton, step.leg), _contact_spans(skeleton, step, performer, root)
+    """Returns a leg in the performer's pose over time, given joints (T, N, 3) in metres relative to the
+    root."""
     heights = (
         performer.offsets[:, list(step.source.proper[len(step.source_leg) - 1 :]), 1]
         + performer.root_height[:, None]
     )
     clearance = performer.scale * contact_clearance(heights, spans)
-    return PosedLeg(*sole.rolling(turns, joints - root[:, None]), clearance, length, spans)
+    return PosedLeg(*sole.rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
+
+
+def _update_rolling(
+    legs: Sequence[PosedLeg], soles: Sequence[Sole], turns: Float, joints: Float
+) -> list[PosedLeg]:
+    """Returns the legs with the current motion of their soles, given the current ``turns`` and ``joints``."""
+    motions = [sole.rolling(turns, joints) for sole in soles]
+    return [
+        replace(leg, rolled=rolled, sole=lowest) for leg, (rolled, lowest) in zip(legs, motions, strict=True)
+    ]
 
 
 def _contact_spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, root: Float) -> Spans:
@@ -256,15 +330,13 @@ def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) ->
 
 
 def _hold_heading(
-    skeleton: Skeleton,
-    step: LegStep,
-    sole: Sole,
-    performer: PerformerGait,
-    root: Float,
-    turns: Float,
-    joints: Float,
+    skeleton: Skeleton, step: LegStep, sole: Sole, spans: Spans, step_s: float, turns: Float, joints: Float
 ) -> Float:
     """Stops a standing foot from spinning about the vertical. Changes ``turns`` and ``joints`` in place.
+
+    Args:
+        spans: the contacts of the foot.
+        step_s: seconds from one frame to the next.
 
     Returns:
         (T,) radians, the intended rotation of the sole about +Y.
@@ -272,7 +344,7 @@ def _hold_heading(
     spin = sole.spin(turns, joints)
     if not step.toes:
         return spin
-    correction = remove_spin(spin, _contact_spans(skeleton, step, performer, root), performer.step)
+    correction = remove_spin(spin, spans, step_s)
     _turn_about_vertical(skeleton, step.leg[-1], correction, turns, joints)
     return spin + correction
 
@@ -313,14 +385,8 @@ def _tilt_foot(
     # lowest.
     sign = np.where(rotate(turns[:, step.toes[0]], forward)[:, 1] < forward[1], 1.0, -1.0)
     candidates, angles = np.linspace(0.0, _MAX_TILT, _TILT_ANGLES), np.zeros(len(turns))
-    lift_by_angle = np.stack(
-        [
-            sole.lowest_turned(
-                turns[frames], joints[frames], from_rotation_vector((angle * sign * axes.T).T[frames]), ankle
-            )
-            for angle in candidates
-        ]
-    )
+    turnings = [from_rotation_vector((angle * sign * axes.T).T[frames]) for angle in candidates]
+    lift_by_angle = sole.lowest_turned(turns[frames], joints[frames], turnings, ankle)
     lift_by_angle -= lift_by_angle[0].copy()
     # Choose the smallest tilt that gives the required lift. If there is none, choose the tilt with the
     # largest lift.

@@ -45,6 +45,21 @@ def gait(speed: float, stance_s: float, swing_s: float, rounds: int = 3) -> tupl
     return Clip("gait", skeleton, turns, root, STEP), stands
 
 
+def sway(roll: float, yaw: float, seconds: float = 2.0) -> Clip:
+    """A man who stands on both feet and rotates his pelvis by up to ``roll`` and ``yaw`` radians."""
+    skeleton, times = man(), np.arange(round(seconds / STEP)) * STEP
+    root = np.tile(skeleton.positions[0] - [0, 0.05, 0], (len(times), 1))
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), len(skeleton), 1))
+    angles = np.stack([0 * times, yaw * np.sin(3.0 * times), roll * np.sin(5.0 * times)], axis=1)
+    turns[:, 0] = from_rotation_vector(angles)
+    for name in ("Left", "Right"):
+        hip, knee, ankle = (skeleton.index(f"{name} {joint}") for joint in ("hip", "knee", "ankle"))
+        turns[:, hip] = turns[:, 0]
+        hip_place = root + rotate(turns[:, hip], skeleton.vectors[hip])
+        turns[:, knee], turns[:, ankle] = _leg(skeleton.positions[ankle] - hip_place)
+    return Clip("sway", skeleton, turns, root, STEP)
+
+
 def _foot(into, stance_s, swing_s, stride):
     """(F, 3) metres of the ankle from where its foot lies flat, and (F,) radians that the toes point down."""
     share = np.clip(into / stance_s, 0.0, 1.0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bodies import man, meshed, walk
-from made_gaits import HEEL, STEP, TOE, gait, shod
+from made_gaits import HEEL, STEP, TOE, gait, shod, sway
 
 from enliven.document.clip import joint_places
 from enliven.document.skeleton import Skeleton
@@ -308,6 +308,34 @@ def test_soles_that_move_with_the_shin_do_not_slide(how, share):
     shape = with_soft_soles(shod(short_shinned(1.3), 0.22), share)
     speeds, _, _ = slide_of(shape, clip, stands, replace(automatic(clip, shape), travel=True, pin=True))
     assert np.median(speeds) < 0.4 and np.percentile(speeds, 90) < 4.0
+
+
+@pytest.mark.parametrize(("width", "extra"), [(4.0, 0.0), (8.0, 0.0), (4.0, 0.06)])
+def test_legs_keep_their_pose_if_wide_hips_sway_over_planted_feet(width, extra):
+    """Also if one leg is longer than the other."""
+    clip, shape = sway(np.radians(3.0), np.radians(8.0)), shod(wide_hipped(width, extra), 0.2)
+    stands = np.ones((len(clip.turns), 2), bool)
+    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    speeds, _, result = slide_of(shape, clip, stands, plan)
+    assert np.median(speeds) < 0.5 and np.percentile(speeds, 90) < SLIDE
+    limbs = quality_of(result.project, shape.id, clip, result.duration, plan).limbs
+    legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]
+    arms = [limb for limb in limbs if "arm" in limb.limb]
+    assert legs and max(limb.median for limb in legs) < 1.5 and max(limb.p90 for limb in legs) < 4.0
+    assert arms and max(limb.p90 for limb in arms) < 1.0
+
+
+def wide_hipped(width, extra):
+    """Returns a man with hips ``width`` times as far apart, and a left thigh that is longer by ``extra``."""
+    skeleton = man()
+    at = skeleton.positions.copy()
+    for side in ("Left", "Right"):
+        hip = skeleton.index(f"{side} hip")
+        for j in skeleton.below(hip):
+            at[j, 0] += (width - 1.0) * skeleton.positions[hip, 0]
+        if side == "Left":
+            at[hip, 1] += extra
+    return Skeleton(skeleton.names, skeleton.parents, at)
 
 
 def with_soft_soles(shape, share):
