@@ -124,7 +124,7 @@ def install_advice(sensor: str, pip: str = "") -> str:
 
 
 def explain_unsupported(package: str, installed: str) -> str:
-    """Returns why a version of a camera's library is not supported. Empty if it is."""
+    """Returns why a version of a camera's library is not supported; empty if the version is supported."""
     for kind in KINDS:
         for pattern, reason in kind.bad if kind.package == package else ():
             if re.match(pattern, installed):

@@ -58,7 +58,7 @@ class WorkerThread:
         try:
             result, error = self._answers.get(timeout=timeout)
         except Empty:
-            raise TimeoutError("no answer yet") from None
+            raise TimeoutError(f"the call did not finish within {timeout} s") from None
         self._since = None
         if error is not None:
             raise error

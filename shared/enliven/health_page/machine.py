@@ -60,7 +60,7 @@ def read_machine(folder: Path, thermal: Path = _THERMAL, proc: Path = _PROC) -> 
 
 
 def is_running(pid: int) -> bool:
-    """Returns True if a process exists. A process that has ended and was not collected does not count."""
+    """Returns True if a process is running. A zombie process does not count."""
     if pid <= 0:
         return False
     with contextlib.suppress(OSError):

@@ -1,4 +1,6 @@
-"""Depth images of a recording: their pixels, and their depth step in millimetres."""
+"""Reads depth images of ROS and RealSense recordings, and converts them to millimetres and undistorted
+pixels.
+"""
 
 from __future__ import annotations
 

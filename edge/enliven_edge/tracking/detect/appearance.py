@@ -106,7 +106,7 @@ def _affinity(shown, capsule_parts, metres):
 
     Args:
         shown: (P, M) float32 probabilities.
-        carries: (C, P) 1 if a capsule belongs to a part, else 0.
+        capsule_parts: (C, P) 1 if a capsule belongs to a part, else 0.
         metres: the maximum of an entry.
     """
     out = np.empty((len(capsule_parts), shown.shape[1]), np.float32)
@@ -150,7 +150,7 @@ def _agreement(surface, shown, capsule_parts, ends, radii):
 
     Args:
         surface, shown: the points and the probabilities of their parts.
-        carries: (C, N) the parts of each capsule, or -1.
+        capsule_parts: (C, N) the parts of each capsule, or -1.
         ends, radii: the capsules.
     """
     which = np.empty(shown.shape[1], np.int32)

@@ -224,8 +224,8 @@ def _coarsening_notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
 
 @njit(cache=True, nogil=True)
 def edges_around(points, faces):
-    """Returns the neighbours of each vertex as CSR: offsets (V + 1,), (E,) neighbours without duplicates, and
-    (E,) metres to them.
+    """Returns the vertex adjacency in CSR form: offsets (V + 1,), neighbours (E,) and edge lengths (E,) in
+    metres.
     """
     count = points.shape[0]
     room = np.zeros(count + 1, np.int64)

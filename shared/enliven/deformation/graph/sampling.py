@@ -278,7 +278,7 @@ def _throw_darts(positions, normals, cell, near, radius):
 
 
 def distance_matrix(samples: SurfaceSamples) -> Float:
-    """Returns (N, N) the distances D between all samples, infinite on the diagonal."""
+    """Returns the distances (N, N) between all samples, infinite on the diagonal."""
     return np.asarray(_distance_matrix(samples.positions, samples.normals))
 
 

@@ -117,7 +117,8 @@ def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
     away = corners[rows, (k + 2) % 3] - a
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     angle = np.arctan2(away @ np.cross(axis, across), away @ across)
-    # Seen from a forward half-edge, the solid lies at smaller angles than the face of that half-edge.
+    # ``wedge[i, j]`` is the angle of solid between face i with a forward half-edge and face j with a backward
+    # half-edge. At a face with a forward half-edge, the solid is on the side of smaller angles.
     wedge = np.where(forward[:, None] & ~forward, (angle[:, None] - angle) % (2 * np.pi), np.inf)
     while np.isfinite(wedge).any():
         row, column = np.unravel_index(int(wedge.argmin()), wedge.shape)

@@ -93,8 +93,8 @@ def cut_across_bone(
     behind = 1.0 - ahead - bone_weight
     if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > _MIN_OWN_FRACTION:
         return cut
-    # This cut does not separate the skin of the bones well. For example, a plane through the middle of the
-    # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.
+    # This plane does not separate the vertices of the bones on its two sides well. For example, a plane
+    # across the bone to a hip would cut the body in half. So try a cut that follows the skin weights.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + bone_weight * along)
     other.choose_all()

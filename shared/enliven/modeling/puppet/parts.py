@@ -61,8 +61,9 @@ def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
 
 
 def align_puppet(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
-    """Moves the puppet so that its mesh's frame in state ``now`` coincides with that of puppet ``before`` in
-    state ``then``."""
+    """Returns the puppet, moved so that its mesh's frame in state ``now`` is where the mesh's frame of puppet
+    ``before`` is in state ``then``.
+    """
     turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
     place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
     return puppet.with_changes(turn=turn, place=place)

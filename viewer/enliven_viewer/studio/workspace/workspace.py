@@ -323,7 +323,7 @@ class Workspace(App):
         self.asking, self._after, self._wanted = "", "", None
 
     def _draw_tracking(self) -> None:
-        # Imported when a window draws, because a workspace without one needs no ImGui.
+        # Imported late, so that a workspace without a window works without ImGui.
         from enliven_viewer.studio.workspace.tracking_progress import draw_tracking_progress
 
         draw_tracking_progress(self, self.depth)

@@ -108,7 +108,7 @@ class PaintTool(Tool):
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Returns why no paint can be cleared, with advice; empty if some can."""
+        """Returns why no paint can be cleared, with advice; empty if there is paint to clear."""
         character = self.editor.chosen()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
