@@ -80,7 +80,9 @@ class MotionCaptureReader(FileReader):
 
 
 def bodies_from_capture(capture: Capture, roles: Roles) -> tuple[Float, Float]:
-    """Returns (F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
+    """Returns the joints (F, 20, 3) in metres and the orientations (F, 20, 4), +Y up, of a capture in its own
+    unit and axes.
+    """
     capture = turn_upright(capture)
     p = capture.positions
     metres = UNITS[guess_unit(leg_length(capture, roles))]

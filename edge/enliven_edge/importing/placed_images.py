@@ -170,7 +170,7 @@ def _read_matrix(path: Path, side: int) -> Float:
 
 
 def _check_rigid(matrix: Float, path: Path) -> Float:
-    """Returns (4, 4) the matrix after checking that it is a rotation and a translation."""
+    """Returns the matrix (4, 4) after checking that it is a rotation and a translation."""
     rotation = matrix[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
         raise InputError(

@@ -276,7 +276,7 @@ class PersonScanner(Scanner):
             self._joints.append((places, body.confidence))
 
     def _median_joints(self) -> Float:
-        """Returns (20, 3) the median position of each joint, NaN if it was seen too rarely."""
+        """Returns the median position (20, 3) of each joint, NaN if it was seen too rarely."""
         joints = np.full((len(Joint), 3), np.nan)
         for joint in Joint:
             places = [

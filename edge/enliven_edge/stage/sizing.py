@@ -138,8 +138,9 @@ class HandSizing:
         return name, performer
 
     def _find_fixed_point(self, name: str, body: Body | None) -> Float | None:
-        """Returns (3,) metres, the fixed point of the scaling on the floor: under the performer that
-        possesses the character. None: the character's own point."""
+        """Returns the point on the floor that scaling does not move, (3,) in metres: under the performer that
+        possesses the character. None: the character's own point.
+        """
         actor: Actor = self._stage.actors[name]
         if body is None or all(hold.body != body.id for hold in actor.holds):
             return None

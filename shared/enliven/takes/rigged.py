@@ -72,7 +72,7 @@ def skeleton_from_bones(character: Character) -> Skeleton:
 
 
 def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> Float:
-    """Returns (3,) the end of a limb's last bone: twice as far from its start as the centre of its vertices
+    """Returns the end (3,) of a limb's last bone: twice as far from its start as the centre of its vertices
     or, without vertices, straight on.
     """
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]

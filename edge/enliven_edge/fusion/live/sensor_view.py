@@ -92,7 +92,7 @@ class BodySighting:
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
-        """Returns (20, 3) the predicted joints. The prediction is limited to ``longest`` seconds."""
+        """Returns the predicted joints (20, 3). The prediction is limited to ``longest`` seconds."""
         seconds = min(max(self.age(time_ns), -longest), longest)
         return self.body.joints + seconds * self.velocity if seconds else self.body.joints
 

@@ -207,8 +207,9 @@ class Locomotion:
         self._following, self._from = self._new(), (way, complex(complex_from_floor(self.root)))
 
     def stands(self, state: State) -> Float:
-        """Returns (3,) metres, the centre of the feet, rotated by the yaw and moved to the root, without
-        the puppet's own placement."""
+        """Returns the centre of the feet, (3,) in metres, rotated by the yaw and moved to the root, without
+        the puppet's own placement.
+        """
         if len(self._feet) == 0:
             return state.root
         feet = rotate_about_y(state.places[self._feet], np.asarray(state.yaw))

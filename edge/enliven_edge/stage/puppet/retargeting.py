@@ -106,8 +106,9 @@ class Retargeting:
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
     def pose(self, seen: BonePose) -> Float:
-        """Returns (P, 3) metres in the body frame, with the bone lengths of the performer of the key
-        poses."""
+        """Returns the joints (P, 3) in metres of the body frame, with the bone lengths of the performer of
+        the key poses.
+        """
         turns = np.stack([seen.pelvis, seen.chest, seen.head])[self._turns]
         carried = np.einsum("nab,nb->na", turns, self._rest)
         along = seen.directions[self._followed] * self._lengths

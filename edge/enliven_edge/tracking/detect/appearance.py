@@ -77,7 +77,9 @@ class EstimateAtPoints:
         return EstimateAtPoints(self.estimate, surface, shown, self.rays[::step])
 
     def affinity(self, metres: float) -> Float32:
-        """Returns (20, M) metres added to a point's distance from a capsule of another body part."""
+        """Returns the penalties (20, M) in metres that are added to a point's distance from a capsule of
+        another body part.
+        """
         return np.asarray(_affinity(self.probabilities, CAPSULE_PARTS, np.float32(metres)))
 
     def sideless_affinity(self, metres: float) -> Float32:

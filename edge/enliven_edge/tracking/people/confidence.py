@@ -92,7 +92,7 @@ def _logistic(evidence, weights):
 
 @cache
 def _weights_of_joints(table_name: str) -> Float:
-    """Returns (20, 17) the weights of each joint's group."""
+    """Returns the weights (20, 17) of each joint's group."""
     return np.ascontiguousarray(_evidence_weights(table_name)[GROUP_OF_JOINT])
 
 

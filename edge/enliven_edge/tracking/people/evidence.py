@@ -204,8 +204,9 @@ def capsule_visibility(ends, radii, view):
 
 
 def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """Returns (C,) the confidence of each capsule in [0, 1]: its support times its fraction not seen
-    through."""
+    """Returns the confidence (C,) of each capsule in [0, 1]: its support times its fraction not seen
+    through.
+    """
     count = len(observation.points)
     return np.asarray(_capsule_support(report.support, report.violated, *posture.capsules(), count))
 

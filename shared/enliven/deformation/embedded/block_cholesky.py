@@ -68,8 +68,9 @@ class BlockPattern:
         return int(np.diff(self.start).max())
 
     def block_of(self, pairs: Int) -> Int32:
-        """Returns (M,) the number of the block at each (row, column) of ``pairs`` (M, 2), with row >=
-        column."""
+        """Returns the number (M,) of the block at each (row, column) of ``pairs`` (M, 2), with row >=
+        column.
+        """
         column = np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
         block_keys = column.astype(np.int64) * len(self.start) + self.row
         pair_keys = pairs[:, 1].astype(np.int64) * len(self.start) + pairs[:, 0]
@@ -77,7 +78,7 @@ class BlockPattern:
 
 
 def elimination_order(count: int, pairs: Int) -> Int:
-    """Returns (N,) the nodes in an elimination order with little fill-in (multiple minimum degree).
+    """Returns the nodes (N,) in an elimination order with little fill-in (multiple minimum degree).
 
     Args:
         count: the number of nodes.

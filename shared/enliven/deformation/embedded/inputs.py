@@ -28,8 +28,8 @@ NO_PLANES = Planes(
 def coefficient_rows(
     points: PointConstraints | PlaneConstraints, positions: Float, places: Int
 ) -> tuple[Int32, Float]:
-    """Returns (L, 4) the nodes of each point, by ascending elimination order and without duplicates, and (L,
-    4, 4) their coefficients.
+    """Returns the nodes (L, 4) of each point, by ascending elimination order and without duplicates, and
+    their coefficients (L, 4, 4).
 
     Args:
         positions: (N, 3) metres, the nodes at rest.

@@ -11,14 +11,14 @@ from enliven.kernels import njit
 
 
 def components(count: int, edges: Int32 | Int) -> Int:
-    """Returns (N,) the number of the connected component of each node."""
+    """Returns the number (N,) of the connected component of each node."""
     ones = np.ones(len(edges), bool)
     graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
 def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
-    """Returns (C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
+    """Returns the edges (C - 1, 2) that join C components into one, with the smallest sum of distances.
 
     KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
     distance of two components is the distance of their nearest two nodes. Borůvka's algorithm adds the

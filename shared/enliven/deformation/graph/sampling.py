@@ -229,8 +229,9 @@ def distance(p, n_p, q, n_q):
 
 
 def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
-    """Returns (K,) the accepted candidates, in order. Each has a distance D of at least ``radius`` to all
-    before it."""
+    """Returns the accepted candidates (K,), in order. Each has a distance D of at least ``radius`` to all
+    before it.
+    """
     low = positions.min(0)
     # The distance D is never smaller than the Euclidean distance. So with cells of side R, samples that are
     # too close are in the same cell or in neighbouring cells.

@@ -250,7 +250,7 @@ class _Fit:
 
 
 def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
-    """Returns (V, C, 3) the vertices in the C chosen frames, metres."""
+    """Returns the vertices (V, C, 3) in the C chosen frames, metres."""
     frame_vertices = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):

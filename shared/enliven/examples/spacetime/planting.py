@@ -29,7 +29,7 @@ def lock_feet(
     step: float,
     settings: LocomotionSettings,
 ) -> Float:
-    """Locks standing feet to the floor. Returns (F, P, 3) metres in the mesh's frame.
+    """Locks standing feet to the floor. Returns the control points, (F, P, 3) in metres of the mesh's frame.
 
     Args:
         places: (F, P, 3) metres in the mesh's frame, before the lock.
@@ -59,7 +59,7 @@ def lock_feet(
 
 
 def _lock_position(foot_path: Float, anchor: Bool) -> Float:
-    """Returns (3,) the position to which a foot with path (N, 3) is locked: where it becomes the anchor, or
+    """Returns the position (3,) to which a foot with path (N, 3) is locked: where it becomes the anchor, or
     else the mean of its path.
     """
     return np.asarray(foot_path[anchor.argmax()] if anchor.any() else foot_path.mean(0))

@@ -117,7 +117,7 @@ def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
 
 
 def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
-    """Returns (F, N, 3) the positions of the joints over time, metres. A tip moves rigidly with its bone."""
+    """Returns the positions (F, N, 3) of the joints over time, metres. A tip moves rigidly with its bone."""
     skeleton = tree.skeleton
     positions = np.empty((len(bodies[0].places), len(skeleton), 3))
     for j, body in enumerate(tree.body):

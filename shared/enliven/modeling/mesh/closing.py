@@ -81,14 +81,15 @@ def close_surface(mesh: Mesh, of: Int) -> ClosedSurface:
 
 
 def _face_adjacency(mates: Int, count: int) -> coo_matrix:
-    """Returns (F, F) the adjacency matrix of the faces. ``mates`` (3F,) contains for each half-edge the face
-    on the other side, or a number below 0 for none."""
+    """Returns the adjacency matrix (F, F) of the faces. ``mates`` (3F,) contains for each half-edge the face
+    on the other side, or a number below 0 for none.
+    """
     joined = np.flatnonzero(mates >= 0)
     return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
 
 
 def _opposite_half_edges(faces: Int, mesh: Mesh) -> Int:
-    """Returns (3F,) the opposite half-edge (3 face + corner) of each half-edge, or -1 at a border."""
+    """Returns the opposite half-edge of each half-edge, (3F,): 3 face + corner, or -1 at a border."""
     starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, 1).ravel().astype(np.int64)
     count = int(faces.max(initial=-1)) + 1
     edge = np.minimum(starts, ends) * count + np.maximum(starts, ends)
@@ -127,8 +128,9 @@ def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
 
 
 def _corner_fans(mates: Int) -> Int:
-    """Returns (3F,) the fan of connected faces around a vertex that contains each corner of a face, as a
-    number."""
+    """Returns the number of the fan that contains each corner of a face, (3F,). A fan is a group of connected
+    faces around a vertex.
+    """
     joined = np.flatnonzero(mates >= 0)
     other = mates[joined]
     after = other - other % 3 + (other + 1) % 3

@@ -123,8 +123,9 @@ class CutPlan:
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
     def _crossing_positions(self, edges: Int) -> Float:
-        """Returns (E,) the position of the cut along each crossed edge, as a fraction. It is found by
-        bisection, since the field may be nonlinear."""
+        """Returns the position (E,) of the cut along each crossed edge, as a fraction. It is found by
+        bisection, since the field may be nonlinear.
+        """
         low, high = np.zeros(len(edges)), np.ones(len(edges))
         start = self.field[edges[:, 0]] - self.shift
         ends = self.field[edges[:, 1]] - self.shift
@@ -226,7 +227,7 @@ class CutPlan:
         return np.asarray(side[part] == 1)
 
     def _components_after_cut(self, cut: Bool) -> Int:
-        """Returns (W,) the connected component of each vertex after the given crossed faces are split."""
+        """Returns the connected component (W,) of each vertex after the given crossed faces are split."""
         is_whole = np.ones(len(self.faces), bool)
         is_whole[self.found.faces[cut]] = False
         faces = self.faces[is_whole]

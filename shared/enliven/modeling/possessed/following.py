@@ -47,7 +47,7 @@ def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
 
 
 def _share_slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
-    """Returns (N, 3) the gradient of the shares (N,) at each node, per metre. It is 0 at the dragged node."""
+    """Returns the gradient (N, 3) of the shares (N,) at each node, per metre. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     edge_vectors = rest[ends[:, 1]] - rest[ends[:, 0]]
     steps = shares[ends[:, 1]] - shares[ends[:, 0]]

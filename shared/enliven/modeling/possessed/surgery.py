@@ -186,6 +186,6 @@ def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
 
 
 def _world_from_rest(linear: Float, positions: Float, rest: Float) -> Float:
-    """Returns (N, 3, 4) the map of each node from rest to the world."""
+    """Returns the map (N, 3, 4) of each node from rest to the world."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

@@ -140,8 +140,9 @@ class _Side:
         return _fit_rigid_motion(self.local[self._near], self.was[key][self._near])
 
     def _key_places(self, key: tuple[str, int]) -> Float:
-        """Returns (P, 3) metres, its control points in its mesh's frame: from its key pose, or from its own
-        motion."""
+        """Returns its control points (P, 3) in metres, in its mesh's frame: from its key pose, or from its
+        own motion.
+        """
         if key in self.keys:
             return self.puppet.poses[self.keys.index(key)].places
         if missing(self._project, self.puppet):
@@ -326,7 +327,7 @@ def _placeholder_skin(puppet: Puppet) -> SkinWeights:
 
 
 def _meeting_point(ours: Float, theirs: Float) -> Float:
-    """Returns (3,) metres in the world, the centre of the region in which two surfaces are nearest."""
+    """Returns the centre of the region in which two surfaces are nearest, (3,) in metres of the world."""
     away, which = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
     near = away <= away.min() + scale

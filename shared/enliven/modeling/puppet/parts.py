@@ -54,8 +54,9 @@ def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
 
 
 def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
-    """Returns (n, V, 3) metres in the mesh's frame, the solved surface for each of (n, P, 3) control point
-    positions."""
+    """Returns the solved surface for each of n sets of control point positions (n, P, 3), as vertices (n, V,
+    3) in metres of the mesh's frame.
+    """
     count = len(surface.mesh.vertices)
     return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
 
@@ -217,7 +218,9 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
 
 
 def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
-    """Returns (n, P, 3) metres, the joints in the body's frame at the key poses, or None without examples."""
+    """Returns the joints at the key poses, (n, P, 3) in metres of the body's frame, or None without
+    examples.
+    """
     try:
         return examples_from_key_poses(project, puppet.with_changes(symmetry=None)).sources
     except InputError:

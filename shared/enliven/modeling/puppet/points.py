@@ -123,8 +123,9 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
 
 
 def surface_places(puppet: Puppet, vertex: int) -> Float:
-    """Returns (n, 3) metres in the mesh's frame, the position of a vertex on the solved surface in each key
-    pose."""
+    """Returns the position of a vertex on the solved surface in each key pose, (n, 3) in metres of the mesh's
+    frame.
+    """
     rest = puppet.mesh.vertices[vertex]
     if not puppet.points or not puppet.poses:
         return np.tile(rest, (len(puppet.poses), 1))

@@ -14,7 +14,7 @@ from enliven.rotation import conjugate, multiply, normalized, rotate
 
 
 def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Float]:
-    """Returns (N, 4) the world rotations D_j and (N, 3) the positions of the joints.
+    """Returns the world rotations D_j (N, 4) and the positions (N, 3) of the joints.
 
     Args:
         time: seconds of the project's time; None for the rest pose, without any take.

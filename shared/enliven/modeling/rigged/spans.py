@@ -68,7 +68,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
 
 
 def rotation_without_takes(spans: Spans) -> Float:
-    """Returns (4,) the rotation of a bone without takes: the product of the fixed rotations of its spans."""
+    """Returns the rotation (4,) of a bone without takes: the product of the fixed rotations of its spans."""
     turn = IDENTITY
     for span in spans:
         turn = multiply(turn, np.array(span.before))

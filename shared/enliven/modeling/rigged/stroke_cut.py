@@ -124,8 +124,9 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
 
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
-    """Returns (N,) the bone of the upper shape for each old bone. Bones that were cut off map to the
-    remaining half of the cut bone."""
+    """Returns the bone (N,) of the upper shape for each old bone. Bones that were cut off map to the
+    remaining half of the cut bone.
+    """
     numbers = matching_bone_numbers(before, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)

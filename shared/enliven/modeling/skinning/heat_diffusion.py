@@ -46,8 +46,9 @@ def bone_heat(mesh: Mesh, skeleton: Skeleton) -> SkinWeights:
 
 
 def bone_segments(skeleton: Skeleton) -> tuple[Float, Int]:
-    """Returns (S, 2, 3) the two ends of each bone in metres, and (S,) the number of each bone. A root without
-    bones gives a single point."""
+    """Returns the two ends (S, 2, 3) of each bone in metres, and the number (S,) of each bone. A root without
+    bones gives a single point.
+    """
     bones = np.arange(1, len(skeleton)) if len(skeleton) > 1 else np.zeros(1, np.int64)
     starts = skeleton.positions[np.maximum(skeleton.parents[bones], 0)]
     return np.stack([starts, skeleton.positions[bones]], 1), bones

@@ -56,7 +56,7 @@ def _split_exactly(whole: Float32, part: Float) -> tuple[Float32, Float32]:
 
 
 def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: float) -> Float:
-    """Returns (V,) the fraction of each vertex on the bone from ``start`` to ``end`` that belongs above the
+    """Returns the fraction (V,) of each vertex on the bone from ``start`` to ``end`` that belongs above the
     node at ``at``.
 
     The value is 1 before the node and 0 after it, with a cubic transition over ``blend`` of the shorter of
@@ -70,7 +70,9 @@ def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: floa
 
 
 def find_nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
-    """Returns (V,) the nearest segment from ``starts`` (B, 3) to ``ends`` (B, 3) for each vertex."""
+    """Returns the number of the nearest bone to each vertex, (V,). Bones lead from ``starts`` to ``ends`` (B,
+    3).
+    """
     axis = ends - starts
     length = np.maximum((axis * axis).sum(1), 1e-300)
     along = np.clip(((vertices[:, None] - starts) * axis).sum(2) / length, 0.0, 1.0)

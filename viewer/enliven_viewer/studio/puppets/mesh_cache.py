@@ -43,7 +43,7 @@ def measure_mesh(mesh: Mesh) -> float:
 
 @cache_by_mesh
 def find_mesh_centre(mesh: Mesh) -> Float:
-    """Returns (3,) metres, the centre of the mesh's bounding box."""
+    """Returns the centre (3,) in metres of the mesh's bounding box."""
     return np.asarray(mesh.bounds.mean(0))
 
 

@@ -196,7 +196,7 @@ class TourState:
 
     @property
     def extent(self) -> Float | Float32 | None:
-        """Returns (N, 3) metres: points on the chair as shown, live or playing; None without a chair."""
+        """Returns points (N, 3) in metres on the chair as shown, live or playing; None without a chair."""
         chair, perform = self.chair, self.desk.perform
         if chair is None:
             return None

@@ -239,7 +239,7 @@ class PaintTool(Tool):
 
 
 def _find_rest_position(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
-    """Returns (3,) metres: the rest position of a point on a face."""
+    """Returns the rest position (3,) in metres of a point on a face."""
     face_vertices = mesh.faces[face]
     fraction = barycentric(place[None], posed.vertices[face_vertices][None])[0]
     return np.asarray(fraction @ mesh.vertices[face_vertices])
