@@ -166,7 +166,8 @@ class Lifter:
         ray, is_inside = self._pixel_ray_coordinates(points, camera)
         weight = landmarks.visibility * np.where(is_inside, 1.0, 0.2)
         x, y, z = landmarks.offsets.T
-        # The perspective equations (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz) are linear in t.
+        # A landmark at the offset (x, y, z) from the body's position t = (tx, ty, tz) projects to the ray (u,
+        # v). So x + tx = u (z + tz) and y + ty = v (z + tz). These equations are linear in t.
         rows = np.zeros((2 * len(points), 3))
         rows[: len(points), 0] = rows[len(points) :, 1] = 1.0
         rows[: len(points), 2], rows[len(points) :, 2] = -ray[:, 0], -ray[:, 1]

@@ -155,7 +155,7 @@ def _camera(device: Path, nodes: Path) -> AttachedCamera | None:
 
 
 def _read_attribute(device: Path, part: str) -> str:
-    """Returns an attribute of a device from the system. Empty if it has none."""
+    """Returns an attribute of a device from the system. Empty if the device does not have it."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

@@ -37,7 +37,7 @@ class WorkerThread:
 
     @property
     def waited(self) -> float:
-        """Seconds since the current call was started. 0 without one."""
+        """Seconds since the current call was started. 0 if no call is running."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def ask(self, call: Callable[[], Any]) -> None:

@@ -234,9 +234,9 @@ class Stage:
     def pending_possessions(self, mode: Mode = "alone", body: int | None = None) -> list[PendingPossession]:
         """Returns the pairs of performer and character for a command that names no character.
 
-        The cues show the same pairs. If the stage has one character, it is chosen. If it has several, each
-        idle performer is paired with the nearest free character, the nearest pairs first. In mode "extend"
-        the pairs are the existing holds.
+        The cues show the same pairs. If the stage has a single character, this character is chosen. If it has
+        several, each idle performer is paired with the nearest free character, the nearest pairs first. In
+        mode "extend" the pairs are the existing holds.
 
         Args:
             body: the performer's id. If given, only this performer is paired: with the nearest free

@@ -33,7 +33,7 @@ class MotionKey:
         second: time in the take.
         degrees: rotation vector in degrees, in the axes of the rest pose.
         ease: interpolation to the next key.
-        metres: displacement, in the same axes. A bone is only rotated, so it has none.
+        metres: displacement, in the same axes. It is zero for a bone, because bones are only rotated.
     """
 
     second: float

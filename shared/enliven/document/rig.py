@@ -82,7 +82,7 @@ class RigBase:
 
     @property
     def parents(self) -> Int32:
-        """(H,) the parent of each handle along a bone, or -1 if it has none."""
+        """(H,) the parent of each handle along a bone, or -1 for a handle without a parent."""
         return np.full(len(self.handles), -1, np.int32)
 
     @property

@@ -74,7 +74,7 @@ def write_bvh(
         unit: unit of offsets and positions, "m" or "cm".
 
     Raises:
-        InputError: for other than one character, one without a skeleton, or an unknown unit.
+        InputError: if there is not exactly one character, if it has no skeleton, or if the unit is unknown.
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:

@@ -187,7 +187,7 @@ class _MaterialFile:
         return [self._add_material(material, images) for material in plain_materials(mesh.materials)]
 
     def plain(self) -> str:
-        """Returns the name of a white material, for faces without one."""
+        """Returns the name of a white material, for faces without a material."""
         if "plain" not in self._names:
             self._names.add("plain")
             self.lines.append("newmtl plain\nKd 1 1 1\n")

@@ -134,7 +134,7 @@ class RigEdits(ABC):
         self, character: Any, player: Player, handle: int | None, layer: int | None, /
     ) -> HandleMotion | None:
         """Returns the function for the curves of a handle. They are relative to the handle's parent bone, if
-        it has one.
+        a parent bone exists.
 
         Args:
             player: the character's player; see :meth:`player`.

@@ -28,7 +28,7 @@ class Roles:
     Attributes:
         root: the joint at which trunk and legs branch.
         spine: the joints from the root to where the arms branch, both included.
-        tips: the joints beyond the wrists; the wrist itself if there is none.
+        tips: the joints beyond the wrists; the wrist itself if no joint follows it.
         toes: the joints beyond the ankles.
     """
 

@@ -37,7 +37,9 @@ NAMES = (
     "apart",
 )
 """Names of the columns of :func:`joint_evidence`. A column with "beside" describes
-the neighbouring bone. The last two columns come from the network's estimate and are 0 without one."""
+the neighbouring bone. The last two columns come from the network's estimate. They are 0 without an
+estimate.
+"""
 _COUNT = len(NAMES)
 _JOINT_TOLERANCE_M = 0.02
 """Metres added to the distance between a joint and the network's joint before the logarithm. Differences

@@ -26,7 +26,9 @@ _MAX_DISTANCE_COST = 4.0
 """Maximum cost of a distant place in squared standard deviations. People may also walk around behind the
 sensor."""
 _BRIEF_ABSENCE_NS = 2_000_000_000
-"""Maximum absence in nanoseconds for a match by place alone, if there is one absent and one new person."""
+"""Maximum absence in nanoseconds for a match by place alone, if there is exactly one absent and one new
+person.
+"""
 _SAME_PLACE_M = 0.5
 """Maximum horizontal distance in metres for a match by place alone: a step."""
 _MIN_STATURE_DIFFERENCE_M = 0.15

@@ -22,7 +22,7 @@ NO_PLANES = Planes(
     _EMPTY_ARRAY,
     np.empty(0, np.bool_),
 )
-"""The planes of a frame that has none."""
+"""The value for a frame without planes."""
 
 
 def coefficient_rows(

@@ -233,8 +233,8 @@ def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
     before it.
     """
     low = positions.min(0)
-    # The distance D is never smaller than the Euclidean distance. So with cells of side R, samples that are
-    # too close are in the same cell or in neighbouring cells.
+    # The distance D is never smaller than the Euclidean distance. So with cells of side ``radius``, samples
+    # that are too close are in the same cell or in neighbouring cells.
     size = max(radius, float((positions.max(0) - low).max()) / 500)
     cells = ((positions - low) / size).astype(np.int64) + 1
     shape = cells.max(0) + 2

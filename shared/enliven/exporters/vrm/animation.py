@@ -38,7 +38,8 @@ def write_vrma(path: Path | str, performances: Sequence[Performance], name: str 
         name: the title of the animation.
 
     Raises:
-        InputError: for other than one character, or one that is not a humanoid with joints of known names.
+        InputError: if there is not exactly one character, or if it is not a humanoid with joints of known
+            names.
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:

@@ -37,8 +37,8 @@ def write_vrm(
         author: author of the avatar, which the format requires.
 
     Raises:
-        InputError: for other than one character, one without a mesh, or one that is not a humanoid with
-            joints of known names.
+        InputError: if there is not exactly one character, or if it has no mesh, or if it is not a humanoid
+            with joints of known names.
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:

@@ -2,7 +2,7 @@
 
 suggested_puppet(project, mesh, "walk", "cow")     # a puppet that needs only key poses
 suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
-suggested_pairs(project, "cow", "walk")            # a joint for each control point without one
+suggested_pairs(project, "cow", "walk")            # a joint for each control point that is not paired
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _MAX_MIRROR_ERROR = 0.1
 
 @dataclass(frozen=True)
 class SuggestedPair:
-    """A suggested joint for a control point without one.
+    """A suggested joint for a control point that is not paired.
 
     Attributes:
         point: name of the control point.
@@ -104,7 +104,8 @@ def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
 
 
 def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
-    """Returns a joint for each control point without one: a joint that moves in the take, by side and height.
+    """Returns a joint for each control point that is not paired: a joint that moves in the take, by side and
+    height.
 
     Mirror images follow the corresponding joints of both sides. Feet are low on the mesh and follow feet.
     """
@@ -193,7 +194,9 @@ def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[i
 
 
 def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
-    """Returns the mirror image of each control point. None if one has none, or if all are on the plane."""
+    """Returns the number of each control point's mirror image. Returns None if a point has no mirror image,
+    or if all are on the plane.
+    """
     try:
         partners = find_partners(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
     except InputError:

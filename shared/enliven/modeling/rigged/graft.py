@@ -24,8 +24,8 @@ def graft_bones(
     bones = list_bones(graft)
     names = _unused_joint_names(host, [bone.name for bone in bones])
     root = bones[0]
-    # The first rotation is W^-1 m_0 R^-1. W is the rotation of the parent bone at the time of the merge, and
-    # R converts to the new axes.
+    # The first rotation is W^-1 m_0 R^-1. W is the world rotation of the parent bone at the time of the merge
+    # (``world``), m_0 is the modeling rotation of the graft's root, and R converts to the new axes.
     first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
     turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
     node = host.skeleton.names[j]

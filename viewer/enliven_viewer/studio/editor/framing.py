@@ -57,7 +57,9 @@ def find_visible_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
 
 
 def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
-    """Returns a mask of the places (N, 3) within half of the surface's size from it; all if there is none."""
+    """Returns a mask of the places (N, 3) within half of the surface's size from it; all True without a
+    surface.
+    """
     low, high = extent.min(0), extent.max(0)
     air = _MAX_JOINT_DISTANCE * float((high - low).max())
     is_near = ((places >= low - air) & (places <= high + air)).all(1)

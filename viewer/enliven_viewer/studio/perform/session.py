@@ -136,7 +136,7 @@ class PerformSession:
         if parse_endpoint(wanted) in endpoints:
             remedy = tr("Give the address of another camera's computer.")
             raise InputError(tr("that stage is here already"), where=wanted, remedy=remedy)
-        # The first of these numbers that is free, so that no two edges have one.
+        # Use the smallest free number, so that no two edges have the same number.
         taken = {guest.number for guest in self.secondary_edges}
         number = next(n for n in range(1, len(taken) + 2) if n not in taken)
         self._client.edges[0].align_clock()
@@ -227,7 +227,7 @@ class PerformSession:
 
     @property
     def client(self) -> EdgeClient | None:
-        """Returns the link to the edge; None without one, and while a take is played."""
+        """Returns the link to the edge; None without an edge, and while a take is played."""
         return self._client
 
     @property
@@ -237,7 +237,7 @@ class PerformSession:
 
     @property
     def stage(self) -> StageLink | None:
-        """Returns the stage of the edge; None without one."""
+        """Returns the stage of the edge; None without an edge."""
         return None if self._client is None else self._client.stage
 
     @property

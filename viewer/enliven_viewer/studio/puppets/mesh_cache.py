@@ -55,7 +55,7 @@ def find_mesh_normals(mesh: Mesh) -> Float:
 
 @cache_by_mesh
 def find_mesh_plane(mesh: Mesh) -> Plane | None:
-    """Returns the mesh's plane of symmetry, or None if it has none."""
+    """Returns the mesh's plane of symmetry, or None if it is not symmetric."""
     return plane_of_symmetry(mesh)
 
 

@@ -87,7 +87,9 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StagePuppet | None:
-        """Returns the puppet in the previous key pose; None without one, or while it is being solved."""
+        """Returns the puppet in the previous key pose; None without a previous key pose, or while it is being
+        solved.
+        """
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.find(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not posing.silhouette:

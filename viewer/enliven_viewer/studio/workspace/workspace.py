@@ -330,7 +330,9 @@ class Workspace(App):
 
     @property
     def export_suffix(self) -> str:
-        """Suffix of the file name in the export dialogue. It is the default suffix if the name has none."""
+        """Suffix of the file name in the export dialogue. It is the default suffix if the name has no
+        suffix.
+        """
         typed = Path(self.browser.name).suffix.lower() if self.browser is not None else ""
         return typed or EXPORT_SUFFIXES[0]
 

@@ -90,7 +90,7 @@ class PaintTool(Tool):
         return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", brush_hints[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """Returns the symmetry plane of a mesh; None if it has none.
+        """Returns the symmetry plane of a mesh; None if it is not symmetric.
 
         Cached by the identity of the vertex array.
         """
