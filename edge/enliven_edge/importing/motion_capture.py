@@ -49,7 +49,7 @@ class MotionCaptureReader(FileReader):
 
     Joints are matched by name, and the unit is guessed from the leg length.
 
-    Left and right, heading and position are those of the file. Joints and orientations of bones have
+    Left and right, heading and position are the same as in the file. Joints and orientations of bones have
     confidence 1, because a motion capture contains no confidence.
     """
 

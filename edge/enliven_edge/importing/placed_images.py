@@ -144,7 +144,9 @@ class PosedDepthReader(Reader):
 
 
 def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
-    """Returns focal lengths and centre in pixels: the user's, the file's, or those of 7-Scenes."""
+    """Returns focal lengths and centre in pixels: from the user, from the file, or from the 7-Scenes data
+    set.
+    """
     if options.lens is not None:
         return options.lens
     if not path.is_file():

@@ -95,7 +95,7 @@ class ScannedPerson:
     def bones(self) -> Float:
         """(20, 3) all joints.
 
-        Joints that were not seen are those of a standing person. (0, 3) without a trunk.
+        Joints that were not seen are taken from a standing person. (0, 3) without a trunk.
         """
         joints, (hip, neck) = self.joints.copy(), self.joints[[Joint.HIP_CENTER, Joint.SHOULDER_CENTER]]
         if not np.isfinite(joints[list(_TRUNK)]).all():

@@ -111,7 +111,7 @@ def _counts_for(owner: Peer, peer: Peer) -> bool:
 
 
 def _is_loopback(address: str) -> bool:
-    """Returns True if an address is that of this machine."""
+    """Returns True if an address belongs to this machine."""
     try:
         return ipaddress.ip_address(address.partition("%")[0]).is_loopback
     except ValueError:

@@ -285,7 +285,7 @@ class TimeMap:
         """Changes the lane by an edit that does not handle keys of weight or speed.
 
         Args:
-            change: receives the layer without these keys. Its times are those of :meth:`even`.
+            change: receives the layer without these keys. Its times are returned by :meth:`even`.
         """
         changed = change(self._without_keys())
         if not (self.weights or self.speeds):

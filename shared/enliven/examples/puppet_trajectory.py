@@ -96,8 +96,8 @@ class PuppetMotion:
         previous one ended.
 
         Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, where R is the turn of one round. This
-        geometric series also holds for n < 0. The offset is that of the path, so that the root's distance
-        from the path does not accumulate over rounds. The remaining jump at the seam is eased out within the
+        geometric series also holds for n < 0. It is computed from the path, so that the root's distance from
+        the path does not accumulate over rounds. The remaining jump at the seam is eased out within the
         round.
         """
         if rounds == 0 or not self.travels:

@@ -105,7 +105,9 @@ def _is_own_file(name: str) -> bool:
 
 
 def _surfaces_at(performance: Performance, times: Float) -> Iterator[Float32]:
-    """Yields the surface at each time: that of the nearest frame, and the last one after the end."""
+    """Yields the surface at each time: the surface of the nearest frame, and the last surface after the
+    end.
+    """
     own_times = performance.times
     boundaries = (own_times[1:] + own_times[:-1]) / 2.0
     surfaces = performance.surfaces()

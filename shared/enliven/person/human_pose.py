@@ -176,7 +176,9 @@ _TRUNK_BONES = np.array(
 
 
 def human_of_body(body: Body, name: str) -> HumanPose:
-    """Returns the pose of a performer. A body without measured orientations gets those of its joints."""
+    """Returns the pose of a performer. For a body without measured orientations, they are computed from its
+    joints.
+    """
     joints = np.require(body.joints, np.float64, ("C", "W"))
     orientations = orientations_of_joints(joints) if body.orientations is None else body.orientations
     orientations = np.require(orientations, np.float64, ("C", "W"))

@@ -203,7 +203,7 @@ def _hide_part(rendered: RenderedPerson, rng: Generator) -> RenderedPerson:
 
 
 def random_build(rng: Generator) -> Proportions:
-    """Returns a random build, from a child's to that of a tall, stout adult."""
+    """Returns a random build, from a child to a tall, stout adult."""
     height = rng.normal(1.72, 0.1) if rng.random() < 0.85 else rng.uniform(1.1, 1.6)
     return Proportions(
         float(np.clip(height, 1.05, 2.05)),

@@ -37,7 +37,9 @@ _LOSABLE_PARTS = (
     BodyPart.SHANK_LEFT,
     BodyPart.HEAD,
 )
-"""Body parts that a tracker may lose: the head, and those of the left side, which stand for both sides."""
+"""Body parts that a tracker may lose: the head, and the parts of the left side, which represent both
+sides.
+"""
 _CLUTTER_FRACTION = 0.12
 """Fraction of samples without a person: one in eight."""
 _LOST_LIMB_FRACTION = 0.1

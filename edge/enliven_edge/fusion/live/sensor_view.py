@@ -22,7 +22,9 @@ class SensorState(StrEnum):
     FROZEN = "frozen"
     """Its frames come, but all are equal."""
     MOVED = "moved"
-    """Its people are elsewhere than those of the other sensors: it was knocked, or is not calibrated."""
+    """It sees people at other positions than the other sensors do: it was moved by a knock, or is not
+    calibrated.
+    """
     LOST = "lost"
     """It was unplugged, or failed."""
     ENDED = "ended"

@@ -35,7 +35,7 @@ _MIN_STATURE_DIFFERENCE_M = 0.15
 """Minimum difference in stature in metres, five standard deviations, that excludes a match even at the same
 place."""
 _DISTINCTIVE_LENGTHS = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
-"""The lengths that distinguish people: those of the limbs, which the fit measures best."""
+"""The lengths that distinguish people: the lengths of the limbs, which the fit measures best."""
 _MAX_MISMATCH = 9.0
 """Maximum mismatch of the same person in squared standard deviations: three sigma."""
 _KNOWN_FRAMES = 6

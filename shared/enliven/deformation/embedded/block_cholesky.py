@@ -1,9 +1,9 @@
 """Sparse factorization A = L D Lᵀ in 6x6 blocks: one symbolic analysis, numeric factorization on demand.
 
 One node of a deformation graph is one block (its rotation and its translation), so the work for indices is a
-36th of that of a scalar factorization. Everything that depends only on the pattern (order, fill, target of
-each product) is computed in advance. L has identity blocks on its diagonal, and D consists of blocks. So no
-node waits for a division by another node's block. During factorization, a block has float32 numbers in six
+36th of the work in a scalar factorization. Everything that depends only on the pattern (order, fill, target
+of each product) is computed in advance. L has identity blocks on its diagonal, and D consists of blocks. So
+no node waits for a division by another node's block. During factorization, a block has float32 numbers in six
 rows of eight lanes, so that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two
 blocks takes 10 to 15 ns, compared with 60 to 95 ns in plain Numba loops.
 

@@ -1,8 +1,8 @@
 """Foot lock: keeps standing feet in place, including those that are not the anchor.
 
-The distance between two feet of the mesh never equals that of the performer exactly. So while both feet
-stand, only the anchor stays in place. This module locks every standing foot to one position, with smooth
-transitions.
+The distance between two feet of the mesh never equals the distance between the performer's feet exactly. So
+while both feet stand, only the anchor stays in place. This module locks every standing foot to one position,
+with smooth transitions.
 
     places = lock_feet(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
 """

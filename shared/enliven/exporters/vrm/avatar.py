@@ -1,8 +1,8 @@
 """Writes a humanoid model as a VRM 1.0 avatar (.vrm): mesh, materials, skeleton and the map of human bones.
 
 An avatar has no motion: write that as a .vrma. The avatar stands in the T-pose, as VRM requires. The mesh and
-its binding are those of the model, so the skinning does not change. Each joint of the skeleton is a node. The
-rest rotations of the nodes put the skeleton into the T-pose.
+its binding are taken from the model unchanged, so the skinning does not change. Each joint of the skeleton is
+a node. The rest rotations of the nodes put the skeleton into the T-pose.
 """
 
 from __future__ import annotations

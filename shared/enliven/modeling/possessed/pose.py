@@ -133,7 +133,8 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
 
 def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
     """Returns the recorded linear maps (K, 3, 3) and positions (K, 3) of a part's nodes at a time. For a
-    muted part they are those of its first frame."""
+    muted part they are taken from its first frame.
+    """
     if part.muted:
         return _recorded_maps_at(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)

@@ -27,7 +27,7 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
     Raises:
         InputError: if the take does not exist, or the time is outside of it or already has a key pose. Also
             if the positions are not finite or not one per control point, or if the performer's pose equals
-            that of another example.
+            the performer's pose of another example.
     """
     puppet = project.puppet(puppet_id)
     pose = _checked_pose(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)

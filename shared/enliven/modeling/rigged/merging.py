@@ -48,7 +48,7 @@ def merge(
     The modeling rotation of each bone that starts at the graft's root is multiplied by W^-1 from the left
     (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
-    The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
+    The graft is converted to the host's rest axes. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
     and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
     the root itself in three cases: for a merge in the rest pose, if several bones start at the root, or if
     skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.

@@ -152,7 +152,7 @@ class PuppetEditor(KeyPoses):
     def _start(self, puppet: Puppet) -> Float:
         """Returns the positions (P, 3) in metres at the start of a drag.
 
-        They are those of the key pose at this moment, or those shown.
+        They come from the key pose at this moment, or else from the shown pose.
         """
         if self.places is not None:
             return self.places

@@ -76,7 +76,7 @@ class CharacterDrag:
     def turn(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters turned in the image plane.
 
-        The angle is that of the pointer's movement around the root.
+        The angle is the pointer's movement around the root.
 
         With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
         """
