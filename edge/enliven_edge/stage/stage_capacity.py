@@ -27,7 +27,7 @@ class Peer(Protocol):
 
 @dataclass(frozen=True)
 class StageSettings:
-    """Limits of the number of characters on the stage, and the folder in which it is kept."""
+    """Limits of the number of characters on the stage, and the folder in which the stage is kept."""
 
     characters: int = setting(
         16,
@@ -51,7 +51,8 @@ PendingCharacters = Iterable[tuple[str, Peer | None]]
 
 
 class StageCapacity:
-    """Counts the characters on a stage and those being uploaded, in total and for each viewer.
+    """Counts the characters on a stage and the characters that are being uploaded, in total and for each
+    viewer.
 
     Viewers on other machines are distinguished by address. Viewers on this machine share one address, so they
     are distinguished by connection. Characters of closed connections count for every viewer of their address.

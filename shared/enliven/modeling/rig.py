@@ -107,7 +107,9 @@ class RigEdits(ABC):
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
-        """Returns sentences about the data that the character still needs before it can move, or nothing."""
+        """Returns sentences about the data that the character still needs before it can move. Empty if it can
+        move.
+        """
         return ()
 
     def check_layers(self, project: Project, character: Any, numbers: set[int], /) -> None:

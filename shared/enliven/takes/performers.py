@@ -44,7 +44,7 @@ class MergedPerformers:
     people: dict[int, int] = field(default_factory=dict)
 
     def alone(self, person: int) -> list[BodyFrame]:
-        """Returns the frames, with only one person in them."""
+        """Returns the frames with all other people removed."""
         return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
 
     @property

@@ -33,8 +33,8 @@ def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float 
 
     Args:
         positions: (F, N, 3) metres.
-        known: (F, N, 4) measured rotations since rest. The result equals them, apart from a swing that points
-            the bone at its joint.
+        known: (F, N, 4) measured rotations since rest. The result equals these rotations, followed by the
+            swing that points each bone at its joint.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
     known_turns = (

@@ -189,7 +189,9 @@ def _add_limb(
 
 
 def _add_small_branches(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """Adds small branches at hands, feet, head or root: each follows its parent. Tails follow nothing."""
+    """Adds small branches at hands, feet, head or root. Each branch follows its parent. Tails follow no
+    bone.
+    """
     tail = set(anatomy.tail.chain[1:]) if anatomy.tail is not None else set()
     limbs = {
         joint for pair in (*anatomy.arms[1:], *anatomy.legs[1:]) for limb in pair for joint in limb.chain

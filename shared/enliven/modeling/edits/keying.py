@@ -156,8 +156,9 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
 
 
 def _nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
-    """Returns a rotation vector (3,) in radians as (3,) degrees. Of all numbers of full turns, the one
-    nearest to ``previous_degrees`` (3,) is chosen."""
+    """Converts a rotation vector (3,) from radians to degrees. Full turns are added so that the result is
+    nearest to ``previous_degrees`` (3,).
+    """
     vector = np.degrees(radians)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-9:

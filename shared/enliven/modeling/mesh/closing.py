@@ -3,8 +3,9 @@ leaves (open sheets).
 
 Two faces are connected across an edge if only these two share it, with opposite directions. If more than two
 faces share an edge (such as the edge of two touching boxes), they are connected in pairs: first the two faces
-with the thinnest wedge of solid between them. The remaining holes are capped if little area is missing. Other
-open parts are leaves (open sheets such as cloth or a feather), which do not enclose a volume.
+with the thinnest wedge of solid between them, then the others. The remaining holes are capped if little area
+is missing. Other open parts are leaves (open sheets such as cloth or a feather), which do not enclose a
+volume.
 """
 
 from __future__ import annotations

@@ -48,8 +48,9 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
 
 
 def matching_bone_numbers(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or the bone
-    ``otherwise`` if no bone has this name."""
+    """Returns the number of the bone of ``shape`` with the same name for each bone of ``before``, (N,). If no
+    bone has this name, it is ``otherwise``.
+    """
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
@@ -70,7 +71,9 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
 
 
 def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
-    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None if there are none."""
+    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None if there are no such
+    faces.
+    """
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():

@@ -179,7 +179,9 @@ def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) ->
 
 
 def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
-    """Returns a part of the graft in the merged shape, in which its nodes come after ``first`` others."""
+    """Returns a part of the graft for the merged shape, in which the numbers of its nodes start at
+    ``first``.
+    """
     if part.ride is None:
         return replace(part, ride=ride)
     return replace(part, ride=replace(part.ride, node=part.ride.node + first))

@@ -84,8 +84,9 @@ def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """Adds a layer's pose at a frame of its take as a key pose. The puppet is not changed if its examples
-    would then no longer differ."""
+    """Adds a layer's pose at a frame of its take as a key pose. The puppet stays unchanged if two of its
+    examples would then be equal.
+    """
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
         find_nearest_frame(project.takes[pose.take], pose.time)
@@ -98,7 +99,7 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
 
 
 def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
-    """Adds a key pose, unless the puppet's examples would then no longer differ."""
+    """Adds a key pose, unless two of the puppet's examples would then be equal."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
     return more if _examples_differ(project, more) else puppet
 
@@ -179,8 +180,8 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints that differ between key poses. If there are none, returns
-    all paired control points.
+    """Returns the paired control points with joints that differ between key poses. If no joint differs,
+    returns all paired control points.
 
     The performer's root never moves in the body frame, so its control point is left out.
     """

@@ -59,7 +59,7 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
     """Removes a control point, its constraints, and layers that moved only this point.
 
     Raises:
-        InputError: if there is none with that name.
+        InputError: if no control point has that name.
     """
     puppet = project.puppet(puppet_id)
     index = puppet.index(name)
@@ -76,7 +76,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     layers and constraints are updated.
 
     Raises:
-        InputError: if there is none with that name, or a value is invalid.
+        InputError: if no control point has that name, or a value is invalid.
     """
     puppet = project.puppet(puppet_id)
     number = puppet.index(point)

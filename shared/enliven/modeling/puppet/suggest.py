@@ -176,7 +176,9 @@ def _symmetry_plane(mesh: IdentityKey[Mesh]) -> Plane | None:
 
 
 def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
-    """Returns the vertices, with the mirror images of those that have no partner and are not on the plane."""
+    """Returns the vertices, and adds the mirror image of each vertex that has no partner and is not on the
+    plane.
+    """
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
     images = reflect_points(rest, np.array(plane.point), np.array(plane.normal))
@@ -207,7 +209,8 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
 def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
     """Returns (P,) True for control points that can stand: they are low on the mesh and paired with a foot.
 
-    A single such point is not used, because the mesh would hop whenever the performer lifts that foot.
+    If only one such point exists, it is not used, because the mesh would hop whenever the performer lifts
+    that foot.
     """
     feet_of = foot_joints(clip.skeleton)
     low, high = puppet.mesh.bounds[:, 1]

@@ -49,7 +49,9 @@ def graft_bones(
 
 
 def _combined_rotation(root: Bone, bone: Bone) -> Bone:
-    """Combines the root's rotation with that of a child bone: D_b = m_0 a_0 m_b a_b in one bone."""
+    """Combines the root's rotation with a child bone's rotation, so that one bone has both: D_b = m_0 a_0 m_b
+    a_b.
+    """
     if not has_motion(root.spans):
         fixed = multiply(root.modeling, rotation_without_takes(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))

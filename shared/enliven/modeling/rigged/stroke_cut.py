@@ -39,7 +39,8 @@ def cut_stroke(
     *,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, ...]]:
-    """Cuts a shape where a stroke crosses its bones at ``time``. Each part below a crossing becomes a shape.
+    """Cuts a shape where a stroke crosses its bones at ``time``. Each part below a crossing becomes a
+    separate shape.
 
     Every bone is cut as by ``cut_bone``, so the pose at ``time`` does not change. The mesh is cut along the
     stroke in its pose at ``time``. Each part of the mesh stays with the bones that it follows most.

@@ -25,9 +25,9 @@ def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
 def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
     """Moves the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
-    A vertex that already follows four bones keeps only the bone with the larger part. The two weights add up
-    to the old weight exactly, because one is rounded, and the other is the difference. So removing an
-    inserted node restores the old weights.
+    A vertex that already follows four bones keeps only the bone with the larger part of the two. Their
+    weights add up to the old weight exactly, because the first is rounded, and the second is the difference.
+    So removing an inserted node restores the old weights.
     """
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
