@@ -30,7 +30,7 @@ class PerformerInput:
         pose: (P, 3) metres, the paired joints in the body frame.
         yaw: radians about +Y, the direction that the puppet should face.
         footing: foot contacts and jump height of the performer.
-        size: height in metres by which the puppet rises for a lift of 1.
+        size: rise of the puppet in metres for a lift of 1.
         way: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
     """
 

@@ -230,7 +230,7 @@ class Locomotion:
         Args:
             places: (P, 3) metres, control points in the puppet's frame.
             yaw: radians.
-            size: height in metres by which the puppet rises for a lift of 1.
+            size: rise of the puppet in metres for a lift of 1.
             way: the performer's path on the floor, in the puppet's strides and axes.
         """
         if not self.can_step:

@@ -220,8 +220,8 @@ class PuppetActor(Actor):
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """If a performer has been out of view for long, gives the performer's hold to the only idle performer
-        in view.
+        """Gives the hold of a performer that has been out of view for long to the only idle performer in
+        view.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]

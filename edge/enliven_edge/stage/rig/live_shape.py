@@ -123,7 +123,7 @@ class LiveShape:
         self._easing.restart_fade()
 
     def hand_over(self, bodies: Sequence[Body], idle: Sequence[Body], time_ns: int, patience: float) -> None:
-        """If a performer is away for over ``patience`` seconds, gives the binding to the only idle
+        """Gives the binding of a performer that is away for over ``patience`` seconds to the only idle
         performer.
         """
         present = {body.id for body in bodies}

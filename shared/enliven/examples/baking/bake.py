@@ -38,7 +38,7 @@ _MAX_REFITS = 3
 _MAX_FRAMES_ADDED = 16
 """Maximum number of frames that are added at once, the worst first. Each frame costs time in every round."""
 _FINAL_ROUNDS = 5
-"""Number of final fitting rounds, in which the transforms are restricted to what a glTF node can represent:
+"""Number of final fitting rounds, in which the transforms are restricted to the form of a glTF node:
 rotation, and scale along fixed axes.
 """
 

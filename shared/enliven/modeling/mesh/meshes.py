@@ -16,8 +16,8 @@ from enliven.modeling.skinning.skins import renumber_bones
 
 
 def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
-    """Returns the vertices (V, 3) in metres, v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for the
-    bones' maps L (N, 3, 3) and the joints x (N, 3).
+    """Returns the vertices (V, 3) in metres for the bones' maps L (N, 3, 3) and the joints x (N, 3): v' =
+    sum_j w_j (L_j (v - rest_parent) + x_parent).
     """
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
@@ -71,9 +71,7 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
 
 
 def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
-    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None if there are no such
-    faces.
-    """
+    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None without such faces."""
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():
