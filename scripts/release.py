@@ -271,7 +271,7 @@ class Environment:
     Args:
         place: an empty folder for the environment, and for a home folder with no kernels in it.
         built: the folder of the wheels.
-        asked: the requirement to install.
+        requirement: the requirement to install.
         of: the version.
     """
 

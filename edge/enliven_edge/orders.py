@@ -55,7 +55,7 @@ class OrderTarget(Protocol):
 
 
 def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
-    """Returns the handler of each kind of order. A new kind needs one more line."""
+    """Returns the handler of each kind of order. A new kind of order needs an entry here."""
     return {
         Possess: Handler(lambda order: _possess(edge.stage, order), _subject_of_possession),
         Release: Handler(

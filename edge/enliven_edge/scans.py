@@ -165,7 +165,9 @@ class Scans:
         return cast
 
     def _find_offset(self, mesh: Mesh, name: str) -> float:
-        """Returns the metres along +X that move a mesh next to the resting positions of other characters."""
+        """Returns the distance in metres along +X that moves a mesh next to the resting positions of other
+        characters.
+        """
         other_extents = [
             character.vertices[:, 0].max()
             for mesh_extent, character in self._stage.characters.items()

@@ -72,7 +72,9 @@ def _compile_other_kernels() -> None:
 
 
 def _duplicate_person(depth: UInt16) -> UInt16:
-    """Returns (H, W) the same person twice: the nearer of the image and a shifted copy."""
+    """Returns a depth image (H, W) that shows the person twice: the minimum of the image and a shifted
+    copy.
+    """
     moved = np.roll(depth, round(_PEOPLE_DISTANCE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
 

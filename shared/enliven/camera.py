@@ -70,7 +70,7 @@ class Intrinsics:
 
 
 def pixel_rays(intrinsics: Intrinsics) -> Float:
-    """Returns (H, W, 2) the (x/z, y/z) of every pixel's ray in the camera frame, without distortion.
+    """Returns x/z and y/z of every pixel's ray in the camera frame, without distortion, (H, W, 2).
 
     The distortion is inverted by fixed-point iteration, which converges for the mild lenses of depth cameras.
     Compute it once per camera and keep the result.

@@ -108,8 +108,8 @@ def run(arguments: list[str]) -> int:
 
 
 def _report_os_error(error: OSError) -> int:
-    """Returns the exit code of an operating system error: that of a missing resource, or that of a fault of
-    enliven.
+    """Returns the exit code of an operating system error: the code for a missing resource, or the code for a
+    fault of enliven.
     """
     if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
         return _report_other_error(error)

@@ -23,7 +23,7 @@ class DepthFrame:
         sensor: the sensor's identity, such as "kinect1-A00362".
         colour: (h, w, 3) uint8 sRGB, or None.
         world_from_camera: (4, 4) pose of the sensor, or None if it must be estimated from the floor.
-        sequence: the sensor's own count of its images, or None if it has none.
+        sequence: the sensor's own count of its images, or None if the sensor does not count.
         read_ns: monotonic clock when the frame was read, if it was passed on much later. 0 otherwise.
     """
 

@@ -12,7 +12,7 @@ _BLOCK = 32
 
 @njit(cache=True, nogil=True)
 def pixels_of(mask):
-    """Returns (M,) int32 the indices of masked pixels in reading order."""
+    """Returns the flat indices of the masked pixels in row-major order, (M,) int32."""
     flat = mask.ravel()
     out, count = np.empty(len(flat) + 1, np.int32), 0
     whole = len(flat) // _BLOCK * _BLOCK

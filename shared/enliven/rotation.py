@@ -22,8 +22,8 @@ _SYMMETRIC_INDICES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
 def multiply(a: AnyArray, b: AnyArray) -> Float:
-    """Returns (..., 4) the rotation ``b`` followed by ``a``: rotate(multiply(a, b), v) == rotate(a, rotate(b,
-    v)).
+    """Returns the rotation ``b`` followed by ``a``, (..., 4): rotate(multiply(a, b), v) == rotate(a,
+    rotate(b, v)).
     """
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
@@ -40,12 +40,12 @@ def multiply(a: AnyArray, b: AnyArray) -> Float:
 
 
 def conjugate(q: AnyArray) -> Float:
-    """Returns (..., 4) the inverse rotation of unit quaternions (..., 4)."""
+    """Returns the inverse rotation (..., 4) of unit quaternions (..., 4)."""
     return np.asarray(np.asarray(q, np.float64) * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def rotate(q: AnyArray, v: AnyArray) -> Float:
-    """Returns (..., 3) the vectors ``v`` (..., 3) rotated by the unit quaternions ``q`` (..., 4)."""
+    """Returns the vectors ``v`` (..., 3) rotated by the unit quaternions ``q`` (..., 4)."""
     q, v = np.asarray(q, np.float64), np.asarray(v, np.float64)
     axis = q[..., 1:]
     twice = 2 * _cross(axis, v)
@@ -76,7 +76,7 @@ def normalized(q: AnyArray) -> Float:
 
 
 def canonical(q: AnyArray) -> Float:
-    """Returns (..., 4) the same rotations with w >= 0."""
+    """Returns the same rotations (..., 4) with w >= 0."""
     q = np.asarray(q, np.float64)
     return np.asarray(np.where(q[..., :1] < 0, -q, q))
 
@@ -102,7 +102,7 @@ def from_matrix(matrix: AnyArray) -> Float:
 
 
 def nearest_rotation(matrix: AnyArray) -> Float:
-    """Returns (..., 3, 3) the proper rotation R (det +1) that maximises trace(RᵀM), for any (..., 3, 3) M.
+    """Returns the proper rotation R (..., 3, 3) (det +1) that maximises trace(RᵀM), for any (..., 3, 3) M.
 
     For det M > 0 this is the rotation of the polar decomposition. It is still a rotation if M is a
     reflection, singular or zero.
@@ -111,7 +111,7 @@ def nearest_rotation(matrix: AnyArray) -> Float:
 
 
 def from_rotation_vector(vector: AnyArray) -> Float:
-    """Returns (..., 4) the rotation about ``vector`` (..., 3) by its length in radians."""
+    """Returns the rotation (..., 4) about ``vector`` (..., 3) by its length in radians."""
     vector = np.asarray(vector, np.float64)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     # np.sinc keeps full precision down to angle 0, where sin(angle / 2) / angle would be 0 / 0.
@@ -133,7 +133,7 @@ def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
 
 
 def remove_sign_jumps(turns: AnyArray) -> Float:
-    """Returns (T, N, 4) the same rotations without sign jumps over time, with w >= 0 in the first frame."""
+    """Returns the same rotations (T, N, 4) without sign jumps over time, with w >= 0 in the first frame."""
     flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
     flips[flips == 0] = 1.0
     start = np.where(turns[:1, :, 0] < 0, -1.0, 1.0)
@@ -142,7 +142,7 @@ def remove_sign_jumps(turns: AnyArray) -> Float:
 
 
 def swing(a: AnyArray, b: AnyArray) -> Float:
-    """Returns (..., 4) the rotation by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
+    """Returns the rotation (..., 4) by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
 
     For opposite vectors it is a half turn about an axis perpendicular to ``a``. The rotation is equally short
     about every such axis; the chosen axis depends only on ``a``.
@@ -160,7 +160,7 @@ def swing(a: AnyArray, b: AnyArray) -> Float:
 
 
 def unit(vectors: AnyArray) -> Float:
-    """Returns (..., N) the unit vectors in the directions of ``vectors`` (..., N). Zero vectors stay zero."""
+    """Returns the unit vectors (..., N) in the directions of ``vectors`` (..., N). Zero vectors stay zero."""
     vectors = np.asarray(vectors, np.float64)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
@@ -276,7 +276,7 @@ def _jacobi_turn(k, v, p, q):
 
 
 def hencky_strain(linear: AnyArray, turns: AnyArray) -> Float:
-    """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with rotations ``turns``: linear = R U.
+    """Returns the Hencky strain log U (..., 6) of maps (..., 3, 3) with rotations ``turns``: linear = R U.
 
     The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches are at least :data:`_MIN_STRETCH`,
     and reflections are ignored.
@@ -288,13 +288,13 @@ def hencky_strain(linear: AnyArray, turns: AnyArray) -> Float:
 
 
 def stretch_from_strain(strain: AnyArray) -> Float:
-    """Returns (..., 3, 3) the symmetric stretch U = exp(strain) of Hencky strains (..., 6)."""
+    """Returns the symmetric stretch U = exp(strain) of Hencky strains (..., 6) as matrices (..., 3, 3)."""
     sizes, axes = np.linalg.eigh(symmetric_matrix(strain))
     return _matrix_from_eigen(np.exp(sizes), axes)
 
 
 def symmetric_matrix(six: AnyArray) -> Float:
-    """Returns (..., 3, 3) the symmetric matrices of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
+    """Returns the symmetric matrices (..., 3, 3) of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
     return np.asarray(six, np.float64)[..., _SYMMETRIC_INDICES]
 
 

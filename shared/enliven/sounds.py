@@ -46,9 +46,7 @@ _MAX_INT16 = 32767
 
 
 def mix_sounds(sounds: Iterable[Sound], first: int, count: int) -> Int16:
-    """Returns (count,) the mix of all sounds, starting at the sample index ``first`` of the project's
-    time.
-    """
+    """Returns the mix (count,) of all sounds, starting at sample index ``first`` of the project's time."""
     total = np.zeros(count, np.int32)
     for sound in sounds:
         begin = round(sound.begin * SOUND_RATE)
@@ -59,8 +57,9 @@ def mix_sounds(sounds: Iterable[Sound], first: int, count: int) -> Int16:
 
 
 def mix_from(sounds: Iterable[Sound], second: float) -> Int16:
-    """Returns (N,) the mix of all sounds from ``second``, in seconds of the project, to the end of the last
-    sound."""
+    """Returns the mix (N,) of all sounds from ``second``, in seconds of the project, to the end of the last
+    sound.
+    """
     all_sounds = tuple(sounds)
     first, last = (
         round(second * SOUND_RATE),

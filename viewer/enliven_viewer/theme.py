@@ -278,7 +278,7 @@ class _ActiveTheme:
 
 
 class _ThemeColour(Sequence[Any]):
-    """A colour, or several colours, by name: evaluates to the numbers of the theme in use.
+    """A named colour, or a named list of colours. The values are looked up in the current theme at each use.
 
     Args:
         name: name of an attribute of :class:`Theme` or :class:`ColourSet`.

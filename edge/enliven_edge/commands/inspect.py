@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from enliven_edge.inspection.log import SensorLog
 
 _BIT_RATE = 6.0
-"""Bit rate of a film in Mbit/s if the encoder has no quality setting. It is that of the viewer's films."""
+"""Bit rate of a film in Mbit/s if the encoder has no quality setting. The viewer uses
+the same bit rate.
+"""
 _USUAL_RATE = 30.0
 """Assumed frame rate in frames per second of a recording with too few frames to measure it. It is typical of
 depth cameras."""

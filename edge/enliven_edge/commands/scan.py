@@ -51,11 +51,14 @@ def scan(
         typer.Option(help="The object turns on a turntable, and is tracked while it moves."),
     ] = False,
     person: Annotated[
-        bool, typer.Option(help="Scan a person in front of a fixed camera: turn once, or hold still.")
+        bool,
+        typer.Option(help="Scan a person in front of a fixed camera. The person turns once or holds still."),
     ] = False,
     thing: Annotated[
         int,
-        typer.Option(min=1, help="Number of the object if several stand on the floor; 1 was looked at most."),
+        typer.Option(
+            min=1, help="If several objects are on the floor: the object to keep. 1 was most in view."
+        ),
     ] = 1,
     seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")

@@ -216,7 +216,9 @@ def _choose_protocol(name: str) -> ImageProtocol | None:
 
 
 def _draw_picture(frame: DepthFrame) -> UInt8:
-    """Returns (H, W, 3) sRGB of a frame's depth, with its colour image to the right if it has one."""
+    """Returns (H, W, 3) sRGB of a frame's depth, with the colour image to the right if the frame has
+    colour.
+    """
     import numpy as np
     from PIL import Image
 

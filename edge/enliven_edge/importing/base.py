@@ -171,7 +171,7 @@ def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
 
 
 def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
-    """Returns (R, columns) the rows as numbers. An incomplete last row is left out.
+    """Returns the rows (R, columns) as numbers. An incomplete last row is left out.
 
     Raises:
         InputError: for a line that is too short or contains other text.
@@ -198,7 +198,7 @@ def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, f
 
 
 def read_floats(path: Path) -> Float:
-    """Returns (N,) the numbers of a text file, separated by blanks.
+    """Returns the numbers (N,) of a text file, separated by blanks.
 
     Raises:
         InputError: if it contains other text.

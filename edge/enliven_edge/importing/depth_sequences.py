@@ -128,7 +128,7 @@ def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> 
 
 
 def _find_problem(path: Path) -> str:
-    """Returns why a file contains no depth."""
+    """Returns why a file contains no depth. The text is never empty."""
     if path.is_file() and path.stat().st_size == 0:
         return "it is empty"
     kind = describe_colour_image(path)

@@ -112,8 +112,8 @@ class BodyScannerReader(SkeletonReader):
 
 
 def level_from_tilted(tilt: float) -> Float:
-    """Returns a (3, 3) rotation from the space of a sensor tilted ``tilt`` radians downwards to that of a
-    level sensor.
+    """Returns a (3, 3) rotation from the space of a sensor that is tilted downwards by ``tilt`` radians to
+    the space of a level sensor.
     """
     c, s = math.cos(tilt), math.sin(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])

@@ -49,7 +49,7 @@ class MotionCaptureReader(FileReader):
 
     Joints are matched by name, and the unit is guessed from the leg length.
 
-    Left and right, heading and position are those of the file. Joints and orientations of bones have
+    Left and right, heading and position are the same as in the file. Joints and orientations of bones have
     confidence 1, because a motion capture contains no confidence.
     """
 
@@ -80,7 +80,9 @@ class MotionCaptureReader(FileReader):
 
 
 def bodies_from_capture(capture: Capture, roles: Roles) -> tuple[Float, Float]:
-    """Returns (F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
+    """Returns the joints (F, 20, 3) in metres and the orientations (F, 20, 4), +Y up, of a capture in its own
+    unit and axes.
+    """
     capture = turn_upright(capture)
     p = capture.positions
     metres = UNITS[guess_unit(leg_length(capture, roles))]

@@ -144,7 +144,9 @@ class PosedDepthReader(Reader):
 
 
 def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
-    """Returns focal lengths and centre in pixels: the user's, the file's, or those of 7-Scenes."""
+    """Returns focal lengths and centre in pixels: from the user, from the file, or from the 7-Scenes data
+    set.
+    """
     if options.lens is not None:
         return options.lens
     if not path.is_file():
@@ -170,7 +172,7 @@ def _read_matrix(path: Path, side: int) -> Float:
 
 
 def _check_rigid(matrix: Float, path: Path) -> Float:
-    """Returns (4, 4) the matrix after checking that it is a rotation and a translation."""
+    """Returns the matrix (4, 4) after checking that it is a rotation and a translation."""
     rotation = matrix[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
         raise InputError(

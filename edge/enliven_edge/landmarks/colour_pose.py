@@ -114,7 +114,9 @@ class ColourPoseEstimator:
         self._next = 1
 
     def improve(self, bodies: list[Body], frame: DepthFrame, world_from_camera: Float) -> list[Body]:
-        """Returns a frame's depth bodies, fused with the bodies in its colour image if it has one."""
+        """Returns a frame's depth bodies, fused with the bodies in its colour image if the frame has
+        colour.
+        """
         if frame.colour is None or not bodies:
             return bodies
         detections = self._source.find(frame.colour, frame.time_ns)

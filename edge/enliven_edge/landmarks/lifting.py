@@ -34,7 +34,7 @@ SKIN_TO_JOINT_M = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
 
 
 def _joint_weights() -> Float:
-    """Returns (20, 33) the weight of each landmark in a joint. Every row sums to 1."""
+    """Returns the weight (20, 33) of each landmark in a joint. Every row sums to 1."""
     weights = np.zeros((len(Joint), len(NAMES)))
 
     def put(joint: Joint, **parts: float) -> None:
@@ -70,7 +70,7 @@ def joints_from_landmarks(landmarks: Float) -> Float:
 
 
 def joint_visibility(visibility: Float) -> Float:
-    """Returns (20,) the probability that each joint is visible: that of its least visible landmark."""
+    """Returns the probability (20,) that each joint is visible: that of its least visible landmark."""
     return np.asarray(np.where(_NEEDED_LANDMARKS, visibility, 1.0).min(1))
 
 
@@ -166,7 +166,8 @@ class Lifter:
         ray, is_inside = self._pixel_ray_coordinates(points, camera)
         weight = landmarks.visibility * np.where(is_inside, 1.0, 0.2)
         x, y, z = landmarks.offsets.T
-        # The perspective equations (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz) are linear in t.
+        # A landmark at the offset (x, y, z) from the body's position t = (tx, ty, tz) projects to the ray (u,
+        # v). So x + tx = u (z + tz) and y + ty = v (z + tz). These equations are linear in t.
         rows = np.zeros((2 * len(points), 3))
         rows[: len(points), 0] = rows[len(points) :, 1] = 1.0
         rows[: len(points), 2], rows[len(points) :, 2] = -ray[:, 0], -ray[:, 1]
@@ -177,7 +178,7 @@ class Lifter:
         return joints_from_landmarks(landmarks.offsets) + place
 
     def _pixel_ray_coordinates(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
-        """Returns (N, 2) the coordinates x/z and y/z of pixels, and (N,) whether each is inside the image."""
+        """Returns x/z and y/z of pixels, (N, 2), and True for each pixel that is inside the image, (N,)."""
         if camera != self._camera:
             self._camera, self._rays = camera, pixel_rays(camera)
         size = np.array([camera.width, camera.height])
@@ -191,7 +192,7 @@ class Lifter:
     def _measure_depth(
         self, frame: DepthFrame, pixels: Float, expected: Float, inside: Bool, margin: float
     ) -> Float:
-        """Returns (20,) the surface depth in metres around each joint's pixel.
+        """Returns the surface depth (20,) in metres around each joint's pixel.
 
         NaN means that no depth is within ``margin`` of the expected one.
         """

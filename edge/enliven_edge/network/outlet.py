@@ -180,7 +180,9 @@ class Outlet(Closeable):
             )
 
     def set_health(self, states: list[HealthState]) -> None:
-        """Sets the health states of the edge, plus those of the take. A change is sent immediately."""
+        """Sets the health states: the states of the edge and the states of the take. A change is sent
+        immediately.
+        """
         take = self._take.health_states if self._take is not None else []
         health = health_to_messages(sort_by_severity([*states, *take]))
         published = self._publisher.status.health

@@ -12,7 +12,7 @@ HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge
 
 
 def refusal_reason(kind: type[Ask], role: Role | None, address: str) -> str:
-    """Returns why a viewer may not send a request. Empty if it may.
+    """Returns why a viewer may not send a request; empty if it may send it.
 
     Args:
         kind: the class of the request.

@@ -296,7 +296,7 @@ class Publisher(Closeable):
             self.send_heartbeat()
 
     def _refusal_reason(self, kind: type[Ask], peer: Connection) -> str:
-        """Returns why a peer may not send a request. Empty: it may."""
+        """Returns why a peer may not send a request; empty if it may send it."""
         return refusal_reason(kind, peer_role(self._access, peer, "operate"), peer.address)
 
     def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:

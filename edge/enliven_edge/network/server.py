@@ -29,7 +29,9 @@ MAX_CONNECTIONS = 200
 """Maximum number of connections of one server: two servers stay below the limit of ``select`` on Windows
 (512)."""
 _HANDSHAKE_TIMEOUT_S = 3.0
-"""Maximum seconds from connecting to the first valid message. A connection without one is closed."""
+"""Maximum seconds from connecting to the first valid message. A connection that sends no valid message in
+this time is closed.
+"""
 _STALL_TIMEOUT_S = 10.0
 """Seconds after which a connection that accepts none of its waiting bytes is closed."""
 _QUIET_TIMEOUT_S = 10.0

@@ -4,8 +4,8 @@ MuJoCo moves a mocap body by setting its position. The solver treats it as stati
 only by penetration depth: at 3 m/s it enters a box by 6 cm, at 10 m/s it passes through. The reference
 acceleration of a contact row is aref = -b v - k d r (MuJoCo, "Computation", constraint model). Here v is the
 relative velocity of the bodies that the solver knows. The term of the sphere's own velocity is added here.
-The result equals that of a body of great mass with the same velocity (measured, and tested), but costs no
-degrees of freedom.
+A body of great mass with the same velocity would give the same result (measured, and tested), but it would
+add degrees of freedom.
 """
 
 from __future__ import annotations

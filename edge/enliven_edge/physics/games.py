@@ -72,7 +72,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
 
 
 def tower_places(settings: BoxesSettings) -> Float:
-    """Returns (P, 3) the positions in metres of the boxes of :func:`tower_props`: sideways, up and ahead."""
+    """Returns the positions (P, 3) in metres of the boxes of :func:`tower_props`: sideways, up and ahead."""
     pitch, half = settings.side + _BOX_GAP_M, (settings.wide - 1) / 2
     places = [
         (x + (i - half) * pitch, (k + 0.5) * settings.side, z + (j - half) * pitch)
@@ -85,7 +85,8 @@ def tower_places(settings: BoxesSettings) -> Float:
 
 
 def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
-    """Returns (P, 3) metres as :func:`tower_places`, with towers moved away from spheres and each other.
+    """Returns the positions of :func:`tower_places`, (P, 3) in metres, with towers moved away from spheres
+    and each other.
 
     A tower goes to the nearest free candidate position. If none is free it stays.
 
@@ -230,7 +231,7 @@ class Dodgeball:
         return ", ".join(f"{n} hit {adverbs.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
     def _target_centre(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
-        """Returns (3,) the centre of a target's spheres, None if it has none."""
+        """Returns the centre (3,) of a target's spheres, None if it has none."""
         target_spheres = spheres[np.array(owners, np.int64) == names.index(name)]
         target_spheres = target_spheres[np.isfinite(target_spheres).all(1)]
         return (

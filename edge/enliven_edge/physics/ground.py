@@ -97,7 +97,7 @@ def ground_under(body: Body) -> WorldGround | None:
 
 
 def _joint_radii() -> Float:
-    """Returns (20,) the radius in metres around each joint of a person 1.75 m tall."""
+    """Returns the radius (20,) in metres around each joint of a person 1.75 m tall."""
     radii = np.full(len(Joint), 0.07)
     radii[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = 0.13
     radii[[Joint.HIP_LEFT, Joint.HIP_RIGHT]] = 0.11

@@ -237,7 +237,7 @@ class World:
 
 
 def _pad_rows(rows: Float, count: int, fill: Float) -> Float:
-    """Returns (count, 3) the rows, padded with ``fill``."""
+    """Returns the rows (count, 3), padded with ``fill``."""
     return np.concatenate([rows, np.tile(fill, (count - len(rows), 1))])
 
 

@@ -88,7 +88,7 @@ class PartedRecorder(Closeable):
     Args:
         path: path of the first part, with placeholders as in :func:`free_path`.
         overwrite: True allows replacing an existing file.
-        compression_level: that of ``encode_depth``.
+        compression_level: see ``encode_depth``.
         settings: duration and size of a part, and the space to keep free.
         waits_for_space: True starts without a part if the disk is full. The first part follows when there is
             space. An edge without staff needs this: it must also start again after a crash with a full disk.

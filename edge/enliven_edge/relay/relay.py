@@ -161,7 +161,7 @@ class Relay(Closeable):
         )[:400]
 
     def _refusal_reason(self, kind: type[Ask], peer: Connection) -> str:
-        """Returns why a viewer may not send a request. Empty: it may."""
+        """Returns why a viewer may not send a request; empty if it may send it."""
         role = peer_role(self._access, peer, "watch")
         if role is not None and issubclass(kind, Order):
             return self._watch_only

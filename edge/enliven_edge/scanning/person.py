@@ -95,7 +95,7 @@ class ScannedPerson:
     def bones(self) -> Float:
         """(20, 3) all joints.
 
-        Joints that were not seen are those of a standing person. (0, 3) without a trunk.
+        Joints that were not seen are taken from a standing person. (0, 3) without a trunk.
         """
         joints, (hip, neck) = self.joints.copy(), self.joints[[Joint.HIP_CENTER, Joint.SHOULDER_CENTER]]
         if not np.isfinite(joints[list(_TRUNK)]).all():
@@ -276,7 +276,7 @@ class PersonScanner(Scanner):
             self._joints.append((places, body.confidence))
 
     def _median_joints(self) -> Float:
-        """Returns (20, 3) the median position of each joint, NaN if it was seen too rarely."""
+        """Returns the median position (20, 3) of each joint, NaN if it was seen too rarely."""
         joints = np.full((len(Joint), 3), np.nan)
         for joint in Joint:
             places = [

@@ -74,9 +74,9 @@ class ScanPlacement:
     def _find_ground(self, scanner: Scanner, mesh: Mesh) -> GroundPlane:
         """Returns the floor under a room's surface, in the room's frame.
 
-        The frame does not change when images are undone. So a floor that was found in more images is kept: it
-        is better than one from the few remaining images, or than the assumed one. This way neither the
-        placement nor the crop box jumps.
+        The frame does not change when images are undone. So a floor that was found in more images is kept. It
+        is better than a floor from the few remaining images, and better than the assumed floor. This way
+        neither the placement nor the crop box jumps.
         """
         images = len(scanner.poses)
         if images >= self._ground_images:

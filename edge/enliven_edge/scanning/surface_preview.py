@@ -58,7 +58,7 @@ class SurfacePreview:
         return messages
 
     def _measure_change(self, places: list[Place], sums: PieceSums) -> Float:
-        """Returns (P,) the change of each piece: doublings of its weight, plus its fraction of new voxels."""
+        """Returns the change (P,) of each piece: doublings of its weight, plus its fraction of new voxels."""
         before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
         weight_change = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
         return np.asarray(

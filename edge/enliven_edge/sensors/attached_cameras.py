@@ -124,7 +124,7 @@ def install_advice(sensor: str, pip: str = "") -> str:
 
 
 def explain_unsupported(package: str, installed: str) -> str:
-    """Returns why a version of a camera's library is not supported. Empty if it is."""
+    """Returns why a version of a camera's library is not supported; empty if the version is supported."""
     for kind in KINDS:
         for pattern, reason in kind.bad if kind.package == package else ():
             if re.match(pattern, installed):
@@ -155,7 +155,7 @@ def _camera(device: Path, nodes: Path) -> AttachedCamera | None:
 
 
 def _read_attribute(device: Path, part: str) -> str:
-    """Returns an attribute of a device from the system. Empty if it has none."""
+    """Returns an attribute of a device from the system. Empty if the device does not have it."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

@@ -122,7 +122,7 @@ def _add_problem(camera: DetectedCamera, node: Path | None, module: str) -> Dete
 
 
 def _read_attribute(device: Path, part: str) -> str:
-    """Returns an attribute of a device from the system. Empty if it has none."""
+    """Returns an attribute of a device from the system. Empty if the device does not have it."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

@@ -48,7 +48,7 @@ class ReplaySensor(Sensor):
     """
 
     recorded = True
-    """True if its frames may wait for those of another recording."""
+    """True if its frames may wait for the frames of another recording."""
 
     def __init__(
         self, path: str | Path, speed: float = 1.0, loop: bool = False, longest_pause: float = math.inf

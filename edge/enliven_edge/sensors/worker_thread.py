@@ -37,7 +37,7 @@ class WorkerThread:
 
     @property
     def waited(self) -> float:
-        """Seconds since the current call was started. 0 without one."""
+        """Seconds since the current call was started. 0 if no call is running."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def ask(self, call: Callable[[], Any]) -> None:
@@ -58,7 +58,7 @@ class WorkerThread:
         try:
             result, error = self._answers.get(timeout=timeout)
         except Empty:
-            raise TimeoutError("no answer yet") from None
+            raise TimeoutError(f"the call did not finish within {timeout} s") from None
         self._since = None
         if error is not None:
             raise error

@@ -31,7 +31,8 @@ class PendingPossession:
 
 
 def order_performers(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
-    """Returns the bodies in the order of being offered a character: idle ones first, then by distance.
+    """Returns the bodies in the order in which they are offered a character: idle performers first, then by
+    distance.
 
     Args:
         busy: the ids of the performers that possess other characters.

@@ -14,7 +14,8 @@ log = logging.getLogger(__name__)
 
 _SETTLING_SOLVES = 12
 """Number of times that one frame is solved to move a character from the hold's starting pose to the current
-one. Each solve about halves the remaining distance."""
+pose. Each solve about halves the remaining distance.
+"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,8 @@ log = logging.getLogger(__name__)
 
 
 class InitialPossession:
-    """Lets performers possess characters when they appear: the first one with the first parts, and so on.
+    """Lets performers possess characters when they appear. The first performer uses the first parts, the
+    second performer the second parts, and so on.
 
     Args:
         at: seconds from the first frame to the possession; None: no possession.

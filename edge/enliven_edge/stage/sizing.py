@@ -52,7 +52,8 @@ class HandSizing:
     """The sizes of the characters on a stage, and the gestures that change them.
 
     Hands twice as far apart make a character twice as large, between 1 / ``MAX_GROWTH`` and ``MAX_GROWTH`` of
-    its own size. The size stays when the gesture ends: by the command that started it, or by holding still.
+    its own size. The gesture ends by the command that started it, or when the hands hold still. The character
+    then keeps its size.
     """
 
     def __init__(self, stage: Stage) -> None:
@@ -115,8 +116,9 @@ class HandSizing:
         return messages
 
     def _find_target(self, order: Resize) -> tuple[str, int]:
-        """Returns the character and the performer of an order: the holder of a character, or else the next
-        candidate."""
+        """Returns the character and the performer of an order. The performer is the holder of the character,
+        or else the next candidate.
+        """
         stage = self._stage
         name = order.character
         if name is None:
@@ -138,8 +140,9 @@ class HandSizing:
         return name, performer
 
     def _find_fixed_point(self, name: str, body: Body | None) -> Float | None:
-        """Returns (3,) metres, the fixed point of the scaling on the floor: under the performer that
-        possesses the character. None: the character's own point."""
+        """Returns the point on the floor that scaling does not move, (3,) in metres: under the performer that
+        possesses the character. None: the character's own point.
+        """
         actor: Actor = self._stage.actors[name]
         if body is None or all(hold.body != body.id for hold in actor.holds):
             return None

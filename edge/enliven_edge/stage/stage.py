@@ -33,10 +33,10 @@ class Stage:
     """The characters of a performance. Computes the pose of each character from the bodies of a frame.
 
     A command need not name the performer or the character. Then idle performers are preferred to performers
-    that possess another character, free characters to possessed ones, and near ones to far ones. At equal
-    distances, the first performer in view and the first character on the stage are preferred. A command that
-    names both is carried out unchanged: a performer may possess several characters, and a character may have
-    several performers.
+    that possess another character, free characters to possessed characters, and near characters to far
+    characters. At equal distances, the first performer in view and the first character on the stage are
+    preferred. A command that names both is carried out unchanged: a performer may possess several characters,
+    and a character may have several performers.
 
     Attributes:
         places: limits the number of characters that viewers put on the stage.
@@ -60,7 +60,7 @@ class Stage:
         return {name: actor.character for name, actor in self.actors.copy().items()}
 
     def put(self, actor: Actor, carried: HoldStarts | None = None, owner: Peer | None = None) -> None:
-        """Puts a character on the stage, or replaces the one with the same id.
+        """Puts a character on the stage, or replaces the character with the same id.
 
         The performers that possess the replaced character possess the new one. The caller must have warmed up
         the actor.
@@ -222,7 +222,7 @@ class Stage:
         """Returns the performer's id and the body parts for a command that names no performer.
 
         In mode "extend" it is the first performer in view that possesses the character already. The id is
-        None if that performer is not in view.
+        None if the chosen performer is not in view.
         """
         actor = self._updated_actor(character)
         body, parts = actor.candidate
@@ -234,13 +234,13 @@ class Stage:
     def pending_possessions(self, mode: Mode = "alone", body: int | None = None) -> list[PendingPossession]:
         """Returns the pairs of performer and character for a command that names no character.
 
-        The cues show the same pairs. If the stage has one character, it is chosen. If it has several, each
-        idle performer is paired with the nearest free character, the nearest pairs first. In mode "extend"
-        the pairs are the existing holds.
+        The cues show the same pairs. If the stage has a single character, this character is chosen. If it has
+        several, each idle performer is paired with the nearest free character, the nearest pairs first. In
+        mode "extend" the pairs are the existing holds.
 
         Args:
             body: the performer's id. If given, only this performer is paired: with the nearest free
-                character, or else with the nearest one.
+                character, or else with the nearest character.
         """
         if len(self.actors) == 1:
             (name,) = self.actors
@@ -291,7 +291,7 @@ class Stage:
         """Shows another match of a rigged character. Step 0 lets the match follow the pose again.
 
         Args:
-            character: the character's id. None: every rigged one.
+            character: the character's id. None: every rigged character.
 
         Raises:
             InputError: if the character does not exist, or it is not rigged.
@@ -313,7 +313,9 @@ class Stage:
         return [actor for actor in self.actors.values() if isinstance(actor, ChosenActor)]
 
     def _updated_actor(self, character: str) -> Actor:
-        """Returns the actor of a character, after updating which performers are busy with others."""
+        """Returns the actor of a character, after updating which performers are busy with other
+        characters.
+        """
         if character not in self.actors:
             names = ", ".join(self.actors) or "none"
             problem = f"there is no character {character!r}"
@@ -324,7 +326,7 @@ class Stage:
         return actor
 
     def _select_actors(self, character: str | None) -> list[Actor]:
-        """Returns the actor with this id, or all. Raises InputError if the stage is empty."""
+        """Returns the actor with this id, or all actors. Raises InputError if the stage is empty."""
         if character is not None or not self.actors:
             return [self._updated_actor(character or "")]
         return [self._updated_actor(name) for name in self.actors]

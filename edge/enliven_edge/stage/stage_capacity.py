@@ -27,7 +27,7 @@ class Peer(Protocol):
 
 @dataclass(frozen=True)
 class StageSettings:
-    """Limits of the number of characters on the stage, and the folder in which it is kept."""
+    """Limits of the number of characters on the stage, and the folder in which the stage is kept."""
 
     characters: int = setting(
         16,
@@ -51,7 +51,8 @@ PendingCharacters = Iterable[tuple[str, Peer | None]]
 
 
 class StageCapacity:
-    """Counts the characters on a stage and those being uploaded, in total and for each viewer.
+    """Counts the characters on a stage and the characters that are being uploaded, in total and for each
+    viewer.
 
     Viewers on other machines are distinguished by address. Viewers on this machine share one address, so they
     are distinguished by connection. Characters of closed connections count for every viewer of their address.
@@ -111,7 +112,7 @@ def _counts_for(owner: Peer, peer: Peer) -> bool:
 
 
 def _is_loopback(address: str) -> bool:
-    """Returns True if an address is that of this machine."""
+    """Returns True if an address belongs to this machine."""
     try:
         return ipaddress.ip_address(address.partition("%")[0]).is_loopback
     except ValueError:

@@ -1,3 +1,3 @@
-"""Images in a terminal, by the terminal's own image protocol if it has one, otherwise as coloured half
-blocks.
+"""Shows images in a terminal: by an image protocol if the terminal supports a protocol, otherwise as coloured
+half blocks.
 """

@@ -117,7 +117,7 @@ class Tracker:
 
     @property
     def background(self) -> Float | None:
-        """Returns (h, w) the background's depth in the reduced image, metres, 0 where it is unknown.
+        """Returns the background's depth (h, w) in the reduced image, metres, 0 where it is unknown.
 
         None before the first depth image.
         """
@@ -125,7 +125,7 @@ class Tracker:
 
     @property
     def owner(self) -> Int16 | None:
-        """Returns (h, w) the person index at each pixel of the last reduced image, -1 without a person."""
+        """Returns the person index (h, w) at each pixel of the last reduced image, -1 without a person."""
         return self._owner
 
     @property
@@ -289,7 +289,7 @@ class Tracker:
         return self._room
 
     def _limit_confidence(self, sure: Float, age_ns: int) -> Float:
-        """Returns (20,) the confidence of a person's joints, with limits.
+        """Returns the confidence (20,) of a person's joints, with limits.
 
         The confidence is limited while the person is new. Legs are also limited while the floor is unknown.
 

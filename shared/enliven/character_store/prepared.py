@@ -85,7 +85,7 @@ def prepare_once(
         key: from :func:`~enliven.character_store.key_of`, with all inputs except the files that a mesh names.
         prepare: prepares the character.
         folder: folder of the mesh's file, in which the files that it names are. None: it names none.
-        store: the store. None: that of the user.
+        store: the store. None: the user's folder.
     """
     store, folder = store or CharacterStore.of_user(), folder or Path()
     if (data := store.load(key)) is not None:

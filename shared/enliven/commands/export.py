@@ -57,12 +57,12 @@ def export(
 ) -> None:
     """Write the motion of a recording or a project for other programs: as .glb, .bvh, table, points or film.
 
-    Characters are written with their surface and transforms. If a recording has none, its people are
-    written, drawn as sticks. A .bvh holds one skeleton: of a person, a rigged model, or a motion file.
-    A .usda, .usdc or .usdz holds skeletons, and exact points of other characters. A .vrma holds the motion
-    of one humanoid, and a .vrm the model of one.
-    A .csv is a table of positions and rotations. An .obj-sequence is a folder with one .obj per frame.
-    An .html is a web page that plays offline. An .mcap is a recording, which enliven view plays.
+    Characters are written with their surface and transforms. If a recording has no characters, its people are
+    written as stick figures. A .bvh holds one skeleton: of a person, a rigged model, or a motion file. A
+    .usda, .usdc or .usdz holds skeletons, and exact points of other characters. A .vrma holds the motion of
+    one humanoid, and a .vrm the model of one. A .csv is a table of positions and rotations. An .obj-sequence
+    is a folder with one .obj per frame. An .html is a web page that plays offline. An .mcap is a recording,
+    which enliven view plays.
 
     \b
       enliven export TAKE.mcap -o take.glb                 the performance, for any program

@@ -172,7 +172,7 @@ def surface_samples(vertices: Float, faces: Int32, spacing: float) -> tuple[Int,
 
 
 def _barycentric_grid(count: int) -> Float:
-    """Returns (P, 3) the barycentric coordinates of a grid on a triangle with ``count`` parts along each
+    """Returns the barycentric coordinates (P, 3) of a grid on a triangle with ``count`` parts along each
     edge. The corners are excluded.
     """
     i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
@@ -182,7 +182,9 @@ def _barycentric_grid(count: int) -> Float:
 
 
 def _interpolated_values(values: Float, rows: Int, shares: Float) -> Float:
-    """Returns (P, 3) the interpolated values (V, 3) at points between three vertices."""
+    """Returns the values (P, 3) at points inside triangles, interpolated from ``values`` (V, 3) of the
+    corners.
+    """
     return np.asarray(sum(shares[:, c, None] * values[rows[:, c]] for c in range(3)))
 
 

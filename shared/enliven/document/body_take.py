@@ -86,9 +86,9 @@ class HoldChange:
         performer: the id of the performer. None means the first performer in view or, for "release", all
             performers.
         parts: the parts of the body that attach: "all", "legs", "upper body", ...
-        mode: "alone" ends all other attachments. "join" keeps those of other performers. "extend" also keeps
-            the performer's own. "release" ends them. "take over" continues the attachments of ``former``.
-            "remove" removes the character from the stage.
+        mode: "alone" ends all other attachments. "join" keeps the holds of other performers. "extend" also
+            keeps the performer's own. "release" ends them. "take over" continues the attachments of
+            ``former``. "remove" removes the character from the stage.
         former: for "take over", the id of the absent performer.
     """
 

@@ -33,7 +33,7 @@ class MotionKey:
         second: time in the take.
         degrees: rotation vector in degrees, in the axes of the rest pose.
         ease: interpolation to the next key.
-        metres: displacement, in the same axes. A bone is only rotated, so it has none.
+        metres: displacement, in the same axes. It is zero for a bone, because bones are only rotated.
     """
 
     second: float
@@ -165,7 +165,7 @@ class Curve:
         return interpolate_keys(self._at.tolist(), self._values[:, None], self._eases, times)[:, 0]
 
     def area(self, seconds: AnyArray | Sequence[float]) -> Float:
-        """Returns (T,) the integrals from 0 to seconds (T,)."""
+        """Returns the integrals (T,) from 0 to seconds (T,)."""
         seconds = np.asarray(seconds, np.float64)
         integrals = self._from_first(np.append(seconds, 0.0))
         return np.asarray(integrals[:-1] - integrals[-1])
@@ -182,7 +182,7 @@ class Curve:
         return (low + high) / 2.0
 
     def _from_first(self, seconds: Float) -> Float:
-        """Returns (T,) the integrals from the first key to seconds (T,)."""
+        """Returns the integrals (T,) from the first key to seconds (T,)."""
         integral_before = self._values[0] * np.minimum(seconds - self._at[0], 0.0)
         integral_after = self._values[-1] * np.maximum(seconds - self._at[-1], 0.0)
         outside = integral_before + integral_after

@@ -152,7 +152,8 @@ class Span:
 
     Attributes:
         share: fraction of the bone's length, in [0, 1]. The shares of a bone sum to one. A share of 0 is a
-            rotation at the joint itself, for example that of a root that was grafted onto another shape.
+            rotation at the joint itself, for example the rotation of a root that was grafted onto another
+            shape.
         refs: the intervals of layers that fall on the span.
         before: unit quaternion (w, x, y, z), a fixed rotation at the start of the span. It is the modeling
             rotation of a bone that was joined to its parent when the node between them was removed.

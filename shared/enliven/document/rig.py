@@ -4,9 +4,9 @@ A character is a single value, and its class is its kind of rig. It is not compo
 mesh, rig, layers and placement, because only the mesh could be separated in all three kinds. The layers of a
 skeleton are referenced by the spans of its bones, and removed with the last reference. The layers of a
 deformation graph are its nodes; each part has its own placement in the world and its own carrier. So neither
-is complete without the other. The placement of a skeleton is the first of its modeling rotations, and that of
-a graph is in every part. This module contains the common part, and the edits are written once against
-:class:`enliven.modeling.rig.RigEdits`.
+is complete without the other. The placement of a skeleton is the first of its modeling rotations. The
+placement of a graph is in every part. This module contains the common part, and the edits are written once
+against :class:`enliven.modeling.rig.RigEdits`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class RigBase:
 
     @property
     def parents(self) -> Int32:
-        """(H,) the parent of each handle along a bone, or -1 if it has none."""
+        """(H,) the parent of each handle along a bone, or -1 for a handle without a parent."""
         return np.full(len(self.handles), -1, np.int32)
 
     @property

@@ -1,7 +1,7 @@
 """A skeleton: a tree of joints at rest, and the bones between them.
 
 Bone ``j`` is the link from ``parents[j]`` to joint ``j``. It rotates about ``parents[j]``, and moves joint
-``j`` and all its descendants. Entry 0, the root, has no link: its rotation is that of the whole skeleton. So
+``j`` and all its descendants. Entry 0, the root, has no link: its rotation rotates the whole skeleton. So
 there is one rotation per joint, and two arms at the same chest joint rotate independently, like AniMesh's
 bones.
 """

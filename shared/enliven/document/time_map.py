@@ -285,7 +285,7 @@ class TimeMap:
         """Changes the lane by an edit that does not handle keys of weight or speed.
 
         Args:
-            change: receives the layer without these keys. Its times are those of :meth:`even`.
+            change: receives the layer without these keys. Its times are returned by :meth:`even`.
         """
         changed = change(self._without_keys())
         if not (self.weights or self.speeds):
@@ -367,7 +367,9 @@ def ease_in_out(share: float) -> float:
 
 
 def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
-    """Returns the start and end of the gapless run of segments around one of them."""
+    """Returns the start and end in seconds of the run of touching segments that contains segment
+    ``number``.
+    """
     low = high = number
     while low > 0 and lane[low - 1].end >= lane[low].begin - _TOUCHING_CLIPS_S:
         low -= 1

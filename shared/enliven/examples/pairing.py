@@ -331,8 +331,9 @@ def _side_joints(anatomy: Anatomy, skeleton: Skeleton) -> set[int]:
 
 
 def _mirror_images(anatomy: Anatomy, count: int) -> Int:
-    """Returns (J,) the joint of the other side for each joint of a paired limb. Other joints map to
-    themselves."""
+    """Returns the joint (J,) of the other side for each joint of a paired limb. Other joints map to
+    themselves.
+    """
     images = np.arange(count)
     for left, right in anatomy.pairs:
         for left_joint, right_joint in zip(_limb_joints(left)[::-1], _limb_joints(right)[::-1], strict=False):

@@ -50,7 +50,7 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
 
 
 def yaw_of(turns: Float) -> Float:
-    """Returns (...,) the yaw angle in radians: the twist of rotations (..., 4) about +Y (swing-twist
+    """Returns the yaw angle (...,) in radians: the twist of rotations (..., 4) about +Y (swing-twist
     decomposition).
     """
     return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))

@@ -175,6 +175,6 @@ def _body_chains(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]
 
 
 def _chain_positions(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """Returns (K,) the position of each joint along a chain, as a fraction (0 to 1) of the chain's length."""
+    """Returns the position (K,) of each joint along a chain, as a fraction (0 to 1) of the chain's length."""
     arc_lengths = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
     return np.asarray(arc_lengths / max(float(arc_lengths[-1]), 1e-12))

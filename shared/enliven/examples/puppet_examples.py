@@ -144,7 +144,7 @@ def select_pairs(examples: Examples, pairs: Sequence[int]) -> Examples:
 
 
 def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
-    """Returns (3,) the performer's horizontal left-right axis. It is measured at rest, because during a
+    """Returns the performer's horizontal left-right axis (3,). It is measured at rest, because during a
     stride the feet are farther apart in depth than in width.
     """
     places = reference.positions[[reference.index(name) for name in joints]]
@@ -236,7 +236,7 @@ def find_nearest_frame(clip: Clip, seconds: float) -> int:
 def _performed_key_poses(
     takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
 ) -> Float:
-    """Returns (n, P, 3) the paired joints at the key poses, in the body frame, converted to the reference
+    """Returns the paired joints (n, P, 3) at the key poses, in the body frame, converted to the reference
     performer, metres.
     """
     all_poses = np.empty((len(poses), len(joints), 3))

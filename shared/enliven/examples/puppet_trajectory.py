@@ -58,7 +58,7 @@ class PuppetMotion:
         return self.places_at(frame), *self.root_at(frame)
 
     def places_at(self, frame: float) -> Float:
-        """Returns (P, 3) metres, interpolated at a fractional frame."""
+        """Returns the control points (P, 3) in metres, interpolated at a fractional frame."""
         before, after, part = self._frames_around(frame)
         return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
 
@@ -96,8 +96,8 @@ class PuppetMotion:
         previous one ended.
 
         Round n maps x to R^n x + (1 + R + ... + R^(n-1)) offset, where R is the turn of one round. This
-        geometric series also holds for n < 0. The offset is that of the path, so that the root's distance
-        from the path does not accumulate over rounds. The remaining jump at the seam is eased out within the
+        geometric series also holds for n < 0. It is computed from the path, so that the root's distance from
+        the path does not accumulate over rounds. The remaining jump at the seam is eased out within the
         round.
         """
         if rounds == 0 or not self.travels:
@@ -117,7 +117,7 @@ class PuppetMotion:
         return yaw + rounds * round_yaw, _turn_about_y(root, rounds * round_yaw) + path_offset + seam_jump
 
     def _round_offset(self, a: int, b: int, turn: float) -> Float:
-        """Returns (3,) the offset of a round that begins at frame ``a``, after the previous round ended at
+        """Returns the offset (3,) of a round that begins at frame ``a``, after the previous round ended at
         frame ``b``.
 
         The anchor of the last frame (in flight, the root) stays in place. Heights do not change.
@@ -129,7 +129,7 @@ class PuppetMotion:
         return np.asarray((last - _turn_about_y(first, turn)) * [1.0, 0.0, 1.0])
 
     def _world_position(self, frame: int, point: int) -> Float:
-        """Returns (3,) metres, the world position of a control point at a frame, from this layer alone."""
+        """Returns the world position (3,) in metres of a control point at a frame, from this layer alone."""
         mixed = self.rest[point] + self.weight * (self.places[frame, point] - self.rest[point])
         return np.asarray(_turn_about_y(mixed, self.yaw[frame]) + self.root[frame])
 

@@ -108,7 +108,7 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
 
 
 def distance_to(poses: Float, known: Float) -> Float:
-    """Returns (F,) the distances, in metres, from poses (F, P, 3) to the nearest of the known poses (n, P,
+    """Returns the distances (F,), in metres, from poses (F, P, 3) to the nearest of the known poses (n, P,
     3). A distance is the root mean square over the joints.
     """
     return np.asarray(np.min([_pose_distance(poses, pose) for pose in known], axis=0))
@@ -125,7 +125,7 @@ def _is_outlier(poses: Float, far: float) -> Bool:
 
 
 def _pose_distance(poses: Float, pose: Float) -> Float:
-    """Returns (F,) the distances between ``poses`` (F, P, 3) and one pose, in metres: the root mean square
+    """Returns the distances (F,) between ``poses`` (F, P, 3) and one pose, in metres: the root mean square
     over the joints.
     """
     return np.asarray(np.sqrt(((poses - pose) ** 2).sum(2).mean(1)))

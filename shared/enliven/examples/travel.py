@@ -253,7 +253,7 @@ def _fitted_stride(
 
 
 def _path_displacements(way: Complex, step: float) -> Complex:
-    """Returns (N,) the displacements of a path (F,) over :data:`_COMPARED_PATH_S`, starting at each frame."""
+    """Returns the displacements (N,) of a path (F,) over :data:`_COMPARED_PATH_S`, starting at each frame."""
     frame_offset = max(min(round(_COMPARED_PATH_S / step), len(way) - 1), 1)
     return np.asarray(way[frame_offset:] - way[:-frame_offset])
 

@@ -74,7 +74,7 @@ def write_bvh(
         unit: unit of offsets and positions, "m" or "cm".
 
     Raises:
-        InputError: for other than one character, one without a skeleton, or an unknown unit.
+        InputError: if there is not exactly one character, if it has no skeleton, or if the unit is unknown.
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:
@@ -115,7 +115,7 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 
 
 def _joint_places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
-    """Returns (T, N, 3) the position of each joint in metres, in the rotated frame of its bone."""
+    """Returns the position (T, N, 3) of each joint in metres, in the rotated frame of its bone."""
     assert performance.joints is not None
     offsets = performance.joints - performance.positions
     return np.asarray(np.einsum("tnba,tnb->tna", turns, offsets))
@@ -206,7 +206,7 @@ def _vector_text(vector: Float, scale: float) -> str:
 
 
 def _local_rotations(linear: Float, above: int, bone: int) -> Float:
-    """Returns (T, 3, 3) the rotation of a bone relative to another. If ``above`` is -1, the rotation is
+    """Returns the rotation (T, 3, 3) of a bone relative to another. If ``above`` is -1, the rotation is
     relative to the world.
     """
     if above < 0:

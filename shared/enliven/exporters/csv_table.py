@@ -7,7 +7,8 @@ The columns are:
   name of the joint above, or empty
 - ``x_m``, ``y_m``, ``z_m``: position in the world in metres (with the unit cm: ``x_cm``, ...)
 - ``qw``, ``qx``, ``qy``, ``qz``: rotation in the world since the rest pose, as a unit quaternion without sign
-  jumps. A joint has the rotation of the bone that ends there, and the root that of the whole skeleton
+  jumps. A joint has the rotation of the bone that ends there, and the root has the rotation of the whole
+  skeleton
 - ``stretch_x``, ``stretch_y``, ``stretch_z``: stretch factors along the axes of the rest pose
 """
 

@@ -105,7 +105,9 @@ def _is_own_file(name: str) -> bool:
 
 
 def _surfaces_at(performance: Performance, times: Float) -> Iterator[Float32]:
-    """Yields the surface at each time: that of the nearest frame, and the last one after the end."""
+    """Yields the surface at each time: the surface of the nearest frame, and the last surface after the
+    end.
+    """
     own_times = performance.times
     boundaries = (own_times[1:] + own_times[:-1]) / 2.0
     surfaces = performance.surfaces()
@@ -187,7 +189,7 @@ class _MaterialFile:
         return [self._add_material(material, images) for material in plain_materials(mesh.materials)]
 
     def plain(self) -> str:
-        """Returns the name of a white material, for faces without one."""
+        """Returns the name of a white material, for faces without a material."""
         if "plain" not in self._names:
             self._names.add("plain")
             self.lines.append("newmtl plain\nKd 1 1 1\n")

@@ -37,8 +37,8 @@ class Performance:
         positions: (T, J, 3) metres, positions of the pivots.
         mesh: the mesh at rest, or None for a skeleton without a mesh.
         skin: skin weights: the transforms that each vertex follows. None without a mesh.
-        skeleton: the joints. Transform j is that of bone j about its parent joint. None if the transforms
-            form no hierarchy, like the nodes of a deformation graph.
+        skeleton: the joints. Transform j moves bone j about its parent joint. None if the transforms form no
+            hierarchy, like the nodes of a deformation graph.
         joints: (T, J, 3) metres, positions of the skeleton's joints. None without a skeleton.
         axes: (J, 3, 3) rotations: the stretch axes of each transform. None for the axes of the mesh.
         turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of the arrays above. A point

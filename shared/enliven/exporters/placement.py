@@ -142,5 +142,5 @@ def _without_travel(performance: Performance) -> Performance:
 
 
 def _horizontal_motion(places: Float) -> Float:
-    """Returns (T, 3) the horizontal motion in metres since the first frame."""
+    """Returns the horizontal motion (T, 3) in metres since the first frame."""
     return np.asarray((places - places[0]) * [1.0, 0.0, 1.0])

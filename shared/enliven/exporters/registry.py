@@ -88,7 +88,8 @@ class Exporter:
 
         Args:
             name: the title.
-            options: those of ``write``, and those of :class:`ExportPlacement` that the exporter supports.
+            options: the options of ``write``, and the fields of :class:`ExportPlacement` that the exporter
+                supports.
 
         Raises:
             InputError: if the format cannot represent the data, or an option is invalid.

@@ -46,7 +46,7 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), requeste
         requested: an encoder's name, or :data:`AUTO`.
 
     Raises:
-        ResourceError: if there is none.
+        ResourceError: if no encoder opens.
     """
     for encoder in ENCODERS:
         if requested in (AUTO, encoder.name) and _can_open(av, encoder, size):

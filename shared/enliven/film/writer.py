@@ -41,8 +41,8 @@ class FilmWriter:
 
     Args:
         path: path of the .mp4 file. Its folder is created.
-        size: width and height in pixels, or None for those of the first image. An odd size loses its last row
-            or column (4:2:0 needs even sizes).
+        size: width and height in pixels, or None for the size of the first image. An odd size loses its last
+            row or column (4:2:0 needs even sizes).
         rate: images per second.
         bit_rate: Mbit/s, for encoders without a quality option.
         encoder: the name of one of :data:`enliven.film.encoders.ENCODERS`, or "auto".

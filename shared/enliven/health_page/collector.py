@@ -168,7 +168,7 @@ class HealthCollector:
         return records, [restart for restart in restarts if abs(now_s - restart.at_s) <= _DAY_S], True
 
     def _read_certificates(self) -> Iterator[CertificateState]:
-        """Yields the TLS certificates of the health page and of the souvenirs, if they have one.
+        """Yields the TLS certificates of the health page and of the souvenirs, as far as these use TLS.
 
         The page loads its certificate at its start. The certificate of the souvenirs is read from its file.
         """

@@ -30,7 +30,7 @@ from enliven.wire import (
 _MAX_MESSAGE_BYTES = 64 * 1024
 """Maximum bytes of a message. The topics that are subscribed have at most a quarter of this."""
 _MAX_UNREAD = 200
-"""Maximum unread messages of one edge: those of several seconds."""
+"""Maximum unread messages of one edge. Several seconds produce this number."""
 _MAX_READS_PER_POLL = 64
 """Maximum messages of one edge that are read in turn, so that a flood does not hide the other edges."""
 _KEY_CHECK_INTERVAL_S = 10.0

@@ -22,7 +22,7 @@ _THERMAL = Path("/sys/class/thermal")
 _PROC = Path("/proc")
 """Folder with the processes of Linux."""
 _MIN_TEMPERATURE_C = -40.0
-"""Readings below this are those of sensors that are not connected."""
+"""Lower readings come from sensors that are not connected."""
 _MAX_TEMPERATURE_C = 150.0
 """Readings above this are faults of a sensor: no chip runs hotter."""
 _PROGRAM_WORD = b"enliven"
@@ -60,7 +60,7 @@ def read_machine(folder: Path, thermal: Path = _THERMAL, proc: Path = _PROC) -> 
 
 
 def is_running(pid: int) -> bool:
-    """Returns True if a process exists. A process that has ended and was not collected does not count."""
+    """Returns True if a process is running. A zombie process does not count."""
     if pid <= 0:
         return False
     with contextlib.suppress(OSError):

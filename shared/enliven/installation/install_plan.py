@@ -191,7 +191,7 @@ def _firmware_configs() -> Path:
     """Returns the folder firmware_configs: in the package of the edge, or in a checkout.
 
     Raises:
-        ResourceError: if there is none.
+        ResourceError: if neither exists.
     """
     spec = importlib.util.find_spec("enliven_edge")
     for package in (spec.submodule_search_locations or []) if spec is not None else []:

@@ -50,7 +50,7 @@ class _Manifest(msgspec.Struct, frozen=True):
         folders: the created folders.
         units: the enabled units.
         made_user: True if the installation created the kiosk's user.
-        recordings: folder of recordings, which is not removed. Empty if there is none.
+        recordings: folder of recordings, which is not removed. Empty without recordings.
     """
 
     files: list[_Replaced] = []
@@ -321,7 +321,7 @@ class Installer:
             state.rmdir()
 
     def _read_manifest(self) -> _Manifest:
-        """Returns the record of the installation, an empty one if there is none.
+        """Returns the record of the installation, or an empty record if nothing is installed.
 
         Raises:
             InputError: if it is damaged.

@@ -93,7 +93,9 @@ def save_kernel(name: str, data: Any) -> None:
 
 @functools.cache
 def _delete_unused(folder: Path) -> None:
-    """Deletes files that were unused for two months, also those of older versions. Runs once per process."""
+    """Deletes files that were unused for two months, including the files of older versions. Runs once per
+    process.
+    """
     for path in folder.iterdir():
         with contextlib.suppress(OSError):
             if path.is_file() and time.time() - path.stat().st_mtime > _MAX_UNUSED_S:

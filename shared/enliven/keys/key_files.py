@@ -155,7 +155,7 @@ class KeyStore:
         """Stores the user's own key pair.
 
         Raises:
-            InputError: if there is one already, unless ``overwrite`` is set.
+            InputError: if a key pair exists already, unless ``overwrite`` is set.
             ResourceError: if the file cannot be written.
         """
         lines: dict[str, str | int] = {
@@ -246,7 +246,7 @@ class KeyStore:
         """Removes the peers with the given name, address, or start of a fingerprint. Returns them.
 
         Raises:
-            InputError: if there is none, or if several peers match.
+            InputError: if no peer matches, or if several match.
         """
         peers: list[PairedViewer | PairedEdge] = [*self.viewers([]).values(), *self.edges([])]
         start = which.lower().replace("-", "")

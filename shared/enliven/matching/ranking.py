@@ -131,7 +131,9 @@ class Matcher:
         return np.asarray(branches)
 
     def _candidate_points(self, positions: Float) -> Float:
-        """Returns (C + B, 3) the candidates' roots, then the abstract positions of all their branches."""
+        """Returns the candidates' roots, followed by the abstract positions of all their branches, (C + B,
+        3).
+        """
         return np.asarray(self._average @ positions)
 
 
@@ -164,7 +166,7 @@ def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -
 
 
 def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.csr_matrix:
-    """Returns (C + B, N) the weights of the roots and of the branches' abstract positions."""
+    """Returns the weights (C + B, N) of the roots and of the branches' abstract positions."""
     weights = [{tree.root: 1.0} for tree in trees]
     weights += [branch.weights for tree in trees for branch in tree.branches]
     starts = np.concatenate([[0], np.cumsum([len(row) for row in weights])])

@@ -104,7 +104,9 @@ class Reduction:
 
 
 def centre_of_mass(positions: Float, neighbours: Sequence[Sequence[int]]) -> Float:
-    """Returns (3,) metres, the centre of mass of a tree of bones, each a rod of the same mass per metre."""
+    """Returns the centre of mass of a tree of bones, (3,) in metres. Each bone is a rod with the same mass
+    per metre.
+    """
     links = [(a, b) for a, adjacent in enumerate(neighbours) for b in adjacent if a < b]
     pairs = np.array(links, np.int64).reshape(-1, 2)
     lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)

@@ -37,7 +37,7 @@ class MatchSource:
         return tuple(branch.extended for branch in self.branches)
 
     def points(self, positions: Float) -> Float:
-        """Returns (m + 1, 3) metres, the root and the abstract positions, for (N, 3) joints in any pose."""
+        """Returns the root and the abstract positions (m + 1, 3) in metres, for (N, 3) joints in any pose."""
         positions = np.asarray(positions, np.float64)
         return np.concatenate([positions[None, self.root], self.weights @ positions])
 

@@ -31,7 +31,7 @@ class Branch:
     reach: float
 
     def position(self, positions: Float) -> Float:
-        """Returns (3,) the abstract position, for (N, 3) joints in metres, in any pose."""
+        """Returns the abstract position (3,), for (N, 3) joints in metres, in any pose."""
         joints = list(self.weights)
         return np.array(list(self.weights.values())) @ np.asarray(positions, np.float64)[joints]
 

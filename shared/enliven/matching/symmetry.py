@@ -81,7 +81,7 @@ class EqualLimbs:
         return next((i for i, limb in enumerate(self.limbs) if joint in limb.joints), -1)
 
     def between(self, start: int, end: int) -> Float:
-        """Returns (3, 3) the map from limb ``start`` to limb ``end``."""
+        """Returns the map (3, 3) from limb ``start`` to limb ``end``."""
         return np.asarray(self.limbs[end].linear @ self.limbs[start].linear.T)
 
     def joint_map(self, start: int, end: int) -> dict[int, int]:

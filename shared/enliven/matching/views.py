@@ -72,7 +72,7 @@ class ScreenView:
         return np.asarray((points - self.eye) @ self.axes.T / self.depths(points)[..., None])
 
     def depths(self, points: Float) -> Float:
-        """Returns (...,) the depth of (..., 3) points in metres, or one for an orthographic view."""
+        """Returns the depth (...,) of (..., 3) points in metres, or one for an orthographic view."""
         if self.eye is None:
             return np.ones(points.shape[:-1])
         return np.asarray(np.maximum((points - self.eye) @ self.direction, MIN_DEPTH_M))

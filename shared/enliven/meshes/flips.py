@@ -13,7 +13,7 @@ from enliven.kernels import njit
 
 
 def adjacent_triangles(triangles: Int, count: int) -> Int:
-    """Returns (T, 3) the adjacency array: the triangle across the edge opposite to each corner, or -1 at a
+    """Returns the adjacency array (T, 3): the triangle across the edge opposite to each corner, or -1 at a
     border.
     """
     starts, ends = triangles[:, [1, 2, 0]].ravel(), triangles[:, [2, 0, 1]].ravel()

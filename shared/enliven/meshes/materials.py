@@ -57,8 +57,8 @@ class MeshMaterials:
         of: (F,) int32 the material of each face, or -1 for none. A face without material shows only its
             vertex colours.
         uvs: (F, 3, S, 2) float32, the S sets of texture coordinates of each corner.
-        tints: (F, 3, 4) float32, the linear colour and opacity of each corner. They are multiplied with those
-            of the material. None for white.
+        tints: (F, 3, 4) float32, the linear colour and opacity of each corner. They are multiplied with the
+            material's colours. None for white.
 
     Raises:
         InputError: if the shapes or numbers of the arrays do not match.

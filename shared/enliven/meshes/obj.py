@@ -187,7 +187,7 @@ def _read_faces(text: bytes) -> _Faces:
 
 
 def _materials_by_line(block: bytes, lines: _Lines, faces: _Faces) -> Int:
-    """Returns (L,) the current material of each line.
+    """Returns the current material (L,) of each line.
 
     Adds names of materials and of material files to ``faces``.
     """
@@ -242,7 +242,7 @@ def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
 
 
 def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Float, UInt8 | None]:
-    """Returns (U, 3) the used vertices, and (U, 3) their colours or None.
+    """Returns the used vertices (U, 3), and their colours (U, 3) or None.
 
     Blocks without used vertices are skipped.
     """

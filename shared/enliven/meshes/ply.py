@@ -140,7 +140,7 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
 
 
 def _typed_column(column: Float, of: str) -> AnyArray:
-    """Returns (N,) the numbers of a column, converted to integers if the column has an integer type."""
+    """Returns the numbers (N,) of a column, converted to integers if the column has an integer type."""
     return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
 
 

@@ -59,7 +59,7 @@ def _read_ascii_text(data: bytes) -> bytes | None:
 
 
 def _read_ascii(text: bytes) -> Float:
-    """Reads an ASCII file. Returns (3F, 3) the coordinates after each word "vertex"."""
+    """Reads an ASCII file. Returns the coordinates (3F, 3) after each word "vertex"."""
     parts = [_corner_numbers(_VERTEX_LINE.findall(block)) for _, block in split_into_blocks(text, b"endloop")]
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(

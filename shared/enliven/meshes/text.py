@@ -95,7 +95,7 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
 
 
 def _first_three(text: bytes, widths: Int) -> Float:
-    """Returns (V, 3) the first three numbers of every vertex.
+    """Returns the first three numbers (V, 3) of every vertex.
 
     ``widths`` (V,) is the number of values of each vertex.
     """
@@ -199,7 +199,7 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _boundary_triangles(tetrahedra: Int) -> Int:
-    """Returns (F, 3) the triangles that belong to only one tetrahedron of (T, 4), facing outwards."""
+    """Returns the triangles (F, 3) that belong to only one tetrahedron of (T, 4), facing outwards."""
     faces = tetrahedra[:, _TETRAHEDRON_FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, 1), axis=0, return_index=True, return_counts=True)
     return np.asarray(faces[first[count == 1]])

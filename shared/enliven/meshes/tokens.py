@@ -58,7 +58,7 @@ def remove_comments(text: bytes) -> bytes:
 
 
 def word_starts(text: bytes) -> Int:
-    """Returns (W,) the offset of each word of a text."""
+    """Returns the offset (W,) of each word of a text."""
     is_space = np.frombuffer(text, np.uint8) <= ord(" ")
     is_start = ~is_space
     is_start[1:] &= is_space[:-1]
@@ -66,7 +66,7 @@ def word_starts(text: bytes) -> Int:
 
 
 def word_lines(text: bytes, offsets: Int) -> Int:
-    """Returns (W,) the line number, from 0, of each offset."""
+    """Returns the line number (W,), from 0, of each offset."""
     ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     return np.searchsorted(ends, offsets)
 

@@ -134,8 +134,8 @@ def _orientation_roots(count, ones, twos, agree):
 
 
 def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """Returns (F,) the part of each face, (F,) True for faces that are oriented opposite to the part's first
-    face, and (P,) True for one-sided parts.
+    """Returns the part of each face, (F,); True for faces that are oriented opposite to the part's first
+    face, (F,); and True for one-sided parts, (P,).
     """
     root, against, twisted = _orientation_roots(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
@@ -152,7 +152,7 @@ def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
 
 
 def _part_volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -> Float:
-    """Returns (P,) the signed volume of each part, positive if it faces outwards.
+    """Returns the signed volume (P,) of each part, positive if it faces outwards.
 
     The volume of an open part has no meaning.
     """

@@ -107,7 +107,9 @@ class RigEdits(ABC):
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
-        """Returns sentences about the data that the character still needs before it can move, or nothing."""
+        """Returns sentences about the data that the character still needs before it can move. Empty if it can
+        move.
+        """
         return ()
 
     def check_layers(self, project: Project, character: Any, numbers: set[int], /) -> None:
@@ -134,7 +136,7 @@ class RigEdits(ABC):
         self, character: Any, player: Player, handle: int | None, layer: int | None, /
     ) -> HandleMotion | None:
         """Returns the function for the curves of a handle. They are relative to the handle's parent bone, if
-        it has one.
+        a parent bone exists.
 
         Args:
             player: the character's player; see :meth:`player`.

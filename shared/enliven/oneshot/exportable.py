@@ -106,7 +106,9 @@ def _exportables_from_project(project: Project) -> list[Exportable]:
 
 
 def _exportables_from_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
-    """Returns each animation of a model, the first one first. Returns the static model if it has none."""
+    """Returns each animation of a model, the first one first. Returns the static model if it has no
+    animations.
+    """
     if not clips:
         return [_exportable_character(Project().with_characters(shape), shape)]
     exportables = list[Exportable]()

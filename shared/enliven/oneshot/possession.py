@@ -32,9 +32,9 @@ def possess(
 ) -> tuple[Project, str]:
     """Adds a mesh that moves with a performer, attached in the first frame.
 
-    The body stands inside the mesh: its parts within reach of the surface attach to it. The project keeps the
-    performers. After the mesh was cut or edited, ``solve_again`` of :mod:`enliven.modeling.possessed` solves
-    its motion from them again.
+    In the first frame, the performer stands inside the mesh. The body parts that are near the surface attach
+    to the mesh. The project stores the performer's motion, so that ``solve_again`` of
+    :mod:`enliven.modeling.possessed` can compute the mesh's motion again after the mesh was cut or edited.
 
     Args:
         mesh: any triangles, in metres of the world.

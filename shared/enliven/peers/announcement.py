@@ -97,7 +97,7 @@ def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None
 
 
 def missing_discovery_reason() -> str:
-    """Returns why edges cannot be found or announced, with the remedy. Empty if they can."""
+    """Returns why edges cannot be found or announced, with the remedy; empty if they can."""
     if importlib.util.find_spec("zeroconf") is not None:
         return ""
     return "the library 'zeroconf' is not installed. Install it: pip install zeroconf"

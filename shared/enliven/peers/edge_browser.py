@@ -48,7 +48,7 @@ class DiscoveredEdge:
         announcement: the edge's announcement. Names in it are escaped for display.
         addresses: its addresses, IPv4 first.
         host: the address that answered; empty if none has answered yet.
-        is_paired: True if this machine has a key of the edge, or the edge needs none.
+        is_paired: True if this machine has a key of the edge, or the edge works without keys.
     """
 
     service: str
@@ -265,7 +265,7 @@ def _accepts_connections(host: str, port: int) -> bool:
 
 
 def _is_paired(edge: DiscoveredEdge, host: str) -> bool:
-    """Returns True if this machine has a key for the edge, or the edge needs none."""
+    """Returns True if this machine has a key for the edge, or the edge works without keys."""
     if not edge.announcement.has_keys:
         return True
     store = KeyStore()

@@ -103,7 +103,7 @@ class HumanPose:
 
 @cache
 def nearest_ancestors(bones: tuple[str, ...]) -> Int:
-    """Returns (B,) the number of the nearest existing ancestor of each bone, -1 if there is none."""
+    """Returns the number (B,) of the nearest existing ancestor of each bone, -1 if there is none."""
     numbers = {bone: number for number, bone in enumerate(bones)}
     parents = np.full(len(bones), -1)
     for number, bone in enumerate(bones):
@@ -155,7 +155,7 @@ _BEGINS = np.array([int(begins) for _, _, begins in _BODY_BONES])
 
 
 def _t_pose_from_hanging() -> Float:
-    """Returns (B, 4) the rotation from hanging to outstretched arms, for each bone of a performer."""
+    """Returns the rotation (B, 4) from hanging to outstretched arms, for each bone of a performer."""
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(_BODY_BONES), 1))
     for number, (name, _, _) in enumerate(_BODY_BONES):
         if name.endswith(("UpperArm", "LowerArm", "Hand")):
@@ -176,7 +176,9 @@ _TRUNK_BONES = np.array(
 
 
 def human_of_body(body: Body, name: str) -> HumanPose:
-    """Returns the pose of a performer. A body without measured orientations gets those of its joints."""
+    """Returns the pose of a performer. For a body without measured orientations, they are computed from its
+    joints.
+    """
     joints = np.require(body.joints, np.float64, ("C", "W"))
     orientations = orientations_of_joints(joints) if body.orientations is None else body.orientations
     orientations = np.require(orientations, np.float64, ("C", "W"))
@@ -218,7 +220,7 @@ _HAND_LENGTH_M = 0.085
 
 
 def standing_offset(bone: str, parent: str, height: float) -> Float:
-    """Returns (3,) metres from a parent bone to a bone in the T-pose of an average person.
+    """Returns the offset from a parent bone to a bone in the T-pose of an average person, (3,) in metres.
 
     Args:
         height: metres of the person.

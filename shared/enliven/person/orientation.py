@@ -29,8 +29,9 @@ def mirror_body(body: Body, point: AnyArray, normal: AnyArray) -> Body:
     joints = (body.joints - 2.0 * signed_distances[:, None] * normal)[_MIRROR]
     orientations = None
     if body.orientations is not None:
-        # A reflection is the negative of a half turn, which has the quaternion (0, axis). So M R D = turn(n,
-        # pi) R turn(x, pi).
+        # A bone with the rotation R gets the rotation M R D. M reflects in the mirror with the normal n, and
+        # D flips the bone's x axis. A reflection is the negative of a half turn, which has the quaternion (0,
+        # axis). So M R D = turn(n, pi) R turn(x, pi).
         half_turn = np.concatenate([[0.0], normal])
         orientations = multiply(multiply(half_turn, body.orientations), _HALF_TURN)[_MIRROR]
     contacts = None if body.contacts is None else body.contacts[::-1].copy()

@@ -71,7 +71,7 @@ class ReachGrowth:
     farthest: float
 
     def limb_reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
-        """Returns (L,) the reach of each sample, metres. It is ``reach`` or, if necessary, a longer reach at
+        """Returns the reach (L,) of each sample, metres. It is ``reach`` or, if necessary, a longer reach at
         which enough bones attach.
 
         Args:
@@ -145,8 +145,8 @@ class Attachment:
         )
 
     def targets(self, joints: Float, turns: Float | None = None) -> Float:
-        """Returns (L, 3) metres, the current target positions q_l of the points. NaN if a needed joint is not
-        finite.
+        """Returns the current target positions q_l (L, 3) in metres of the points. NaN if a needed joint is
+        not finite.
 
         A point keeps its fraction along the bone, even if the bone's length changes, and its distance from
         the bone's axis.
@@ -166,7 +166,7 @@ class Attachment:
         return target_positions
 
     def _smaller_of_ends(self, values: Float) -> Float:
-        """Returns (L,) the smaller of ``values`` (20,) at the two ends of each bone; a point on a joint uses
+        """Returns the smaller of ``values`` (20,) at the two ends of each bone, (L,). A point on a joint uses
         that joint's value.
         """
         child, parent = values[self.bone], values[_PARENT_JOINTS[self.bone]]

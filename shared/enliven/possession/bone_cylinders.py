@@ -49,7 +49,7 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
 
 
 def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
-    """Returns (19, 3, 3) the rotation of each bone since ``rest``, and (19, 3, 3) the current axes of the
+    """Returns the rotation (19, 3, 3) of each bone since ``rest``, and the current axes (19, 3, 3) of the
     torso part to which the bone belongs.
 
     The hips and the shoulders each define a frame (a girdle). A bone first rotates with its girdle or its

@@ -24,7 +24,7 @@ jumps after lost tracking from tearing the mesh."""
 def node_stiffness(
     character: Character, nodes: Float, spots: tuple[tuple[float, float, float, float, float], ...]
 ) -> Float | None:
-    """Returns (N,) the stiffness factor of each node (N, 3) at rest: the painted stiffness times that of the
+    """Returns the stiffness factor (N,) of each node (N, 3) at rest: the painted stiffness times that of the
     spheres in the settings. None means 1 everywhere.
     """
     painted, spotted = painted_stiffness(character), stiffness_at(nodes, spots)

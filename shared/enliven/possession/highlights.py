@@ -24,7 +24,7 @@ class Cues:
         nodes: (K,) node indices; the first ``held`` are held, the others are a preview.
         strengths: (K,) strength of the hold on each node, in (0, 1].
         body: the id of the first performer that holds the mesh, or otherwise of the first that would hold it;
-            -1 if there is none.
+            -1 if no performer does.
         owners: (K,) the id of the performer that each node belongs to.
         held: number of nodes that are held; the others are a preview.
     """

@@ -122,7 +122,7 @@ def nearest_placement(placement: Placement, rest: Float, shown: Float) -> Placem
 
 
 def rotation_about_y(yaw: float) -> Float:
-    """Returns (3, 3) the rotation by ``yaw`` radians about +Y."""
+    """Returns the rotation (3, 3) by ``yaw`` radians about +Y."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 

@@ -185,7 +185,7 @@ class PlacementRules:
         return LimbRetargeting(likeness, body, scale, 0.0, settings.fade, settings.fade_pace, front=front)
 
     def _performer_scale(self, body: Body) -> float:
-        """Returns the metres of the performer per metre of the rest space."""
+        """Returns the scale from the rest space to the performer."""
         if self.settings.scaled == "nobody":
             return self.size
         return self.settings.height_ratio * body.height / self.height

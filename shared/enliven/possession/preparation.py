@@ -22,8 +22,9 @@ from enliven.similarity import fit_similarity
 log = logging.getLogger(__name__)
 
 _PERSON_HEIGHT_M = 1.75
-"""Height, metres, to which meshes are scaled: that of an average person. A performer's height differs from it
-only by a small factor."""
+"""Height in metres to which meshes are scaled: the height of an average person. A performer's height differs
+from it only by a small factor.
+"""
 _MAX_EDGE_M = 0.04
 """Maximum edge length, metres. Longer edges are split, because triangles must be narrower than a limb for the
 limb to bend."""
@@ -125,8 +126,8 @@ def apply_vertex_motion(points: Float, before: Float, after: Float) -> Float:
 
 
 def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
-    """Rotates the mesh so that its front is +Z, and moves its trunk to that of a figure that stands at the
-    origin.
+    """Rotates the mesh so that its front is +Z, and moves its trunk to the trunk of a figure that stands at
+    the origin.
     """
     trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
     rotation_matrix = rotation_about_y(person.yaw)

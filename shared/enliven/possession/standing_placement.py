@@ -46,8 +46,9 @@ _STANDING_JOINTS = {
 }  # fmt: skip
 """Joints of the reference person on the left and in the middle, metres: standing, with hanging arms."""
 _PAIRED_BONES = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
-"""Paired bones that are scored, given by their child joint and weight. The score of a pair is twice that of
-its worse bone. Hanging arms have a low weight, because few meshes have a surface there."""
+"""Paired bones that are scored, given by their child joint and weight. The score of a pair is twice the score
+of its worse bone. Hanging arms have a low weight, because few meshes have a surface there.
+"""
 _TRUNK_BONES = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
 """Bones of the trunk that are scored, given by their child joint and weight."""
 _SURFACE_DISTANCE_M = 0.25

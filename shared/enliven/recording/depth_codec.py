@@ -131,7 +131,7 @@ def _check_shape(depth: UInt16) -> tuple[int, int]:
 
 
 def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
-    """Returns (L,) the table of levels (empty if a table saves nothing), and (65536,) the level of each
+    """Returns the table (L,) of levels (empty if a table saves nothing), and the level (65536,) of each
     value.
     """
     occurs = mark_levels(depth)
@@ -164,7 +164,7 @@ def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
 
 
 def _unpack_content(packed: bytes, size: int) -> UInt8:
-    """Returns (size,) the content of a zstd frame. The frame must declare exactly this size."""
+    """Returns the content (size,) of a zstd frame. The frame must declare exactly this size."""
     try:
         stated = zstandard.frame_content_size(packed)
         if stated != size:
@@ -178,7 +178,7 @@ def _unpack_content(packed: bytes, size: int) -> UInt8:
 
 
 def _level_depths(table: UInt8, levels: int) -> UInt16:
-    """Returns (P + 1,) the depth of each level in millimetres."""
+    """Returns the depth (P + 1,) of each level in millimetres."""
     if not levels:
         return np.arange(65536, dtype=np.uint16)
     steps = table.reshape(2, -1).T.copy().view("<u2").ravel().astype(np.int64)

@@ -171,7 +171,7 @@ class CameraTracker:
     def _gauss_newton_step(
         self, sums: Float, pose: Float, up: Float | None, noise_free: Float | None = None
     ) -> Float:
-        """Returns (6,) the translation and rotation of a Gauss-Newton step.
+        """Returns the translation and the rotation of a Gauss-Newton step, (6,).
 
         Args:
             noise_free: (6, 6) the normal matrix without noise, or None if it is unknown. If it is given, each

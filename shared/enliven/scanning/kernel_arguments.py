@@ -37,8 +37,8 @@ class VoxelArrays(NamedTuple):
         distance: (C, 512) float32 average signed distance from the surface, metres, positive in front of it.
         weight: (C, 512) float32 sum of weights; 0 for unobserved voxels.
         solid: (C,) True if the block has voxels behind the surface.
-        hue: (C, 512, 3) uint16 average sRGB colour in 256ths, 0 if a voxel has none; (0, 512, 3) if the
-            volume stores no colours.
+        hue: (C, 512, 3) uint16 average sRGB colour in 256ths, 0 for a voxel without colour; (0, 512, 3) if
+            the volume stores no colours.
     """
 
     distance: Float32

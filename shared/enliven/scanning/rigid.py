@@ -9,7 +9,7 @@ from enliven.arrays import Float
 
 
 def cross_matrix(v: Float) -> Float:
-    """Returns (3, 3) the cross product matrix of v."""
+    """Returns the cross product matrix (3, 3) of v."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 

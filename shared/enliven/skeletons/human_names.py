@@ -216,8 +216,8 @@ def _limb_of_side(
 def _first_named_joint(
     joints: Iterable[int], words: Sequence[tuple[int, str]], side: int, tiers: Sequence[Sequence[str]]
 ) -> int:
-    """Returns the first joint that matches the least ambiguous tier of names for which there is a match; -1
-    if there is none.
+    """Returns the first joint that matches a name. The tiers of names are tried in turn, the least ambiguous
+    first. Returns -1 if no joint matches.
     """
     joints = tuple(joints)
     for names in tiers:

@@ -32,7 +32,7 @@ def rotate_vectors(transform: Float, vectors: Float) -> Float:
 
 
 def invert(transform: Float) -> Float:
-    """Returns (4, 4) the inverse transform."""
+    """Returns the inverse transform (4, 4)."""
     inverse = np.eye(4)
     inverse[:3, :3] = transform[:3, :3].T
     inverse[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
@@ -47,12 +47,12 @@ def compose_transform(rotation: Float, translation: Float) -> Float:
 
 
 def rotation_from_vector(vector: Float) -> Float:
-    """Returns (3, 3) the rotation by a rotation vector (3,), radians."""
+    """Returns the rotation (3, 3) by a rotation vector (3,), radians."""
     return to_matrix(from_rotation_vector(vector))
 
 
 def cross_matrix(v: Float) -> Float:
-    """Returns (3, 3) the matrix with cross_matrix(v) @ w == cross(v, w)."""
+    """Returns the matrix (3, 3) with cross_matrix(v) @ w == cross(v, w)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
@@ -62,7 +62,7 @@ def angle_between(a: Float, b: Float) -> float:
 
 
 def rotation_vector(rotation: Float) -> Float:
-    """Returns (3,) the rotation vector of a (3, 3) rotation, angle in [0, pi]."""
+    """Returns the rotation vector (3,) of a (3, 3) rotation, angle in [0, pi]."""
     return to_rotation_vector(from_matrix(rotation))
 
 
@@ -82,6 +82,6 @@ def fit_rigid(source: Float, target: Float, weights: Float, *, upright: bool) ->
 
 
 def _best_rotation_about_up(covariance: Float) -> Float:
-    """Returns (3, 3) the rotation about +Y that best fits a cross-covariance matrix."""
+    """Returns the rotation (3, 3) about +Y that best fits a cross-covariance matrix."""
     angle = np.arctan2(covariance[2, 0] - covariance[0, 2], covariance[0, 0] + covariance[2, 2])
     return rotation_from_vector(angle * UP)

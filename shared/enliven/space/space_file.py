@@ -46,7 +46,7 @@ class Place:
 
     @property
     def eye(self) -> Float:
-        """Returns (3,) the position of the sensor's lens in the world, metres. For a sensor without a depth
+        """Returns the position (3,) of the sensor's lens in the world, metres. For a sensor without a depth
         camera, it is 1 m above the origin of the sensor.
         """
         camera = self.camera

@@ -67,7 +67,7 @@ def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hip
 
 
 def path_midpoint(path: Float) -> Float:
-    """Returns (F, 3) the point halfway along the length of each polyline (F, K, 3)."""
+    """Returns the point (F, 3) halfway along the length of each polyline (F, K, 3)."""
     steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
     upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)
     half_length = upto[:, -1:] / 2
@@ -85,7 +85,7 @@ def _limb_axes(up: Float, left: Float) -> Float:
 
 
 def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
-    """Returns (F, 3) the hinge axis of a limb, towards the body's left. A straight limb uses the axis of the
+    """Returns the hinge axis (F, 3) of a limb, towards the body's left. A straight limb uses the axis of the
     trunk.
 
     Args:

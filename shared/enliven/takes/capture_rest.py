@@ -38,14 +38,14 @@ def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[i
 
 
 def median_links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns (N, 3) the median position over all frames of each joint in its parent's frame; zero at the
+    """Returns the median position (N, 3) over all frames of each joint in its parent's frame; zero at the
     root.
     """
     return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
 
 
 def link_translations(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """Returns (F, N, 3) the translation of each joint in its parent's frame, relative to its rest offset in
+    """Returns the translation (F, N, 3) of each joint in its parent's frame, relative to its rest offset in
     ``offsets`` (N, 3).
 
     It is zero for a joint that moves only by rounding errors.
@@ -57,14 +57,14 @@ def link_translations(parents: list[int], offsets: Float, positions: Float, rota
 
 
 def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
-    """Returns (F, N, 3) the position of each joint in its parent's frame; zero at the root."""
+    """Returns the position (F, N, 3) of each joint in its parent's frame; zero at the root."""
     parent_joints = np.maximum(parents, 0)
     offsets = positions - positions[:, parent_joints]
     return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, parent_joints], offsets))
 
 
 def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
-    """Returns (N, 3) the joints of a frame with constant bone lengths."""
+    """Returns the joints (N, 3) of a frame with constant bone lengths."""
     pose = positions.copy()
     for j, parent in enumerate(parents[1:], 1):
         pose[j] = pose[parent] + rotations[parent] @ offsets[j]
@@ -72,7 +72,7 @@ def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: 
 
 
 def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
-    """Returns (N, 3) the joints with all rotations zero, standing on the floor at the start of the motion."""
+    """Returns the joints (N, 3) with all rotations zero, standing on the floor at the start of the motion."""
     count = len(parents)
     pose = rigid_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     floor = np.percentile(positions[:, :, 1].min(1), 10)
@@ -99,7 +99,7 @@ def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) 
 
 
 def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> float:
-    """Returns the metres per unit of the file."""
+    """Returns the length in metres of the file's unit."""
     if unit is None:
         legs = at_rest[0, 1] - at_rest[:, 1].min()
         return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]

@@ -28,7 +28,7 @@ class Roles:
     Attributes:
         root: the joint at which trunk and legs branch.
         spine: the joints from the root to where the arms branch, both included.
-        tips: the joints beyond the wrists; the wrist itself if there is none.
+        tips: the joints beyond the wrists; the wrist itself if no joint follows it.
         toes: the joints beyond the ankles.
     """
 
@@ -87,7 +87,9 @@ def find_roles(capture: Capture) -> Roles:
 
 
 def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
-    """Returns the left and the right joint of the first name part that matches on both sides."""
+    """Returns the left and the right joint with the first of some name parts that matches joints on both
+    sides.
+    """
     for part in parts:
         sides = [
             next((names.index(n) for n in (w + part, part + w, s + part, part + s) if n in names), -1)

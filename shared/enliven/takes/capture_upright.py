@@ -88,8 +88,8 @@ def leg_length(capture: Capture, roles: Roles) -> float:
 
 
 def metres_per_unit_from_legs(capture: Capture) -> float | None:
-    """Returns the metres per unit of the file, from the length of a person's legs; None if no legs are
-    found by name.
+    """Returns the length in metres of the file's unit, estimated from the length of a person's legs; None if
+    no legs are found by name.
     """
     roles = _joint_roles(capture)
     return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]

@@ -1,9 +1,9 @@
 """Overdub: adds a performance, live or recorded, to a possessed mesh that already has motion. The new motion
 is a layer in the rest space of the mesh.
 
-The mesh on the stage has other nodes and another placement than the project's mesh. The rigid motion that
-most of its nodes share is removed, so that parts that no performer moved are static. The remaining motion is
-transferred to the nodes of the project's mesh.
+The nodes and the placement of the mesh on the stage differ from the nodes and the placement of the project's
+mesh. The rigid motion that most of its nodes share is removed, so that parts that no performer moved are
+static. The remaining motion is transferred to the nodes of the project's mesh.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ def add_performance(
     Args:
         begin: time of the sensor's clock at 0 seconds of the project, nanoseconds.
         replaces: True if the recording replaces the earlier motion of the moved characters between its begin
-            and end. If False, both play.
+            and end. If False, both motions play.
         beside: name of the group of alternative takes to which the recording is added. Empty creates a new
             group.
 

@@ -44,7 +44,7 @@ class MergedPerformers:
     people: dict[int, int] = field(default_factory=dict)
 
     def alone(self, person: int) -> list[BodyFrame]:
-        """Returns the frames, with only one person in them."""
+        """Returns the frames with all other people removed."""
         return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
 
     @property
@@ -105,7 +105,7 @@ def _find_person(
 
 
 def _floor_position(body: Body) -> Float:
-    """Returns (2,) the floor position of a body's hips, metres; a far away position if it is unknown."""
+    """Returns the floor position (2,) of a body's hips, metres; a far away position if it is unknown."""
     position = body.joints[Joint.HIP_CENTER, [0, 2]]
     return position if np.isfinite(position).all() else np.full(2, 1e6)
 

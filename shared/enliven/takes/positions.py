@@ -33,8 +33,8 @@ def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float 
 
     Args:
         positions: (F, N, 3) metres.
-        known: (F, N, 4) measured rotations since rest. The result equals them, apart from a swing that points
-            the bone at its joint.
+        known: (F, N, 4) measured rotations since rest. The result equals these rotations, followed by the
+            swing that points each bone at its joint.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
     known_turns = (
@@ -46,7 +46,7 @@ def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float 
 
 
 def rest_from_positions(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
-    """Returns (N, 3) the joints at rest, with each bone's median length over the frames (F, N, 3)."""
+    """Returns the joints (N, 3) at rest, with each bone's median length over the frames (F, N, 3)."""
     joints = np.array(at_rest, np.float64)
     for j, parent in enumerate(parents):
         if parent < 0:

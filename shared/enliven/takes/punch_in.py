@@ -40,7 +40,8 @@ class PunchIn:
         return cls(begin, end, max([end, *end_times]))
 
     def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
-        """Mutes a layer within the span. Elsewhere, it plays as before. Returns None if no motion is left.
+        """Mutes a layer within the span. Outside of the span, the layer plays as before. Returns None if no
+        motion is left.
 
         A muted layer is returned unchanged.
 

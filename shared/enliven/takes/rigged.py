@@ -72,8 +72,9 @@ def skeleton_from_bones(character: Character) -> Skeleton:
 
 
 def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> Float:
-    """Returns (3,) the end of a limb's last bone: twice as far from its start as the centre of its vertices
-    or, without vertices, straight on.
+    """Returns the end (3,) of a limb's last bone. It is twice as far from the bone's start as the centre of
+    the bone's vertices. Without vertices, the bone continues the previous bone straight, with half of its
+    length.
     """
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
     bone_vertices = character.vertices[strongest == bone]

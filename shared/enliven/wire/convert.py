@@ -206,7 +206,7 @@ def _number_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
 
 
 def message_to_owners(message: CuesMessage) -> Int32:
-    """Returns (K,) the id of the performer that owns each node."""
+    """Returns the id (K,) of the performer that owns each node."""
     if not message.owners:
         return np.full(len(message.strengths), message.body, np.int32)
     return np.array(message.performers, np.int32)[np.frombuffer(message.owners, np.uint8)]

@@ -49,7 +49,7 @@ class MalformedMessageError(Exception):
 
 
 class OtherVersionError(MalformedMessageError):
-    """A message of a program with another version of the wire. ``version`` is that of the sender."""
+    """A message of a program with another version of the wire. ``version`` is the sender's version."""
 
     def __init__(self, version: int) -> None:
         super().__init__(

@@ -145,8 +145,8 @@ class PutCharacter(Order, frozen=True):
 
     Attributes:
         id: the character's id on the stage.
-        revision: higher than that of the replaced character. Increment it by one: the edge refuses a revision
-            far above the newest one, or above ``MAX_REVISION``.
+        revision: higher than the replaced character's revision. Increment it by one: the edge refuses a
+            revision far above the newest one, or above ``MAX_REVISION``.
         digest: SHA-256 of the data. Equal data is sent once.
         size: bytes of the data.
         fit: True scales a possessed mesh to a person's height, and moves it to where a standing person fits

@@ -168,7 +168,7 @@ class ZmtpSession:
         return []
 
     def _open_sealed(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
-        """Returns the flags and the content of a sealed frame. The flags are those of a frame without
+        """Returns the flags and the content of a sealed frame. The flags are the same as in a frame without
         encryption.
         """
         from enliven.keys.curve import CurveError

@@ -206,7 +206,7 @@ class CloseLimbs:
 
 
 def _interpolate_wrists(a: Wrist, b: Wrist, part: float) -> Float:
-    """Returns (6,) the position and the elbow direction interpolated between two wrists."""
+    """Returns the position and the elbow direction, interpolated between two wrists, (6,)."""
     first, second = (np.array([w.x, w.y, w.z, *w.out]) for w in (a, b))
     return np.asarray((1.0 - part) * first + part * second)
 

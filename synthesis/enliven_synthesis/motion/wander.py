@@ -87,8 +87,9 @@ class WalkPath:
         return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _STANCE_FRACTION
 
     def _print(self, side: int, time: float) -> tuple[Float, float]:
-        """Returns (x, z) metres and yaw of a footprint, next to the body's position halfway through the
-        foot's stance."""
+        """Returns the position (x, z) in metres and the yaw of a footprint. It is next to the body's position
+        halfway through the foot's stance.
+        """
         at = time + 0.25 * 2 * self._pace
         yaw = self.yaw(at)
         sideways = np.array([math.cos(yaw), -math.sin(yaw)]) * (

@@ -15,7 +15,7 @@ _TRUNK_MIDDLE = 0.04
 
 
 def _parts_by_limb() -> Int:
-    """Returns (16,) the body part of every limb; -1 for the limbs of the trunk."""
+    """Returns the body part (16,) of every limb; -1 for the limbs of the trunk."""
     parts = np.full(len(Limb), -1)
     parts[Limb.SKULL] = BodyPart.HEAD
     parts[Limb.UPPER_ARM_LEFT :] = np.arange(BodyPart.UPPER_ARM_LEFT, PARTS)
@@ -29,7 +29,7 @@ _PART_OF_PIECE = _parts_by_limb()[_LIMB_OF_PIECE]
 
 
 def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> UInt8:
-    """Returns (M,) the body part at each surface point.
+    """Returns the body part (M,) at each surface point.
 
     Args:
         pieces: (M,) index of the body piece at each point.

@@ -203,7 +203,7 @@ def _hide_part(rendered: RenderedPerson, rng: Generator) -> RenderedPerson:
 
 
 def random_build(rng: Generator) -> Proportions:
-    """Returns a random build, from a child's to that of a tall, stout adult."""
+    """Returns a random build, from a child to a tall, stout adult."""
     height = rng.normal(1.72, 0.1) if rng.random() < 0.85 else rng.uniform(1.1, 1.6)
     return Proportions(
         float(np.clip(height, 1.05, 2.05)),
@@ -245,7 +245,7 @@ def _camera_pose(figure: Figure, camera: Intrinsics, near: float, far: float, rn
 
 
 def _room_depth(ray: Float, pose: Float, figure: Figure, rng: Generator) -> Float:
-    """Returns (h, w) metres of a floor and a wall behind the person."""
+    """Returns the depth (h, w) in metres of a floor and a wall behind the person."""
     direction = ray[..., :1] * pose[:3, 0] + ray[..., 1:] * pose[:3, 1] + pose[:3, 2]
     wall = float(figure.joints[:, 2].min()) - rng.uniform(0.3, 2.5)
     with np.errstate(divide="ignore"):
@@ -261,7 +261,7 @@ def _draw_occluder_depth(z: Float32, rng: Generator) -> float:
 
 
 def _draw_occlusion(seen: Bool, rng: Generator) -> Bool:
-    """Returns (h, w) the occluded pixels: in one image of five by an object, in some by missing depth."""
+    """Returns the occluded pixels (h, w): in one image of five by an object, in some by missing depth."""
     hidden = np.zeros(seen.shape, bool)
     rows, columns = np.nonzero(seen)
     if len(rows) == 0:

@@ -37,7 +37,9 @@ _LOSABLE_PARTS = (
     BodyPart.SHANK_LEFT,
     BodyPart.HEAD,
 )
-"""Body parts that a tracker may lose: the head, and those of the left side, which stand for both sides."""
+"""Body parts that a tracker may lose: the head, and the parts of the left side, which represent both
+sides.
+"""
 _CLUTTER_FRACTION = 0.12
 """Fraction of samples without a person: one in eight."""
 _LOST_LIMB_FRACTION = 0.1
@@ -126,7 +128,7 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
 
 
 def _draw_lost_limb(rendered: RenderedPerson, rng: Generator) -> Bool:
-    """Returns (h, w) the pixels of a random part of the body."""
+    """Returns the pixels (h, w) of a random part of the body."""
     part = int(_LOSABLE_PARTS[int(rng.integers(len(_LOSABLE_PARTS)))])
     return np.asarray(rendered.label == (part if part == BodyPart.HEAD else part + int(rng.integers(2))))
 
@@ -193,7 +195,7 @@ def _add_wall_alone(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bo
 
 
 def _label_crop(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
-    """Returns (40, 32) the body part at the centre of every block of 2 x 2 cells."""
+    """Returns the body part (40, 32) at the centre of every block of 2 x 2 cells."""
     i, j = np.mgrid[:LABEL_ROWS, :LABEL_COLUMNS]
     flat = np.stack([(j + 0.5 - LABEL_COLUMNS / 2), (i + 0.5 - LABEL_ROWS / 2)], -1) * (2 * crop.cell)
     x, y = np.moveaxis((flat / crop.depth + crop.centre) @ crop.axes, -1, 0)

@@ -95,7 +95,6 @@ class Film:
         bodies: function that returns the performers and the actor of the result; or None.
         scanner: function that creates the scanner.
         act: how the actor is possessed.
-        colour: sRGB of a mesh without colours.
     """
 
     title: str

@@ -21,7 +21,7 @@ _AREA = 100_000.0
 class HeadlessStage:
     """A stage without a window. The viewport, the source view and the timeline are separate areas.
 
-    Args:
+    Attributes:
         pace: duration of a pointer movement, seconds.
     """
 

@@ -113,7 +113,7 @@ def _value_per_time(times: Sequence[float], values: Sequence[Any], name: str) ->
 
 
 def _framed_points(scene: Scene) -> Float:
-    """Returns (N, 3) the points in metres that the camera must show. Balls are left out, because they fly
+    """Returns the points (N, 3) in metres that the camera must show. Balls are left out, because they fly
     through the image.
     """
     points: list[Float] = [np.asarray(actor.extent, np.float64) for actor in scene.actors]

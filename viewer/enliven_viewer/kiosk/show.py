@@ -257,7 +257,7 @@ class KioskShow:
         return figure.show(character, act.driven, act.source, seconds, performer)
 
     def _draw_spot(self, k: int, act: Act, spot: SpotView) -> list[SceneCharacter]:
-        """Returns the marks of a spot. A performing visitor needs none."""
+        """Returns the marks of a spot. While a visitor performs there, it has no marks."""
         if spot.phase is Phase.POSSESSED or (act.driven is not None and spot.phase is Phase.ATTRACT):
             return []
         pulse = math.sin(2 * math.pi * self._now / _PULSE_PERIOD_S)

@@ -1,7 +1,7 @@
 """Makes a souvenir of each session: a photo of the widest gesture, or a short film, and its QR code.
 
-The pictures are those of the screen without words. Files are written in the background, so the show never
-waits for a disk or an encoder.
+The pictures show the screen without words. Files are written in the background, so the show never waits for a
+disk or an encoder.
 """
 
 from __future__ import annotations

@@ -13,8 +13,9 @@ from enliven.person import Body, Joint
 from enliven_viewer.live.followed_edge import shared_performer_id
 
 SAME_VISITOR_M = 0.45
-"""Distance in metres within which bodies of two edges are the same visitor: less than that of two people side
-by side, more than the error of a calibration."""
+"""Distance in metres within which bodies of two edges are the same visitor. It is less than the distance of
+two people side by side, and more than the error of a calibration.
+"""
 LEAVING_FACTOR = 1.4
 """Factor on that distance for bodies that were the same visitor in the frame before."""
 
@@ -65,8 +66,8 @@ class VisitorMerge:
     ) -> int | None:
         """Returns the nearest kept body of another edge at the same place; None if there is none.
 
-        A kept body is the double of at most one body of each edge: that of the frame before, if it is still
-        there.
+        A kept body has at most one double on each edge. A double of the previous frame remains the double if
+        it is still there.
         """
         before = {
             other: kept_number

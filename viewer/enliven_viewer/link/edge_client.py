@@ -81,7 +81,7 @@ class EdgeClient:
         edge_endpoints = list(dict.fromkeys(edge_endpoints))
         if not edge_endpoints:
             raise InputError(
-                "no edge to link to", where="link", remedy="Give an address, such as 127.0.0.1:5580."
+                "no edge address was given", where="link", remedy="Give an address, such as 127.0.0.1:5580."
             )
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}

@@ -14,7 +14,7 @@ from enliven_viewer.link.camera_glance import CameraGlance
 log = logging.getLogger(__name__)
 
 _MAX_PICTURES = 8
-"""Maximum number of edges with a camera image. Further edges are listed without one."""
+"""Maximum number of edges with a camera image. Further edges are listed without an image."""
 
 
 class EdgeSearch:

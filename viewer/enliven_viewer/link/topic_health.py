@@ -16,7 +16,7 @@ RATE_WINDOW_S = 2.0
 quickly.
 """
 _MAX_ARRIVALS = 8000
-"""Maximum number of stored arrival times: those of 130 characters in two seconds."""
+"""Maximum number of stored arrival times. 130 characters send this number of messages in two seconds."""
 _MIN_RATE_FRACTION = 0.5
 """Minimum fraction of the expected rate for a topic to be on rate. Occasional lost messages are not a
 fault.

@@ -8,7 +8,7 @@ from typing import TypeVar
 Key = TypeVar("Key")
 
 MAX_LAG_NS = 250_000_000
-"""Maximum time in nanoseconds that frames of a fast edge wait for those of a slow one. Performers would
+"""Maximum time in nanoseconds that frames of a fast edge wait for the frames of a slow edge. Performers would
 notice a longer delay.
 """
 _MAX_AGE_NS = 1_000_000_000

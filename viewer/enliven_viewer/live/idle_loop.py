@@ -30,7 +30,7 @@ LOSS_TEXTS: dict[LossReason, str] = {
 
 
 def find_loss_reason(live: LiveStage) -> LossReason:
-    """Returns why nothing new arrives from a stage. Empty if new data arrives, and for takes."""
+    """Returns why no new data arrives from a stage. The text is empty if data arrives, and for takes."""
     edge, has_moments = live.document.edge, len(live.document.timeline) > 0
     if live.take:
         return ""

@@ -108,7 +108,7 @@ class LiveStage:
         return Possess(name, self.possession.body, self.possession.parts, mode)
 
     def release(self) -> None:
-        """Requests to release the chosen character, or those of the chosen performer, or all."""
+        """Requests to release the chosen character, or the characters of the chosen performer, or all."""
         for name in [self.target] if self.target in self.held else self._order_targets(None):
             self.feed.ask(Release(name, self.possession.body))
 

@@ -89,7 +89,7 @@ def blend_props(before: Props | None, after: Props | None, fraction: float, time
 
     Props that exist at only one moment, or that have jumped, are taken from the nearer moment.
 
-    If one of the moments has no props, returns those of the other.
+    If one of the moments has no props, returns the other moment's props.
     """
     if before is None or after is None:
         return before or after
@@ -110,7 +110,7 @@ def blend_props(before: Props | None, after: Props | None, fraction: float, time
 def blend_boards(
     before: dict[str, MatchList], after: dict[str, MatchList], fraction: float
 ) -> dict[str, MatchList]:
-    """Returns the match lists between two moments: those of the earlier one.
+    """Returns the match lists between two moments: the lists of the earlier moment.
 
     Their lines are interpolated if both moments contain them.
     """

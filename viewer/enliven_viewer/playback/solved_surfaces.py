@@ -53,7 +53,7 @@ class SolvedSurfaces:
         self._known: dict[str, _SolvedSurface] = {}
 
     def vertices(self, character: Character, pose: Pose) -> Float32 | None:
-        """Returns (V, 3) metres in the world of a puppet in a pose.
+        """Returns the vertices of a puppet in a pose, (V, 3) in metres of the world.
 
         Returns None for characters moved only by transforms.
         """
@@ -87,7 +87,9 @@ class _SolvedSurface:
         self._transform: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
-        """Returns (V, 3) metres in the world; None before it is prepared, or if that failed."""
+        """Returns the vertices (V, 3) in metres of the world; None before the surface is prepared, or if that
+        failed.
+        """
         surface = self._surface(wait)
         frame, pivot = _puppet_frame(pose), self.character.pivots[0].astype(np.float64)
         if surface is None or frame is None:

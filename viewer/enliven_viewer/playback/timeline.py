@@ -236,7 +236,7 @@ class Timeline:
         return replace(held_moment, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
     def _complete_moment(self, index: int) -> TimelineMoment:
-        """Returns a moment, completed with the last poses of characters that have none in it.
+        """Returns a moment, completed with the last known poses of the characters that it lacks.
 
         This is needed because poses arrive one character after another.
         """

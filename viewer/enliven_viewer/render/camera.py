@@ -135,7 +135,7 @@ class OrbitCamera:
 
     @property
     def target(self) -> Float:
-        """Returns (3,) metres, the current target point."""
+        """Returns the current target point (3,) in metres."""
         return self._now[:3].copy()
 
     def face(self, azimuth: float, elevation: float) -> None:

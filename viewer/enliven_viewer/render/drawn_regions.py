@@ -21,7 +21,7 @@ _SQRT3 = math.sqrt(3.0)
 
 
 def find_ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
-    """Returns (8 N, 3) metres: the corners of boxes around balls.
+    """Returns the corners (8 N, 3) in metres of boxes around balls.
 
     The balls have (N, 3) centres, and radii (N,) or a common radius.
     """
@@ -94,7 +94,7 @@ def find_shadow_bounds(points: Float, to_key: Float, margin: float) -> tuple[Flo
 
 
 def _find_prop_corners(props: Props | None) -> Float:
-    """Returns (N, 3) metres: the corners of boxes around the props."""
+    """Returns the corners (N, 3) in metres of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))
     is_valid = np.isfinite(props.positions).all(1)

@@ -172,7 +172,7 @@ class Renderer:
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
     def _write_frame(self, box: Box, view: CameraView) -> Float:
-        """Fills the uniform block shared by all shaders. Returns (3,) the centre of the pool of light.
+        """Fills the uniform block shared by all shaders. Returns the centre (3,) of the pool of light.
 
         The centre of the pool of light follows the scene slowly.
         """

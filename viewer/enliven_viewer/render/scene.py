@@ -62,7 +62,7 @@ class SceneCharacter:
 
     @property
     def extent(self) -> Float32:
-        """Returns (N, 3) metres: points of the solved surface, or the pivots."""
+        """Returns points on the solved surface, or the pivots, (N, 3) in metres."""
         return self.pose.positions if self.vertices is None else self.vertices
 
 

@@ -244,7 +244,7 @@ class SkinnedMesh:
 
 
 def find_transform_boxes(character: Character) -> Float32:
-    """Returns (J, 8, 3) metres: the corners of the rest box around the vertices of each transform.
+    """Returns the corners (J, 8, 3) in metres of the rest box around the vertices of each transform.
 
     The values are NaN for a transform without vertices.
     """

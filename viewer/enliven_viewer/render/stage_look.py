@@ -129,7 +129,7 @@ def make_look_rows(look: StageLook, settings: RenderSettings) -> Float:
 
 
 def light_from_colour(colour: str) -> Float:
-    """Returns (3,) the linear light that is displayed as a colour such as "#22334a".
+    """Returns the linear light (3,) that is displayed as a colour such as "#22334a".
 
     It inverts the filmic tone curve of shaders/develop.glsl.
     """

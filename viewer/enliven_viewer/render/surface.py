@@ -107,7 +107,7 @@ def cluster_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
 
 
 def neighbours_in_turn(vertices: Float32, faces: Int32) -> Int32:
-    """Returns (F, 3) the same faces, reordered along a Morton curve so that neighbours follow each other.
+    """Returns the same faces (F, 3), reordered along a Morton curve so that neighbours follow each other.
 
     A GPU caches the last few transformed vertices, so a face that shares one with its predecessor costs less.
     With software OpenGL, the vertex shader ran 3 times per vertex of a scanned mesh in the original order,

@@ -22,9 +22,9 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 class WindowOutputs(Closeable):
     """Hands each picture of a window to its outputs. It never waits for a receiver.
 
-    The characters of the project are sent in their poses at the playhead, and those of an edge or a take in
-    the shown moment. While playback is paused, the same pose is sent again with every picture. The time of
-    the frames is this computer's clock, so that it also runs on then.
+    Characters of the project are sent in their poses at the playhead. Characters of an edge or a take are
+    sent in their poses at the shown moment. While playback is paused, the same pose is sent again with every
+    picture. The time of the frames is this computer's clock, so that it also runs on then.
 
     Args:
         workspace: of the window.

@@ -77,7 +77,8 @@ class StudioWindow:
         self.workspace, self.step, self.opening = workspace, step, opening
         self._outputs = outputs
         self.pace = 0.0  # This is the number of frames per second, smoothed.
-        # Remember the place that F11 restores. A window that starts in full screen does not have one yet.
+        # This is the rectangle that F11 restores. A window that starts in full screen has no earlier
+        # rectangle, so it gets a default rectangle.
         settings = workspace.editor.settings
         self._windowed: WindowRectangle | None = (
             (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None

@@ -215,7 +215,7 @@ def _compute_score(
 
 
 def _count_people(stream: BodyStream, times: Float) -> Float:
-    """Returns (N,) the number of people that a sensor reports at each time."""
+    """Returns the number (N,) of people that a sensor reports at each time."""
     count = np.zeros(len(times))
     for track in stream.tracks:
         nearest_frame = np.clip(np.searchsorted(track.times, times), 1, max(len(track.times) - 1, 1))

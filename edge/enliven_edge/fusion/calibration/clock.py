@@ -86,7 +86,7 @@ def _compute_signals(track: BodyTrack) -> tuple[Float, Float]:
 
 
 def _correlate(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
-    """Returns (L,) the normalised correlation and (L,) the number of common samples at every lag."""
+    """Returns the normalised correlation (L,) and the number (L,) of common samples at every lag."""
     if not len(a) or not len(b):
         return np.zeros(0), np.zeros(0)
     product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))

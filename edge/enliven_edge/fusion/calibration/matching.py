@@ -129,7 +129,7 @@ def match_bodies(a: BodyStream, b: BodyStream, a_from_b: Float, lag: float) -> t
 
 
 def _trunk_distances(p: Float, q: Float, w: Float) -> Float:
-    """Returns (N,) the mean distance of the midline points in metres, inf if both see none."""
+    """Returns the mean distance (N,) of the midline points in metres, inf if both see none."""
     weights = midline_weights(w)
     total = weights.sum(1)
     distances = (weights * np.linalg.norm(midline_points(p) - midline_points(q), axis=2)).sum(1)

@@ -114,7 +114,7 @@ def _optimise_poses(
 
 
 def _placement_error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
-    """Returns (6,) the difference of the placements from the fit: rotation about its centre, and shift."""
+    """Returns the difference (6,) of the placements from the fit: rotation about its centre, and shift."""
     measured_from_b = invert(world_from_a) @ world_from_b
     rotation_error = rotation_vector(measured_from_b[:3, :3] @ fit.a_from_b[:3, :3].T)
     translation_error = (

@@ -182,7 +182,7 @@ def _jackknife(
 
 
 def _facing_octants(match: BodyMatch) -> Int:
-    """Returns (N,) the person's facing direction, one of eight, by the first sensor."""
+    """Returns the person's facing direction (N,), one of eight, by the first sensor."""
     joints, _, _ = match.a.at(match.times, MAX_TRACK_GAP_S)
     left_axis = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     angles = np.arctan2(left_axis[:, 2], left_axis[:, 0]) / (2 * np.pi)

@@ -252,13 +252,13 @@ def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) 
 
 
 def _cross_sum(products: Float) -> Float:
-    """Returns (3,) the sum of a x b from the sum of a b^T (3, 3)."""
+    """Returns the sum (3,) of a x b from the sum of a b^T (3, 3)."""
     p = products
     return np.array([p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]])
 
 
 def _vector_lengths(vectors: Float) -> Float:
-    """Returns (N, 20) the lengths of (N, 20, 3)."""
+    """Returns the lengths (N, 20) of vectors (N, 20, 3)."""
     return np.asarray(np.sqrt(np.einsum("njk,njk->nj", vectors, vectors)))
 
 
@@ -280,7 +280,7 @@ def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: Ca
 
 
 def _floor_point_below(a_from_b: Float, centre: Float) -> Float:
-    """Returns (3,) the point of b's floor below a point of a's frame, in b's frame."""
+    """Returns the point (3,) of b's floor below a point of a's frame, in b's frame."""
     point = a_from_b[:3, :3].T @ (centre - a_from_b[:3, 3])
     return np.array([point[0], 0.0, point[2]])
 

@@ -141,7 +141,7 @@ class Collector(SensorThread):
 
     @property
     def level_from_camera(self) -> Float | None:
-        """Returns (4, 4) the pose of a depth sensor's camera in its own level frame.
+        """Returns the pose (4, 4) of a depth sensor's camera in its own level frame.
 
         It is None for a sensor that tracks bodies itself.
         """

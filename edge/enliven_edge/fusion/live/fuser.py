@@ -224,5 +224,5 @@ def warm_up_fusion() -> None:
 
 
 def standing_person() -> Float:
-    """Returns (20, 3) metres: a standing person."""
+    """Returns the joints (20, 3) in metres of a standing person."""
     return Posture(np.array([0.0, 0.95, -2.0]), standing_pose(elbow=0.5), lengths_for_height(1.75)).joints()

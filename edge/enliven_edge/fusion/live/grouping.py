@@ -41,12 +41,12 @@ class Group:
 
     @property
     def mean(self) -> Float:
-        """Returns (20, 3) the unweighted mean of the joints."""
+        """Returns the unweighted mean (20, 3) of the joints."""
         return np.asarray(sum(self.joints.values()) / len(self.joints))
 
     @property
     def sure(self) -> Float:
-        """Returns (20,) the maximum confidence of each joint over the sensors."""
+        """Returns the maximum confidence (20,) of each joint over the sensors."""
         return np.max([s.body.confidence for s in self.sightings.values()], axis=0)
 
     def votes(self, person: int) -> float:

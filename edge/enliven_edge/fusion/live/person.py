@@ -64,7 +64,7 @@ class FusedPerson:
         return (time_ns - self.last_ns) * 1e-9 if self.hits else np.inf
 
     def expected(self, time_ns: int) -> Float:
-        """Returns (20, 3) the predicted joints."""
+        """Returns the predicted joints (20, 3)."""
         return self.joints + min(max(self.seconds_unseen(time_ns), 0.0), MAX_BODY_AGE_S) * self.velocity
 
     def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
@@ -169,7 +169,7 @@ class FusedPerson:
     def _fuse_orientations(
         self, bodies: dict[int, Body], w: Float, has_prediction: bool, share: float
     ) -> Float | None:
-        """Returns (20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
+        """Returns the weighted mean (20, 4) of the orientations (of quaternions of one sign), or None."""
         available = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
         if not available:
             self._has_orientation = False
@@ -205,7 +205,7 @@ def _joint_noise(body: Body, view: SensorView) -> float:
 
 
 def _fuse_confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
-    """Returns (20,) the confidence of the most trusted sensor, lower if sensors contradict each other."""
+    """Returns the confidence (20,) of the most trusted sensor, lower if sensors contradict each other."""
     confidences, result = np.zeros(w.shape), np.empty(len(joints))
     for sensor, body in bodies.items():
         confidences[sensor] = body.confidence
@@ -214,7 +214,7 @@ def _fuse_confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float)
 
 
 def _fuse_contacts(bodies: dict[int, Body], w: Float) -> Float | None:
-    """Returns (2,) the contact of each foot, from the sensors that see the ankles best."""
+    """Returns the contact (2,) of each foot, from the sensors that see the ankles best."""
     available = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
     if not available:
         return None

@@ -34,7 +34,7 @@ class SensorThread(ABC):
     Attributes:
         ended: whether no more frames will come.
         failure: the reason, if it was not an ordinary end.
-        recorded: whether it is a recording: its frames may wait for those of others.
+        recorded: whether it is a recording. If so, its frames may wait for the frames of other sensors.
     """
 
     def __init__(self, name: str, sensor: Sensor) -> None:

@@ -22,7 +22,9 @@ class SensorState(StrEnum):
     FROZEN = "frozen"
     """Its frames come, but all are equal."""
     MOVED = "moved"
-    """Its people are elsewhere than those of the other sensors: it was knocked, or is not calibrated."""
+    """It sees people at other positions than the other sensors do: it was moved by a knock, or is not
+    calibrated.
+    """
     LOST = "lost"
     """It was unplugged, or failed."""
     ENDED = "ended"
@@ -92,7 +94,7 @@ class BodySighting:
         return (time_ns - self.time_ns) * 1e-9
 
     def joints(self, time_ns: int, longest: float) -> Float:
-        """Returns (20, 3) the predicted joints. The prediction is limited to ``longest`` seconds."""
+        """Returns the predicted joints (20, 3). The prediction is limited to ``longest`` seconds."""
         seconds = min(max(self.age(time_ns), -longest), longest)
         return self.body.joints + seconds * self.velocity if seconds else self.body.joints
 

@@ -23,7 +23,7 @@ _HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
 
 
 def midline_points(joints: Float) -> Float:
-    """Returns (..., 12, 3) the points of a body that do not move if the sides are exchanged."""
+    """Returns the points (..., 12, 3) of a body that do not move if the sides are exchanged."""
     return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
 
 

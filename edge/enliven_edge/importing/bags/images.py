@@ -1,4 +1,6 @@
-"""Depth images of a recording: their pixels, and their depth step in millimetres."""
+"""Reads depth images of ROS and RealSense recordings, and converts them to millimetres and undistorted
+pixels.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ _DEPTHS = ("mono16", "16uc1", "z16")
 
 
 def read_image(fields: Fields) -> UInt16:
-    """Returns (H, W) the pixels of a ``sensor_msgs/Image``, read after its header.
+    """Returns the pixels (H, W) of a ``sensor_msgs/Image``, read after its header.
 
     Raises:
         InputError: if it is not a depth image, or its size differs from the declared one.
@@ -45,7 +47,7 @@ def read_image(fields: Fields) -> UInt16:
 
 
 def read_compressed_image(fields: Fields) -> UInt16:
-    """Returns (H, W) the pixels of a ``sensor_msgs/CompressedImage``, read after its header.
+    """Returns the pixels (H, W) of a ``sensor_msgs/CompressedImage``, read after its header.
 
     Raises:
         InputError: if it is not a depth image.
@@ -115,7 +117,7 @@ def intrinsics_from_lens(
 
 
 def undistortion_map(camera: Intrinsics, distortion: tuple[float, ...]) -> Int:
-    """Returns (H*W,) the pixel of a distorted image (OpenCV's rational model) for each undistorted pixel.
+    """Returns the pixel (H*W,) of a distorted image (OpenCV's rational model) for each undistorted pixel.
 
     The nearest pixel is used, because depths must not be averaged. The value H*W means that there is no
     source pixel.

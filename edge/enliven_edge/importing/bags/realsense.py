@@ -47,7 +47,7 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
         device: its serial number, or the name to give the sensor. None for the only camera.
 
     Raises:
-        InputError: if there is none, or several and none is chosen.
+        InputError: if the recording has no depth camera, or several cameras and ``device`` is not given.
     """
     contents = _read_contents(path, read)
     stream = _choose_stream(contents, device, path)

@@ -38,13 +38,14 @@ _MAX_TEMPERATURE_C = 105.0
 class OakSensor(Sensor):
     """An OAK with a stereo pair, or the images of a recording through the same library.
 
+    The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
+
     Args:
         device: its id, USB port or network address. Empty: the only camera.
         preset: "default", "accuracy", "density", "robotics", "high_detail" or "face".
         subpixel: finer depth steps, at the cost of some speed.
         left_right_check: remove pixels that only one of the two cameras sees.
         colour: adds the colour camera's image. Depth is then registered to that camera.
-        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True
@@ -135,9 +136,10 @@ class OakSensor(Sensor):
         checks: tuple[bool, bool],
         colour: bool,
     ) -> tuple[Any, Any]:
-        """Returns the depth of a camera's stereo pair and its colour or None.
+        """Opens the device and builds the DepthAI pipeline.
 
-        Also starts its accelerometer, if any.
+        Starts the accelerometer, if the device has an accelerometer. Returns the pipeline's depth output, and
+        the output of the camera that aligned colour comes from (None without colour).
 
         Args:
             checks: subpixel, and left-right check.

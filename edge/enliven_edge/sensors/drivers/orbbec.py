@@ -36,6 +36,8 @@ _KINDS = {
 class OrbbecSensor(Sensor):
     """A depth camera of Orbbec, or a recording through the same library.
 
+    The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
+
     Args:
         device: its serial number, name, USB path or network address. Empty: the only camera.
         width, height: pixels of the depth image. 0: the camera's default.
@@ -44,7 +46,6 @@ class OrbbecSensor(Sensor):
         preset: the name of one of the camera's own presets, such as "High Accuracy". Empty: unchanged.
         sync: synchronisation of several cameras, such as "primary" and "secondary". Empty: unchanged.
         rehearse: a recording of ours or Orbbec's (.bag), played through the library in place of a camera.
-        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True

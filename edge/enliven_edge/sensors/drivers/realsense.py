@@ -37,12 +37,13 @@ _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d
 class RealSenseSensor(Sensor):
     """A depth camera of the D400 family, or the images of a recording through the same library.
 
+    The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
+
     Args:
         serial: the serial number. Empty: the only camera.
         preset: "default", "high_accuracy", "high_density", "medium_density" or "hand".
         laser: True turns the pattern projector on.
         colour: adds colour, registered to the depth. Pixels without depth have no colour.
-        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True

@@ -23,7 +23,7 @@ _MODES_SHOWN = 8
 def realsense_library() -> Any:
     """Imports pyrealsense2, which needs libusb.
 
-    The wheel libusb-package provides it if the system has none.
+    The wheel libusb-package provides libusb if the system does not have it.
     """
     usb = import_library("libusb_package", "realsense")
     ctypes.CDLL(str(usb.get_library_path()), ctypes.RTLD_GLOBAL)
@@ -142,7 +142,7 @@ def find_colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, na
     """Returns the sensor and the stream profile of a device's colour, of the nearest size at this rate.
 
     Raises:
-        InputError: if there is none.
+        InputError: if the device has no such profile.
     """
     candidates = []
     for sensor in device.query_sensors():

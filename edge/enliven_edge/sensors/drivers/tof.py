@@ -64,12 +64,13 @@ class _FrameContent:
 class TofSensor(Sensor):
     """Arducam's camera at a Raspberry Pi's camera port, or the images of a recording in its place.
 
+    The arguments that all drivers share are described in :mod:`enliven_edge.sensors.drivers`.
+
     Args:
         device: the number of the port, 0 or 1.
         range: measured range in metres, 2 (finer) or 4.
         confidence: minimum confidence of a depth, 0 to 255. Depths below it count as unknown.
         near, far: metres, range of valid depth. 0: 0.2 m and the range.
-        others: common arguments, see :mod:`enliven_edge.sensors.drivers`.
     """
 
     isolated = True

@@ -91,7 +91,8 @@ class HelperProcess:
         self._send_request("go")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
-        """Returns the next message for the sensor within ``timeout`` seconds. None without one.
+        """Returns the next message for the sensor. Returns None if no message comes within ``timeout``
+        seconds.
 
         Raises:
             SensorFault: if the process has ended.

@@ -102,7 +102,7 @@ class FrameSlots:
         self._taken[slot] = 0
 
     def _place(self, slot: int) -> UInt8:
-        """Returns (size,) the bytes of a slot, as a separate array."""
+        """Returns the bytes (size,) of a slot, as a separate array."""
         return np.ndarray(
             (self.size,), np.uint8, buffer=self._memory.buf, offset=_HEADER_BYTES + slot * self.size
         )

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven_edge.sensors.stereo.rectification import import_opencv
 
 _MARKER_RATIO = 0.75
-"""Side of a marker relative to that of its square: OpenCV needs a white margin around it."""
+"""Side of a marker relative to the side of its square: OpenCV needs a white margin around it."""
 _MARKER_CELLS = 6
 """Number of cells along a marker's side of the dictionary 4x4, including its black border."""
 _MARKER_COUNT = 50

@@ -15,7 +15,9 @@ _MAX_STILL_MOTION = 0.01
 """Maximum motion of the corners since the previous pair for which the board counts as still, as a fraction of
 the image's width."""
 _MIN_NEW_MOTION = 0.06
-"""Minimum distance of the corners from those of each kept pair, as a fraction of the image's width."""
+"""Minimum distance between the corners of a new pair and of each kept pair, as a fraction of the image's
+width.
+"""
 _MIN_SHARED_CORNERS = 8
 """Minimum number of shared corners to compare two sightings."""
 

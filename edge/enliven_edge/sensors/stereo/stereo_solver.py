@@ -103,7 +103,7 @@ def disparity_offset(
 
 
 def _explain_unusable(sighting: BoardSighting) -> str:
-    """Returns why a pair cannot be used. Empty if it can."""
+    """Returns why a stereo pair cannot be used; empty if it can be used."""
     for side in ("left", "right"):
         if not getattr(sighting, side):
             return f"the {side} camera does not see the board"

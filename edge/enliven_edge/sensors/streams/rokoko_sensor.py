@@ -238,7 +238,7 @@ def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> H
 
 
 def _joint_values(placement: _Placement) -> Float | None:
-    """Returns (7,) the numbers of a joint, or None if they are not a position and a rotation."""
+    """Returns the numbers (7,) of a joint, or None if they are not a position and a rotation."""
     at, turn = placement.position, placement.rotation
     values = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, values)):

@@ -68,7 +68,7 @@ class VmcSensor(StreamSensor[list[Message]]):
         return counts
 
     def _bodies(self) -> list[Body]:
-        """Returns the body of the newest bones, or none if the sender has none."""
+        """Returns the body of the newest bones, or no body if the sender has sent no bones."""
         if not self._is_loaded or "Hips" not in self._bones:
             return []
         place, turn = self._root

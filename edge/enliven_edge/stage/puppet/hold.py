@@ -70,6 +70,7 @@ class ControlPointHold:
             self._hips = hips
 
     def seconds_away(self, time_ns: int) -> float:
-        """Returns the seconds since, or until, the performer was last in view: the clock may run
-        backwards."""
+        """Returns the time in seconds between now and the moment when the performer was last in view. It is
+        never negative, although the sensor's clock may run backwards.
+        """
         return abs(time_ns - self.seen_ns) * 1e-9

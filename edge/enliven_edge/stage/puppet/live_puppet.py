@@ -1,8 +1,8 @@
 """Runs the mapping of the key poses at a constant rate, independent of the sensor's frame rate.
 
 A performer's poses arrive unevenly, and some are missing. They are resampled to a constant rate. The mapping
-answers ``lag`` samples later, and the shown state is interpolated between the last two answers. It is always
-``lag + 1`` samples behind the pose.
+answers ``lag`` samples later, and the shown state is interpolated between the last two answers. The shown
+state is always ``lag + 1`` samples behind the pose.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class PerformerInput:
         pose: (P, 3) metres, the paired joints in the body frame.
         yaw: radians about +Y, the direction that the puppet should face.
         footing: foot contacts and jump height of the performer.
-        size: metres that the puppet rises for a lift of 1.
+        size: rise of the puppet in metres for a lift of 1.
         way: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
     """
 

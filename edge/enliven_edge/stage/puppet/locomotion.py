@@ -4,8 +4,8 @@ A puppet steps with the feet that alternate in its key poses. During contact the
 the floor (foot lock). The anchor is a foot that supports the performer, until the performer lifts it. If
 contacts are not known, the anchor is the lowest foot until another is clearly lower. In the air the puppet
 keeps its take-off velocity. Its height is then the performer's lift at the puppet's size, because the time of
-landing is not known yet. Every puppet stays near its performer's path, measured in its own strides, by the
-same law as in a take.
+landing is not known yet. Every puppet stays near its performer's path, measured in its own strides. The rule
+is the same as for takes.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ joints are noisy."""
 _CONTACT_PROBABILITY = 0.5
 """Minimum contact probability of a foot that starts to stand: more likely than not."""
 _RELEASE_PROBABILITY = 0.3
-"""A standing foot is released below this contact probability, lower than the other (hysteresis), so that
-contacts do not flicker."""
+"""A standing foot is released below this contact probability. It is lower than the probability at which a
+foot starts to stand (hysteresis), so that contacts do not flicker.
+"""
 _SPEED_WINDOW_S = 0.1
 """Seconds over which the speed of a foot is measured: three frames of a usual sensor."""
 _LEG_RATIO = 0.5
@@ -57,7 +58,7 @@ LEFT_FOOT = 0
 RIGHT_FOOT = 1
 """The side of a control point that stands with the right leg."""
 EITHER = 2
-"""The side of a control point that belongs to neither leg: it stands if either foot does."""
+"""The side of a control point that belongs to neither leg. It stands if the left or the right foot stands."""
 
 
 @dataclass(frozen=True)
@@ -207,8 +208,9 @@ class Locomotion:
         self._following, self._from = self._new(), (way, complex(complex_from_floor(self.root)))
 
     def stands(self, state: State) -> Float:
-        """Returns (3,) metres, the centre of the feet, rotated by the yaw and moved to the root, without
-        the puppet's own placement."""
+        """Returns the centre of the feet, (3,) in metres, rotated by the yaw and moved to the root, without
+        the puppet's own placement.
+        """
         if len(self._feet) == 0:
             return state.root
         feet = rotate_about_y(state.places[self._feet], np.asarray(state.yaw))
@@ -228,7 +230,7 @@ class Locomotion:
         Args:
             places: (P, 3) metres, control points in the puppet's frame.
             yaw: radians.
-            size: metres that the puppet rises for a lift of 1.
+            size: rise of the puppet in metres for a lift of 1.
             way: the performer's path on the floor, in the puppet's strides and axes.
         """
         if not self.can_step:

@@ -90,8 +90,9 @@ class PuppetActor(Actor):
         """Lets the performer move the control points that are paired with these parts of the body.
 
         Args:
-            mode: "alone" ends all other holds. "join" leaves others the points that this performer does not
-                take, and releases this performer's earlier points. "extend" keeps the earlier points, too.
+            mode: "alone" ends all other holds. With "join" the other performers keep the points that this
+                performer does not take, and this performer's earlier points are released. "extend" keeps the
+                earlier points, too.
 
         Raises:
             InputError: for an unknown part, or one without a paired control point.
@@ -212,12 +213,16 @@ class PuppetActor(Actor):
             self._state = self._live.advance(time_ns, sample)
 
     def _leading_hold(self) -> ControlPointHold:
-        """Returns the hold that moves the puppet through the world: one with a foot, or else the oldest."""
+        """Returns the hold that moves the puppet through the world: the oldest hold with a foot, or else the
+        oldest hold.
+        """
         feet = {k for k, point in enumerate(self._puppet.points) if point.foot}
         return next((hold for hold in self.holds if hold.points & feet), self.holds[0])
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Gives the hold of a performer that has been away for long to the only idle performer in view."""
+        """Gives the hold of a performer that has been out of view for long to the only idle performer in
+        view.
+        """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]
         idle = self._free_bodies(bodies)

@@ -106,8 +106,9 @@ class Retargeting:
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
     def pose(self, seen: BonePose) -> Float:
-        """Returns (P, 3) metres in the body frame, with the bone lengths of the performer of the key
-        poses."""
+        """Returns the joints (P, 3) in metres of the body frame, with the bone lengths of the performer of
+        the key poses.
+        """
         turns = np.stack([seen.pelvis, seen.chest, seen.head])[self._turns]
         carried = np.einsum("nab,nb->na", turns, self._rest)
         along = seen.directions[self._followed] * self._lengths
@@ -188,7 +189,9 @@ def _add_limb(
 
 
 def _add_small_branches(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
-    """Adds small branches at hands, feet, head or root: each follows its parent. Tails follow nothing."""
+    """Adds small branches at hands, feet, head or root. Each branch follows its parent. Tails follow no
+    bone.
+    """
     tail = set(anatomy.tail.chain[1:]) if anatomy.tail is not None else set()
     limbs = {
         joint for pair in (*anatomy.arms[1:], *anatomy.legs[1:]) for limb in pair for joint in limb.chain

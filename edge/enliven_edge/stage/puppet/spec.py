@@ -22,8 +22,9 @@ ENDINGS = (".toml", ".enliven")
 
 
 def is_puppet(spec: str) -> bool:
-    """Returns True if a spec names a puppet: a shipped one, a session, or a project with an optional name
-    after "#"."""
+    """Returns True if a spec names a puppet: a shipped puppet, a session, or a project with an optional name
+    after "#".
+    """
     return spec in BUILT_IN_PUPPETS or Path(puppet_file(spec)[0]).suffix.lower() in ENDINGS
 
 

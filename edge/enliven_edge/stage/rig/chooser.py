@@ -86,7 +86,7 @@ class Chooser:
     def accept(self) -> list[Pair]:
         """Accepts the match.
 
-        Returns pairs of a body chain and the character chain that it drives, or none without a match.
+        Returns pairs of a body chain and the character chain that it drives. Empty without a match.
         """
         match = self._picker.accept()
         if match is None or self._source is None:
@@ -106,7 +106,8 @@ class Chooser:
         )
 
     def rows(self, joints: Float) -> tuple[tuple[MatchRow, ...], int]:
-        """Returns the rows of the best matches with the picked one, and its index. -1 if there are none.
+        """Returns the rows of the best matches, including the picked match, and the index of the picked
+        match. The index is -1 without matches.
 
         Args:
             joints: (N, 3) metres, the joints of the character.

@@ -55,8 +55,8 @@ class Binding:
     def update(self, body: Body, time_ns: int, ease: float) -> None:
         """Updates the rotations of the bones since the start of the binding.
 
-        A joint that is not visible is a guess and must not pull: its bone keeps its direction. When the joint
-        becomes visible again, the bone eases to it.
+        The position of a joint that is not visible is a guess, so its bone keeps its direction. When the
+        joint becomes visible again, the bone eases towards it.
 
         Args:
             ease: seconds of that easing.
@@ -124,7 +124,8 @@ class LiveShape:
 
     def hand_over(self, bodies: Sequence[Body], idle: Sequence[Body], time_ns: int, patience: float) -> None:
         """Gives the binding of a performer that is away for over ``patience`` seconds to the only idle
-        performer."""
+        performer.
+        """
         present = {body.id for body in bodies}
         away = [b for b in self.bindings if b.body not in present and time_ns - b.seen_ns > patience * 1e9]
         if away and len(idle) == 1:

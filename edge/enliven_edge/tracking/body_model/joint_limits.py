@@ -23,12 +23,12 @@ _NO_LIMIT = 10.0
 
 
 def mirror_rotations(rotations: Float) -> Float:
-    """Returns (13, 3, 3) the mirrored posture: left and right exchanged, x reversed."""
+    """Returns the mirrored posture (13, 3, 3): left and right exchanged, x reversed."""
     return _SIDE @ rotations[model.MIRROR] @ _SIDE
 
 
 def _range_middles() -> Float:
-    """Returns (13, 3, 3) the middle of every range."""
+    """Returns the middle (13, 3, 3) of every range."""
     middle = np.tile(np.eye(3), (13, 1, 1))
     middle[model.CHEST] = rotation(x=0.2)
     middle[model.UPPER_ARM_L] = rotation(x=-0.6, z=1.2)

@@ -58,12 +58,14 @@ def frame_weights(usual: float, others: dict[int, float]) -> Float:
 
 
 def lengths_for_height(height: float) -> Float:
-    """Returns (12,) the average proportions of a person of ``height`` metres."""
+    """Returns the average proportions (12,) of a person of ``height`` metres."""
     return REFERENCE_LENGTHS * (height / REFERENCE_HEIGHT)
 
 
 def body_height_from_lengths(lengths: Float) -> float:
-    """Returns the metres from sole to crown of a person with these (12,) lengths, standing straight."""
+    """Returns the height in metres, from sole to crown, of a person with these lengths (12,) that stands
+    straight.
+    """
     metres: list[float] = lengths.tolist()
     crown, sole = 1.25 * metres[NECK] + 0.095 * metres[GIRTH], 0.35 * metres[FOOT] + 0.03 * metres[GIRTH]
     return (
@@ -83,7 +85,7 @@ def _offset_from_lengths(
 
 
 def _frame_pivots() -> Float:
-    """Returns (13, 3, 12) the pivot of each frame in its parent's frame."""
+    """Returns the pivot (13, 3, 12) of each frame in its parent's frame."""
     down_arm, down_thigh, down_shin = (
         _offset_from_lengths(y={ARM: -1}),
         _offset_from_lengths(y={THIGH: -1}),
@@ -261,7 +263,7 @@ MOVES = _ancestry()
 
 
 def _bone_frames() -> Int:
-    """Returns (20,) the frame of the bone that ends at each joint."""
+    """Returns the frame (20,) of the bone that ends at each joint."""
     trunk = [PELVIS, PELVIS, CHEST, HEAD]
     arms = [CHEST, UPPER_ARM_L, FOREARM_L, FOREARM_L, CHEST, UPPER_ARM_R, FOREARM_R, FOREARM_R]
     legs = [PELVIS, THIGH_L, SHIN_L, FOOT_L, PELVIS, THIGH_R, SHIN_R, FOOT_R]

@@ -77,7 +77,9 @@ class EstimateAtPoints:
         return EstimateAtPoints(self.estimate, surface, shown, self.rays[::step])
 
     def affinity(self, metres: float) -> Float32:
-        """Returns (20, M) metres added to a point's distance from a capsule of another body part."""
+        """Returns the penalties (20, M) in metres that are added to a point's distance from a capsule of
+        another body part.
+        """
         return np.asarray(_affinity(self.probabilities, CAPSULE_PARTS, np.float32(metres)))
 
     def sideless_affinity(self, metres: float) -> Float32:
@@ -106,7 +108,7 @@ def _affinity(shown, capsule_parts, metres):
 
     Args:
         shown: (P, M) float32 probabilities.
-        carries: (C, P) 1 if a capsule belongs to a part, else 0.
+        capsule_parts: (C, P) 1 if a capsule belongs to a part, else 0.
         metres: the maximum of an entry.
     """
     out = np.empty((len(capsule_parts), shown.shape[1]), np.float32)
@@ -150,7 +152,7 @@ def _agreement(surface, shown, capsule_parts, ends, radii):
 
     Args:
         surface, shown: the points and the probabilities of their parts.
-        carries: (C, N) the parts of each capsule, or -1.
+        capsule_parts: (C, N) the parts of each capsule, or -1.
         ends, radii: the capsules.
     """
     which = np.empty(shown.shape[1], np.int32)

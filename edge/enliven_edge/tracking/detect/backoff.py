@@ -9,14 +9,14 @@ class Backoff:
     """Decides when to run the next trial of one kind.
 
     Attributes:
-        longest: maximum number of frames between two trials.
+        max_interval: maximum number of frames between two trials.
     """
 
     def __init__(self, max_interval: int, worse: float = 1.2) -> None:
         """Sets the limits.
 
         Args:
-            longest: maximum number of frames between two trials.
+            max_interval: maximum number of frames between two trials.
             worse: if the badness exceeds that of the last failed trial by this factor, the next trial is due
                 at once.
         """

@@ -134,7 +134,8 @@ def detect_another(
     by_facing: list[Estimate] | None = None,
     lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport] | None]:
-    """Finds a posture that may explain an observation better than ``present``. None if there is none.
+    """Searches a posture that may explain an observation better than ``present``. Returns None if it finds no
+    such posture.
 
     It is a generator that yields its costs. The present posture is fitted as coarsely as all others. A
     hypothesis that is no better at that stage is hardly ever better in the end, so it is not refined.

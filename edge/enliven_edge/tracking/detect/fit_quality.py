@@ -186,8 +186,8 @@ def fit_quality(report: FitReport) -> float:
 def likely_builds(observation: Observation, height: float) -> list[Float]:
     """Returns (12,) lengths of one or two builds: of the likeliest height, and of the visible height.
 
-    A lower visible height may be that of a child, or of an adult that crouches. A higher one may be that of a
-    tall person, or of raised arms.
+    A smaller visible height may come from a child, or from an adult that crouches. A greater visible height
+    may come from a tall person, or from raised arms.
     """
     visible_height = float(observation.crown[1]) + 0.01
     if observation.cut or not _MIN_STATURE_M < visible_height < _MAX_STATURE_M:

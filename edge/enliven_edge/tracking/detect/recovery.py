@@ -66,7 +66,7 @@ _MAX_UNEXPLAINED = 0.03
 """Maximum additional fraction of points that an accepted posture may leave unexplained. Without this limit
 the fit lost a visible leg, because the network had not learnt such a kick and placed the leg elsewhere."""
 _FIT_STEPS = 6
-"""Steps of a proposal's fit. The number is that of the ordinary fit, so that both fits are comparable."""
+"""Steps of a proposal's fit. The ordinary fit uses the same number, so that both fits are comparable."""
 _WIDE_STEPS = 6
 """Steps of the preceding wide fit of a whole body."""
 _WIDE_WIDTH_M = 0.25

@@ -140,7 +140,7 @@ def crop_person(
 
 
 def _upright_axes(world_from_camera: Float) -> Float:
-    """Returns (2, 2) the image directions right and down of a person that stands upright in the world."""
+    """Returns the directions right and down of an upright person in the image, (2, 2)."""
     x, y = float(world_from_camera[1, 0]), float(world_from_camera[1, 1])
     length = math.hypot(x, y)
     if length < _MIN_UP_LENGTH:

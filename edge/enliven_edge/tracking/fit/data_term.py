@@ -171,12 +171,17 @@ def _cross(a, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _add_pose_terms(total, pull, squares, firsts, start, way, room):
-    """Adds sum phi phi' and -sum r phi of a capsule's points, phi = (n, start cross n + way cross t n).
+    """Adds a capsule's part of the normal equations: sum w phi phi' to ``total``, and -sum w r phi to
+    ``pull``.
+
+    For each point, n, t and r are defined at the top of this module, and w is the robust weight. The
+    derivative by a rigid motion is phi = (n, x cross n). Here x = start + t way is the foot of the point on
+    the capsule's axis.
 
     ``room`` (2, 3, 3) is overwritten.
     """
-    # Compute two vectors for each component a of n: u[a] = sum w n_a (x cross n), and v[a], which is the same
-    # with t. Both give the block of x cross n with itself.
+    # Compute two vectors for each component a of n: u[a] = sum w n_a (x cross n), and v[a] = sum w t n_a (x
+    # cross n). Together they give the block of x cross n with itself, because x = start + t way.
     u, v = room[0], room[1]
     for a in range(3):
         p, q, r = squares[1, a, 0], squares[1, a, 1], squares[1, a, 2]

@@ -118,7 +118,7 @@ class FrameCheck:
         self._count = 0
 
     def check(self, frame: Frame) -> Flaw | None:
-        """Returns why the frame cannot be used, or None if it can."""
+        """Returns why the frame cannot be used, or None if it can be used."""
         reason = find_flaw(frame)
         if reason:
             return HealthKind.BAD_FRAME, reason

@@ -37,7 +37,7 @@ class WorkingCamera:
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
 
     def reduce(self, depth: UInt16) -> Float:
-        """Returns (h, w) metres along the optical axis. 0 where the depth is unknown."""
+        """Returns the depth (h, w) in metres along the optical axis. 0 where the depth is unknown."""
         h, w = self.intrinsics.height, self.intrinsics.width
         return reduce_depth(depth, self.stride, h, w)
 
@@ -117,7 +117,9 @@ class Observation:
 
     @property
     def crown(self) -> Float:
-        """Returns (3,) metres, world frame: the mean of the highest points, on the head or a raised hand."""
+        """Returns the mean of the highest points, on the head or a raised hand, (3,) in metres of the world
+        frame.
+        """
         order = np.argsort(-self.points[:, 1])
         return np.asarray(self.points[order[: max(3, len(order) // 40)]].mean(0))
 
@@ -324,5 +326,5 @@ class FrameView:
 
     @property
     def eye(self) -> Float:
-        """Returns (3,) the sensor's position, world frame."""
+        """Returns the sensor's position (3,), world frame."""
         return self.world_from_camera[:3, 3].copy()

@@ -40,7 +40,7 @@ def _read() -> dict[HealthKind, MessageTemplate]:
 
 
 HEALTH_MESSAGES = _read()
-"""The message of each kind. A test checks that every kind has one."""
+"""The message of each kind. A test checks that every kind has a message."""
 
 
 log = logging.getLogger(__name__)

@@ -56,7 +56,7 @@ class FootContacts:
         self._time_ns = 0
 
     def __call__(self, joints: Float, confidence: Float, time_ns: int) -> Float:
-        """Returns (2,) the contact probabilities of left and right foot. 0 for a foot that is not visible.
+        """Returns the contact probabilities (2,) of left and right foot. 0 for a foot that is not visible.
 
         Args:
             joints: (20, 3) metres, world frame, the floor at y = 0.

@@ -67,7 +67,9 @@ def joint_confidences(evidence: Float, *, alone: bool = False) -> Float:
 
 
 def limit_when_seated(sure: Float, posture: Posture) -> Float:
-    """Returns (20,) confidence. If the person sits on the floor, y = 0, that of the legs is limited."""
+    """Returns (20,) confidence. If the person sits on the floor, y = 0, the confidence of the legs is
+    limited.
+    """
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
     if float(posture.position[1]) > _SEATED_HIP_RATIO * leg:
         return sure
@@ -92,7 +94,7 @@ def _logistic(evidence, weights):
 
 @cache
 def _weights_of_joints(table_name: str) -> Float:
-    """Returns (20, 17) the weights of each joint's group."""
+    """Returns the weights (20, 17) of each joint's group."""
     return np.ascontiguousarray(_evidence_weights(table_name)[GROUP_OF_JOINT])
 
 

@@ -37,7 +37,9 @@ NAMES = (
     "apart",
 )
 """Names of the columns of :func:`joint_evidence`. A column with "beside" describes
-the neighbouring bone. The last two columns come from the network's estimate and are 0 without one."""
+the neighbouring bone. The last two columns come from the network's estimate. They are 0 without an
+estimate.
+"""
 _COUNT = len(NAMES)
 _JOINT_TOLERANCE_M = 0.02
 """Metres added to the distance between a joint and the network's joint before the logarithm. Differences
@@ -204,8 +206,9 @@ def capsule_visibility(ends, radii, view):
 
 
 def capsule_confidence(report: FitReport, observation: Observation, posture: Posture) -> Float:
-    """Returns (C,) the confidence of each capsule in [0, 1]: its support times its fraction not seen
-    through."""
+    """Returns the confidence (C,) of each capsule in [0, 1]: its support times its fraction not seen
+    through.
+    """
     count = len(observation.points)
     return np.asarray(_capsule_support(report.support, report.violated, *posture.capsules(), count))
 

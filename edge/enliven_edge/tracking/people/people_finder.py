@@ -149,7 +149,7 @@ class PeopleFinder:
     def _held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], room: BackgroundModel
     ) -> Bool:
-        """Returns the (h, w) pixels that must not be learnt as background: those of free candidates.
+        """Returns the pixels (h, w) of free candidates, which must not be learnt as background.
 
         While the background model is young, fragments next to people are added.
         """

@@ -111,7 +111,7 @@ class Person:
 
     @property
     def place(self) -> Float:
-        """Returns (3,) the hip centre, world frame."""
+        """Returns the hip centre (3,), world frame."""
         return self.follower.posture.position
 
     @property

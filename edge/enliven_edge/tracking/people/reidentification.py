@@ -26,14 +26,16 @@ _MAX_DISTANCE_COST = 4.0
 """Maximum cost of a distant place in squared standard deviations. People may also walk around behind the
 sensor."""
 _BRIEF_ABSENCE_NS = 2_000_000_000
-"""Maximum absence in nanoseconds for a match by place alone, if there is one absent and one new person."""
+"""Maximum absence in nanoseconds for a match by place alone, if there is exactly one absent and one new
+person.
+"""
 _SAME_PLACE_M = 0.5
 """Maximum horizontal distance in metres for a match by place alone: a step."""
 _MIN_STATURE_DIFFERENCE_M = 0.15
 """Minimum difference in stature in metres, five standard deviations, that excludes a match even at the same
 place."""
 _DISTINCTIVE_LENGTHS = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
-"""The lengths that distinguish people: those of the limbs, which the fit measures best."""
+"""The lengths that distinguish people: the lengths of the limbs, which the fit measures best."""
 _MAX_MISMATCH = 9.0
 """Maximum mismatch of the same person in squared standard deviations: three sigma."""
 _KNOWN_FRAMES = 6

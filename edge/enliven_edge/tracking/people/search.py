@@ -98,7 +98,7 @@ class Search:
             view: the frame.
             sure: candidates that are certainly people.
             others: other candidates.
-            made: receives the bodies.
+            detections: receives the bodies.
             alone: whether no person is tracked.
             most: maximum number of bodies.
         """
@@ -116,7 +116,9 @@ class Search:
         *,
         alone: bool,
     ) -> Steps[None]:
-        """Adds the candidates in which a body is found to ``made``. ``alone``: no person is tracked."""
+        """Adds each candidate in which a body is found to ``detections``. Set ``alone`` if no person is
+        tracked.
+        """
         failed_unions: list[Bool] = []
         for candidate in candidates:
             body = (
@@ -147,7 +149,7 @@ class Search:
 
         Args:
             view: the frame.
-            newcomer: the candidate.
+            candidate: the part of the image that is searched.
             failed_unions: (h, w) unions that were already searched without success. Those of this candidate
                 are added.
         """

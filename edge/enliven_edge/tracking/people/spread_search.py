@@ -19,7 +19,7 @@ class DetectedBody:
     """A body that was found.
 
     Attributes:
-        newcomer: the candidate with the body, in its current state.
+        candidate: the candidate with the body, in its current state.
         shown: a copy of the candidate from the frame that was searched.
         centre: (3,) metres, world frame, of the candidate in that frame.
         follower: the fit to that frame.

@@ -162,7 +162,7 @@ class TrackManager:
         """Starts to track a found body: as a hidden person that reappeared, or as a new one without an id.
 
         Args:
-            newcomer: the candidate in its current state.
+            candidate: the candidate in its current state.
             shown: a copy of it from the frame in which the body was found.
             follower: the fit.
             time_ns: the frame's time.

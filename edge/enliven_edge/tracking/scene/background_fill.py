@@ -19,7 +19,7 @@ _MIN_SINE = 1e-3
 
 
 def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: float) -> Float:
-    """Returns (h, w) metres: the background's depth with never-seen pixels filled in.
+    """Returns the background's depth (h, w) in metres, with values filled in at pixels that were never seen.
 
     The depth is 0 if nothing is known at all.
 

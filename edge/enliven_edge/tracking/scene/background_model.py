@@ -92,11 +92,11 @@ class BackgroundModel:
 
     @property
     def z(self) -> Float:
-        """Returns (h, w) the background's depth in metres. 0 where it was never seen."""
+        """Returns the background's depth (h, w) in metres. 0 where it was never seen."""
         return self._state.z
 
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
-        """Returns (h, w) the class of every pixel: BACKGROUND, FOREGROUND, UNSEEN or UNLIKELY."""
+        """Returns the class (h, w) of every pixel: BACKGROUND, FOREGROUND, UNSEEN or UNLIKELY."""
         self._fill(view, floor_band)
         return np.asarray(classify_pixels(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
 
@@ -139,7 +139,7 @@ class BackgroundModel:
         guard(owner, ids, z, self._state.guarded, self._state.guard_z)
 
     def still_pixels(self, z: Float) -> Bool:
-        """Returns (h, w) the pixels without known background that keep their depth longer than people can.
+        """Returns the pixels (h, w) without known background that keep their depth longer than people can.
 
         Pixels that show another depth in this frame are left out. So a motionless person does not become
         background when another person passes in front.

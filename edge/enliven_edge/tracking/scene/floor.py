@@ -154,7 +154,7 @@ constrain the tilt."""
 
 
 def correct_mounting(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
-    """Returns (4, 4) the sensor's pose, moved slightly towards agreement with the observed floor.
+    """Returns the sensor's pose (4, 4), moved slightly towards agreement with the observed floor.
 
     The pose is unchanged if too little floor is visible.
 

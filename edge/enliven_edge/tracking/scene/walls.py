@@ -113,7 +113,7 @@ def _is_wall(along: Float) -> bool:
 
 
 def _plane_tolerance(z: Float) -> Float:
-    """Returns (N,) the maximum distance in metres from a wall's plane for points at each of (N,) depths."""
+    """Returns the maximum distance (N,) in metres from a wall's plane for points at each of (N,) depths."""
     return np.asarray(_WALL_TOLERANCE_M + _TOLERANCE_GROWTH * z * z)
 
 

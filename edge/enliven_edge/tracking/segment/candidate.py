@@ -269,8 +269,8 @@ def _union_masks(part: Bool, parts: list[Bool]) -> list[Bool]:
 def measure_blob(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
     """Returns the (3,) mean point of (h, w) pixels in metres, their area in square metres, and two fractions.
 
-    The area is projected towards the sensor. The fractions are those of the pixels in front of the known
-    background, and in front of the known or filled-in background.
+    The area is projected towards the sensor. One fraction counts the pixels in front of the known background,
+    the other counts the pixels in front of the known or filled-in background.
 
     Args:
         view: the frame.

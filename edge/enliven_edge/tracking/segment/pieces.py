@@ -217,7 +217,7 @@ def _largest_parts(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -
 
 
 def add_fragments(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
-    """Returns (h, w) the main group with its fragments, or without them if it then looks more like a person.
+    """Returns the main group (h, w) with its fragments, or without them if it then looks more like a person.
 
     It also returns the shape if it was measured for this decision.
     """
@@ -233,7 +233,7 @@ def add_fragments(segments: Segments, main: LooseGroup, view: FrameView) -> tupl
 
 
 def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: FrameView) -> Bool:
-    """Returns (h, w) the main group with smaller groups that touch it, such as a forearm held forward.
+    """Returns the main group (h, w) with smaller groups that touch it, such as a forearm held forward.
 
     Args:
         segments: the segmentation of the frame.

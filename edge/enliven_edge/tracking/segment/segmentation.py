@@ -81,11 +81,11 @@ class Segments:
     counts: Int
 
     def pixels(self, person: int) -> Bool:
-        """Returns (h, w) the pixels of a person, by index."""
+        """Returns the pixels (h, w) of a person, by index."""
         return np.asarray(self.owner == person)
 
     def group(self, loose: LooseGroup) -> Bool:
-        """Returns (h, w) the pixels of a loose group."""
+        """Returns the pixels (h, w) of a loose group."""
         return np.asarray(self.labels == loose.label)
 
 

@@ -1,8 +1,8 @@
 """The cells of an ARAP surface: their rotations, scales and volume matrices, and the residual of the
 positions.
 
-A cell consists of a vertex and the edges to its neighbours. The equation numbers are those of U. Celikcan,
-I. O. Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models", 2015, section 4.
+A cell consists of a vertex and the edges to its neighbours. The equation numbers are from U. Celikcan, I. O.
+Yaz and T. Capin, "Example-based retargeting of human motion to arbitrary mesh models", 2015, section 4.
 Vertices are ordered so that neighbours are near in memory. Only the vector ``z`` is in the factor's
 elimination order.
 

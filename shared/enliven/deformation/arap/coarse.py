@@ -8,9 +8,9 @@ face. If two cells meet elsewhere (around a thin limb), their samples are linked
 that is smaller than a few spacings and has no control point gets no samples. It follows the nearest surface.
 
 A fine vertex follows the samples that are near it *along the surface*, so that fingers that touch do not
-stick. The weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered
-data", 1980: w_k ~ ((r - d_k) / (r d_k))², with the distance d_k to sample k and the radius r. They blend
-without creases, and a sample follows exactly itself.
+stick. The weights are from R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data",
+1980: w_k ~ ((r - d_k) / (r d_k))², with the distance d_k to sample k and the radius r. They blend without
+creases, and a sample follows exactly itself.
 """
 
 from __future__ import annotations
@@ -224,8 +224,8 @@ def _coarsening_notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
 
 @njit(cache=True, nogil=True)
 def edges_around(points, faces):
-    """Returns the neighbours of each vertex as CSR: offsets (V + 1,), (E,) neighbours without duplicates, and
-    (E,) metres to them.
+    """Returns the vertex adjacency in CSR form: offsets (V + 1,), neighbours (E,) and edge lengths (E,) in
+    metres.
     """
     count = points.shape[0]
     room = np.zeros(count + 1, np.int64)

@@ -175,7 +175,7 @@ class PuppetSurface:
         return second
 
     def _carried_vertices(self, targets: Float) -> Float:
-        """Returns (V, 3) metres, the mesh's vertices that follow the solver's pose."""
+        """Returns the mesh's vertices after the solver's pose was applied, (V, 3) in metres."""
         coarse = self._coarse
         if coarse is None:
             return self._solver.pose
@@ -200,7 +200,7 @@ class PuppetSurface:
 
 
 def _find_welded_vertices(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
-    """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that control
+    """Returns the vertices (X,) at the position of a hard control point, and the number (X,) of that control
     point.
     """
     control_point_at = np.full(int(welded.max()) + 1, -1)

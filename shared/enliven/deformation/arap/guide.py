@@ -81,7 +81,7 @@ class Guide:
         fine.move_with_proxy(previous, self.carried, rotation)
 
     def settle(self, places: Float) -> Float:
-        """Returns (V, 3) metres, the mesh for handles at ``places`` (P, 3) metres, independent of earlier
+        """Returns the vertices (V, 3) in metres for handles at ``places`` (P, 3), independent of earlier
         frames.
 
         The handles are moved from rest in small steps.

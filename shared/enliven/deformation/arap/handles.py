@@ -1,7 +1,7 @@
 """Adds handles to a factor of the Laplacian, exactly and without a new factorization.
 
-The factor is that of the Laplacian alone (with vertex 0 fixed, which gives one of its solutions). The forces
-f on the handle vertices E and a translation c of the whole surface are the solution of
+Only the Laplacian is factorized (with vertex 0 fixed, which gives one of its solutions). The forces f on the
+handle vertices E and a translation c of the whole surface are the solution of
 
     [ EᵀGE + D   1 ] [ f ]   [ wanted - EᵀG r ]
     [ 1ᵀ         0 ] [ c ] = [ -1ᵀ r          ]        x = G (r + E f) + c

@@ -73,7 +73,7 @@ def find_tiny_shells(points: Float, label: Int, awake: Int, spacing: float) -> B
 
 
 def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
-    """Returns (G, 3) the coarse faces, and (L, 2) pairs of neighbouring samples that share no face."""
+    """Returns the coarse faces (G, 3), and (L, 2) pairs of neighbouring samples that share no face."""
     corners = nearest[faces]
     corners = corners[((corners != corners[:, [1, 2, 0]]).any(1)) & (corners >= 0).all(1)]
     count = int(nearest.max()) + 1
@@ -86,7 +86,7 @@ def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
 
 
 def unique_sides(corners: Int, count: int) -> Int:
-    """Returns (S,) the sides of faces without duplicates, as lower vertex * count + higher vertex."""
+    """Returns the sides (S,) of faces without duplicates, as lower vertex * count + higher vertex."""
     turned = corners[:, [1, 2, 0]]
     return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
 

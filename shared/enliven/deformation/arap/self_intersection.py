@@ -33,21 +33,21 @@ class SelfIntersection:
         self._rest: Int | None = None
 
     def crossing(self, vertices: Float) -> Int:
-        """Returns (K,) the faces that intersect other faces in a pose (V, 3), ascending."""
+        """Returns the faces (K,) that intersect other faces in a pose (V, 3), ascending."""
         moved = np.array(vertices, np.float64, order="C")
         return np.sort(
             self._order[_crossing_faces(moved, self._corners, *_bounding_boxes(moved, self._corners))]
         )
 
     def newly_crossing(self, vertices: Float) -> Int:
-        """Returns (K,) the faces that intersect other faces in a pose (V, 3), but not at rest."""
+        """Returns the faces (K,) that intersect other faces in a pose (V, 3), but not at rest."""
         if self._rest is None:
             self._rest = self.crossing(self._mesh.vertices)
         return find_new_intersections(self._rest, self.crossing(vertices))
 
 
 def find_new_intersections(rest_crossings: Int, crossings: Int) -> Int:
-    """Returns (K,) the faces that cross now and did not cross at rest.
+    """Returns the faces (K,) that cross now and did not cross at rest.
 
     A mesh with parts that overlap has crossings at rest.
     """

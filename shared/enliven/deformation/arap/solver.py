@@ -222,7 +222,7 @@ class ArapSolver:
         return shift
 
     def shape(self) -> Float:
-        """Returns (V, 3) metres, the surface of the shape state. The next frame starts from it."""
+        """Returns the surface (V, 3) in metres of the shape state. The next frame starts from it."""
         return self._frames[self._surface.place_of, 12:15] + self._surface.centre
 
     @property
@@ -265,8 +265,8 @@ class ArapSolver:
         return out
 
     def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
-        """Returns (X,) the mesh's vertices that belong to hard handles, including welded vertices, and (X,)
-        the row of the targets for each.
+        """Returns the mesh's vertices (X,) that belong to hard handles, including welded vertices, and the
+        row (X,) of the targets for each.
         """
         row_at = np.full(len(self._surface.rest), -1)
         row_at[places[hard]] = hard

@@ -31,8 +31,8 @@ _MAX_EXACTLY_JOINED_SHELLS = 64
 
 
 def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
-    """Returns (E, 2) the mesh's edges, lower vertex first, without duplicates, and (E,) weights of at
-    least ``MIN_EDGE_WEIGHT``.
+    """Returns the mesh's edges (E, 2), lower vertex first, without duplicates, and (E,) weights of at least
+    ``MIN_EDGE_WEIGHT``.
     """
     count = len(vertices)
     edge_ends, half_cotangents = [], []
@@ -105,8 +105,9 @@ def _nearest_vertices(vertices: Float, group: Int, middle: Float) -> Int:
 
 
 def _near_neighbours(vertices: Float, label: Int) -> Int:
-    """Returns (L, 2) the shortest edges that join shells, among the edges to each vertex's 16 nearest
-    vertices."""
+    """Returns the shortest edges (L, 2) that join shells, among the edges to each vertex's 16 nearest
+    vertices.
+    """
     count = len(vertices)
     distance, nearest = scipy.spatial.cKDTree(vertices).query(vertices, k=min(16, count))
     rows = np.repeat(np.arange(count), nearest.shape[1])

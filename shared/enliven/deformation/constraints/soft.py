@@ -45,8 +45,9 @@ class ConstrainedPoints:
         return len(self.at)
 
     def deformed(self, linear: Float, positions: Float) -> Float:
-        """Returns (P, 3) metres, the positions of the points for nodes at ``linear`` (N, 3, 3), ``positions``
-        (N, 3)."""
+        """Returns the positions (P, 3) in metres of the points for nodes at ``linear`` (N, 3, 3),
+        ``positions`` (N, 3).
+        """
         linear, positions = np.ascontiguousarray(linear), np.ascontiguousarray(positions)
         return np.asarray(_deformed_points(self.at, self.nodes, self.weights, self.pivots, linear, positions))
 

@@ -22,14 +22,14 @@ NO_PLANES = Planes(
     _EMPTY_ARRAY,
     np.empty(0, np.bool_),
 )
-"""The planes of a frame that has none."""
+"""The value for a frame without planes."""
 
 
 def coefficient_rows(
     points: PointConstraints | PlaneConstraints, positions: Float, places: Int
 ) -> tuple[Int32, Float]:
-    """Returns (L, 4) the nodes of each point, by ascending elimination order and without duplicates, and (L,
-    4, 4) their coefficients.
+    """Returns the nodes (L, 4) of each point, by ascending elimination order and without duplicates, and
+    their coefficients (L, 4, 4).
 
     Args:
         positions: (N, 3) metres, the nodes at rest.

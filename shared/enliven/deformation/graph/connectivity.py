@@ -10,7 +10,7 @@ from enliven.union_find import join, root_of
 
 
 def components(count: int, edges: Int32 | Int) -> Int:
-    """Returns (N,) the number of the connected component of each node, counted in the order of the nodes."""
+    """Returns the number (N,) of the connected component of each node, in the order of the nodes."""
     return np.asarray(_number_components(count, np.ascontiguousarray(edges, np.int64)))
 
 
@@ -33,7 +33,7 @@ def _number_components(count, edges):
 
 
 def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
-    """Returns (C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
+    """Returns the edges (C - 1, 2) that join C components into one, with the smallest sum of distances.
 
     KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
     distance of two components is the distance of their nearest two nodes. Borůvka's algorithm adds the

@@ -194,7 +194,8 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     surface_distances = path_lengths(count, cells.borders, cells.lengths)
     detours = surface_distances > DETOUR * straight_distances + SLACK * spacing
     is_far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
-    # Rank pairs without a finite D after all other pairs, by their distance along the surface.
+    # Pairs that are far apart, or at an infinite distance, rank after all other pairs, by the length of the
+    # path along the surface. Pairs with a detour are never linked here.
     surface_ranking = np.where(
         detours, np.inf, distances[np.isfinite(distances)].max(initial=0.0) + surface_distances
     )

@@ -229,11 +229,12 @@ def distance(p, n_p, q, n_q):
 
 
 def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
-    """Returns (K,) the accepted candidates, in order. Each has a distance D of at least ``radius`` to all
-    before it."""
+    """Returns the accepted candidates (K,), in order. Each has a distance D of at least ``radius`` to all
+    before it.
+    """
     low = positions.min(0)
-    # The distance D is never smaller than the Euclidean distance. So with cells of side R, samples that are
-    # too close are in the same cell or in neighbouring cells.
+    # The distance D is never smaller than the Euclidean distance. So with cells of side ``radius``, samples
+    # that are too close are in the same cell or in neighbouring cells.
     size = max(radius, float((positions.max(0) - low).max()) / 500)
     cells = ((positions - low) / size).astype(np.int64) + 1
     shape = cells.max(0) + 2
@@ -278,7 +279,7 @@ def _throw_darts(positions, normals, cell, near, radius):
 
 
 def distance_matrix(samples: SurfaceSamples) -> Float:
-    """Returns (N, N) the distances D between all samples, infinite on the diagonal."""
+    """Returns the distances (N, N) between all samples, infinite on the diagonal."""
     return np.asarray(_distance_matrix(samples.positions, samples.normals))
 
 

@@ -21,7 +21,7 @@ _MIN_WEIGHT_SUM = 1e-9
 
 
 def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
-    """Returns (N,) the stiffness factor of each node. It is a spot's factor at the spot's centre, and changes
+    """Returns the stiffness factor (N,) of each node. It is a spot's factor at the spot's centre, and changes
     smoothly to 1 at its radius.
 
     The factors of overlapping spots are multiplied. Returns None without spots.
@@ -48,7 +48,7 @@ def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
 
 
 def painted_stiffness(character: Character) -> Float | None:
-    """Returns (N,) the painted factor around each node: the weighted geometric mean of its vertices' factors.
+    """Returns the painted factor (N,) around each node: the weighted geometric mean of its vertices' factors.
 
     A node without vertices has the factor 1. Returns None if nothing is painted.
     """

@@ -303,7 +303,7 @@ def vertices_of_points(net: SurfaceNet) -> tuple[Int, Int32]:
 
 
 def path_lengths(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
-    """Returns (N, N) metres, the length of the shortest path between nodes over weighted edges; infinite
+    """Returns the length (N, N) in metres of the shortest path between nodes over weighted edges; infinite
     beyond ``limit`` metres.
     """
     if len(edges) == 0:

@@ -56,7 +56,7 @@ class LimbEnds:
     ways: scipy.sparse.csr_matrix
 
     def distances_from(self, points: Int) -> Float:
-        """Returns (P, C) the distances in metres along the surface from ``points`` (P,) to all points."""
+        """Returns the distances (P, C) in metres along the surface from ``points`` (P,) to all points."""
         return np.atleast_2d(scipy.sparse.csgraph.dijkstra(self.ways, indices=points))
 
 
@@ -87,7 +87,7 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
 
 
 def extremities(mesh: Mesh, most: int = 12) -> Int:
-    """Returns (K,) the vertices at the ends of limbs, most prominent first, with K at most ``most``.
+    """Returns the vertices (K,) at the ends of limbs, most prominent first, with K at most ``most``.
 
     Raises:
         InputError: if the mesh has no area.
@@ -99,7 +99,7 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
 
 
 def _sample_far_points(links: scipy.sparse.csr_matrix, count: int) -> Float:
-    """Returns (S, C) the distances in metres along the surface from S points that are far from each other."""
+    """Returns the distances (S, C) in metres along the surface from S points that are far from each other."""
     net = links.indptr.astype(np.int64), links.indices, links.data
     near, _ = nearest_sources(*net, np.array([0]))
     rows = list[Float]()
@@ -148,8 +148,9 @@ def _local_maxima(offsets, neighbours, height, order):
 
 
 def _joined_net_edges(net: SurfaceNet) -> scipy.sparse.csr_matrix:
-    """Returns (C, C) the net's edges and their lengths in metres, with shells joined at their nearest
-    points."""
+    """Returns the edge lengths of the net in metres as a sparse matrix (C, C). Edges between the nearest
+    points of shells are added, so that the net has one component.
+    """
     count, edges = len(net.points), net.graph.edges
     graph = scipy.sparse.csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
     joints = shell_connections(net.points, components(count, edges))
@@ -160,7 +161,7 @@ def _joined_net_edges(net: SurfaceNet) -> scipy.sparse.csr_matrix:
 
 
 def shell_connections(points: Float, label: Int) -> Int:
-    """Returns (S - 1, 2) the shortest pairs of points that join S shells into one component.
+    """Returns the shortest pairs (S - 1, 2) of points that join S shells into one component.
 
     Every shell except the largest is linked to its nearest point on another shell, until all are one
     component (Borůvka's algorithm). This needs only a few rounds, for any number of shells.

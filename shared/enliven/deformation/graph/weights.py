@@ -55,7 +55,7 @@ _MAX_CANDIDATE_NODES = 64
 
 
 def choose_carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
-    """Returns (M,) the carriers, ascending: the nodes that vertices follow. No carrier is near to an earlier
+    """Returns the carriers (M,), ascending: the nodes that vertices follow. No carrier is near to an earlier
     one.
 
     If there would be fewer than ``least`` carriers, returns all nodes.

@@ -38,8 +38,9 @@ _MAX_REFITS = 3
 _MAX_FRAMES_ADDED = 16
 """Maximum number of frames that are added at once, the worst first. Each frame costs time in every round."""
 _FINAL_ROUNDS = 5
-"""Number of final fitting rounds, in which transforms are restricted to those of a glTF node: rotation, and
-scale along fixed axes."""
+"""Number of final fitting rounds, in which the transforms are restricted to the form of a glTF node:
+rotation, and scale along fixed axes.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +251,7 @@ class _Fit:
 
 
 def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
-    """Returns (V, C, 3) the vertices in the C chosen frames, metres."""
+    """Returns the vertices (V, C, 3) in the C chosen frames, metres."""
     frame_vertices = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):

@@ -4,9 +4,9 @@ With the weights known, a frame's surface is linear in its K affine maps. The ma
 same for all frames, so it is factored once. The vertices of a frame are only needed for its right-hand side
 of 12 numbers per transform. All other steps use these numbers.
 
-If maps must be those of a glTF node, A = R Q diag(s) Q' with constant axes Q per transform, they are found
-block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.2,
-extended by scale).
+If the maps must be possible for a glTF node, A = R Q diag(s) Q' with constant axes Q per transform, they are
+found block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section
+4.2, extended by scale).
 """
 
 from __future__ import annotations

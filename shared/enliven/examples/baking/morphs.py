@@ -68,8 +68,9 @@ def bake_morphs(
 
 
 def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
-    """Returns (C, 3 V) the vertices' displacements from rest in the chosen frames, and the changes of their
-    normals."""
+    """Returns the vertices' displacements (C, 3 V) from rest in the chosen frames, and the changes of their
+    normals.
+    """
     displacements, normals = (
         np.empty((len(chosen), mesh.vertices.size)),
         np.empty((len(chosen), mesh.vertices.size)),
@@ -90,8 +91,8 @@ def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
 
 
 def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
-    """Returns (N, 3 V) the principal components of C displacements (C, 3 V), largest first, and (N,) their
-    standard deviations.
+    """Returns the principal components (N, 3 V) of C displacements (C, 3 V), largest first, and their
+    standard deviations (N,).
     """
     values, vectors = np.linalg.eigh(moved @ moved.T)
     order = np.argsort(values)[::-1][:most]

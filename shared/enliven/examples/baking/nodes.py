@@ -73,7 +73,7 @@ class Seeds:
         return len(self.vertices) - old_count
 
     def nearest(self, count: int) -> Int32:
-        """Returns (V, C) the nearest seeds of each vertex, nearest first. Missing entries are -1."""
+        """Returns the nearest seeds (V, C) of each vertex, nearest first. Missing entries are -1."""
         count_there = min(count, len(self.vertices))
         order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T
         filled = np.full((self.away.shape[1], count), -1, np.int32)

@@ -200,7 +200,7 @@ class _RootPath:
             self.compute_contact(self._done, until - 1)
 
     def _root_velocity(self, frame: int) -> Float:
-        """Returns (3,) the velocity of the root in contact in metres per second, averaged up to ``frame``."""
+        """Returns the velocity (3,) of the root in contact in metres per second, averaged up to ``frame``."""
         earlier = frame
         longest = max(int(round(self._settings.throw / self._step)), 1)
         while earlier > 0 and frame - earlier < longest and self.anchors[earlier - 1] >= 0:

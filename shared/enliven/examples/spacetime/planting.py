@@ -1,8 +1,8 @@
 """Foot lock: keeps standing feet in place, including those that are not the anchor.
 
-The distance between two feet of the mesh never equals that of the performer exactly. So while both feet
-stand, only the anchor stays in place. This module locks every standing foot to one position, with smooth
-transitions.
+The distance between two feet of the mesh never equals the distance between the performer's feet exactly. So
+while both feet stand, only the anchor stays in place. This module locks every standing foot to one position,
+with smooth transitions.
 
     places = lock_feet(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
 """
@@ -29,7 +29,7 @@ def lock_feet(
     step: float,
     settings: LocomotionSettings,
 ) -> Float:
-    """Locks standing feet to the floor. Returns (F, P, 3) metres in the mesh's frame.
+    """Locks standing feet to the floor. Returns the control points, (F, P, 3) in metres of the mesh's frame.
 
     Args:
         places: (F, P, 3) metres in the mesh's frame, before the lock.
@@ -59,7 +59,7 @@ def lock_feet(
 
 
 def _lock_position(foot_path: Float, anchor: Bool) -> Float:
-    """Returns (3,) the position to which a foot with path (N, 3) is locked: where it becomes the anchor, or
+    """Returns the position (3,) to which a foot with path (N, 3) is locked: where it becomes the anchor, or
     else the mean of its path.
     """
     return np.asarray(foot_path[anchor.argmax()] if anchor.any() else foot_path.mean(0))

@@ -9,7 +9,7 @@ from enliven.kernels import njit
 
 
 def reduce_keys(values: Float, tolerance: float, turns: bool = False, times: Float | None = None) -> Int:
-    """Returns (K,) the frames of ``values`` (T, C) to keep, including the first and the last.
+    """Returns the frames (K,) of ``values`` (T, C) to keep, including the first and the last.
 
     Between two kept keys every frame is within the tolerance of the interpolated value. The search is greedy:
     each next key is as far away as possible, without backtracking.

@@ -124,7 +124,7 @@ class GltfScene(MeshScene):
 
 
 def find_jumps(times: Float, values: Float) -> Int | None:
-    """Returns (K,) the frames of ``values`` (T, C) that reproduce a channel with STEP interpolation.
+    """Returns the frames (K,) of ``values`` (T, C) that reproduce a channel with STEP interpolation.
 
     Returns None if the values also change more slowly than a jump in a clip.
     """

@@ -141,7 +141,7 @@ def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
 
 
 def largest_reaches(performance: Performance) -> Float:
-    """Returns (J,) the largest distance in metres of a transform's vertices from its pivot, over all
+    """Returns the largest distance (J,) in metres of each transform's vertices from its pivot, over all
     frames.
     """
     mesh, skin = performance.surface

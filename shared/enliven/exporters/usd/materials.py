@@ -13,7 +13,7 @@ from enliven.exporters.plain_materials import PlainMaterial, TextureUse, image_s
 from enliven.meshes import MeshMaterials
 
 _PLAIN_ROUGHNESS = 0.9
-"""Roughness of the material for faces without one. Such faces must not look shiny."""
+"""Roughness of the material for faces without a material of their own. Such faces must not look shiny."""
 _WRAPS = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 """Wrap modes of glTF samplers."""
 

@@ -1,7 +1,7 @@
 """Writes the motion of a humanoid alone as a VRM animation (.vrma, VRMC_vrm_animation 1.0).
 
 The nodes of the file are the VRM bones in the T-pose, without rotations at rest. So the rotation of a node is
-that of its bone relative to the T-pose. Programs can apply it to any VRM avatar. Only the hips have a
+its bone's rotation relative to the T-pose. Programs can apply it to any VRM avatar. Only the hips have a
 position.
 """
 
@@ -38,7 +38,8 @@ def write_vrma(path: Path | str, performances: Sequence[Performance], name: str 
         name: the title of the animation.
 
     Raises:
-        InputError: for other than one character, or one that is not a humanoid with joints of known names.
+        InputError: if there is not exactly one character, or if it is not a humanoid with joints of known
+            names.
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:

@@ -1,8 +1,8 @@
 """Writes a humanoid model as a VRM 1.0 avatar (.vrm): mesh, materials, skeleton and the map of human bones.
 
 An avatar has no motion: write that as a .vrma. The avatar stands in the T-pose, as VRM requires. The mesh and
-its binding are those of the model, so the skinning does not change. Each joint of the skeleton is a node. The
-rest rotations of the nodes put the skeleton into the T-pose.
+its binding are taken from the model unchanged, so the skinning does not change. Each joint of the skeleton is
+a node. The rest rotations of the nodes put the skeleton into the T-pose.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def write_vrm(
         author: author of the avatar, which the format requires.
 
     Raises:
-        InputError: for other than one character, one without a mesh, or one that is not a humanoid with
-            joints of known names.
+        InputError: if there is not exactly one character, or if it has no mesh, or if it is not a humanoid
+            with joints of known names.
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:

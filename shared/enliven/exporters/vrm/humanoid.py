@@ -1,7 +1,7 @@
 """The humanoid bones of VRM 1.0 in a skeleton, found by the names of its joints, and the T-pose.
 
-A VRM bone begins at a joint, and its rotation is that of the bone of the skeleton that begins there. In the
-T-pose of VRM 1.0 the avatar faces +Z, its left arm points to +X, and its legs point down.
+A VRM bone begins at a joint. It has the rotation of the skeleton's bone that begins there. In the T-pose of
+VRM 1.0 the avatar faces +Z, its left arm points to +X, and its legs point down.
 """
 
 from __future__ import annotations

@@ -284,7 +284,7 @@ def _after_label(words: _Words, label: str, expected: str) -> str:
 
 
 def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
-    """Reads the frames. Returns (F, C) the value of each channel in each frame, and notes about unusual
+    """Reads the frames. Returns the value (F, C) of each channel in each frame, and notes about unusual
     content.
 
     A frame may span several lines, and a line may contain several frames.

@@ -30,8 +30,7 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
 
 
 def texture_bytes(character: RigBase) -> int:
-    """Returns the size of a character's textures in bytes: at least 1 if it has materials, 0 if it has
-    none."""
+    """Returns the size of a character's textures in bytes: at least 1 if it has materials, else 0."""
     materials = None if character.mesh is None else character.mesh.materials
     return 0 if materials is None else max(sum(len(texture.image) for texture in materials.textures), 1)
 

@@ -154,7 +154,7 @@ def depth_first_order(parents: dict[int, int]) -> list[int]:
 
 
 def _rest_misfits(bodies: list[LinkBody]) -> Float:
-    """Returns (J, J) the root mean square deviation, metres, of body j from its rest position relative to
+    """Returns the root mean square deviation (J, J), metres, of body j from its rest position relative to
     body p.
     """
     count, frames = len(bodies), len(bodies[0].places)

@@ -8,8 +8,8 @@ a *bone* is a single link, and rotates about the joint at which it begins. The r
   chest: the neck, not a shoulder). If several bones do, it is the one with the most descendants. If none
   does, the vertices get a bone of their own, so that an ear does not move the head. For the same reason,
   vertices of the root (a pelvis) follow the rotation of the whole skeleton.
-- A joint without children gets a *tip*. It is at the leaf node below the joint if the rig has one (Blender's
-  exporter writes one), else at the far end of the joint's vertices.
+- A joint without children gets a *tip*. If the rig has a leaf node below the joint, as Blender's exporter
+writes, the end is at this node. Otherwise, it is at the far end of the joint's vertices.
 - Joints at the same position become one joint. A rig needs one joint for each limb that rotates separately,
   but here each bone rotates separately.
 - Joints without vertices, also below them, are removed (pole targets, controllers). So is a root that moves
@@ -117,7 +117,7 @@ def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
 
 
 def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
-    """Returns (F, N, 3) the positions of the joints over time, metres. A tip moves rigidly with its bone."""
+    """Returns the positions (F, N, 3) of the joints over time, metres. A tip moves rigidly with its bone."""
     skeleton = tree.skeleton
     positions = np.empty((len(bodies[0].places), len(skeleton), 3))
     for j, body in enumerate(tree.body):

@@ -185,7 +185,7 @@ class Bind:
                 self.world[node][:3, :3] *= self._mirror_signs(node)
 
     def _uneven_scale(self, bound: Float, parent: int, node: int) -> Float:
-        """Returns (3,) the non-uniform part, per axis, of a node's scale in the file relative to its scale at
+        """Returns the non-uniform part (3,), per axis, of a node's scale in the file relative to its scale at
         binding.
 
         For a model with animations, all three are 1, and the clips contain that scale. Otherwise rotating

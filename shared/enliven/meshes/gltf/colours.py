@@ -35,7 +35,7 @@ class Colours:
         """Returns (V, 3) sRGB of the vertices: the product of factor, texture at the vertex, and vertex
         colour.
 
-        Returns None if the file has none of them.
+        Returns None if the primitive has no colour of any of these kinds.
         """
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count

@@ -199,7 +199,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 
 def key_times(file: GltfFile, animation: int, even: Float) -> Float:
-    """Returns (K,) the times, in seconds, of those keys that are not among the evenly spaced times ``even``
+    """Returns the times (K,), in seconds, of those keys that are not among the evenly spaced times ``even``
     (F,).
 
     Each jump of a STEP channel adds two times: just before its key, and at the key.

@@ -87,7 +87,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
 
 def visible_nodes(file: GltfFile) -> list[int]:
     """Returns the visible nodes of the default scene, parents first. If the file has no default scene,
-    returns those of the whole file.
+    returns the nodes of the whole file.
     """
     document = file.document
     if document.scenes:

@@ -87,7 +87,7 @@ def _join_parts(
 
 
 def _outward_faces(part: GltfPart, bind: Bind) -> Int32:
-    """Returns (F, 3) the faces of a part, flipped if most of their corners are mirrored."""
+    """Returns the faces (F, 3) of a part, flipped if most of their corners are mirrored."""
     used_nodes = np.unique(part.nodes[:, 0])
     mirrored = {
         int(n): bool(np.linalg.det(bind.world_from_mesh(part, int(n))[:3, :3]) < 0) for n in used_nodes

@@ -13,7 +13,7 @@ from enliven.modeling.edits.graph_feet import graph_foot_lock_mode, stand
 
 
 def foot_lock_mode(character: RigBase, number: int) -> str | None:
-    """Returns the foot lock mode of a character's layer, or None if the layer does not have one."""
+    """Returns the foot lock mode of a character's layer, or None if the layer has no foot lock."""
     if isinstance(character, GraphShape):
         return graph_foot_lock_mode(character, number) if number < len(character.parts) else None
     layer = character.playing[number]

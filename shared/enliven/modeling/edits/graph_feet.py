@@ -206,14 +206,14 @@ def _foot_lock_layer(
 
 
 def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
-    """Returns (K, 3) metres, the posed vertices of a foot."""
+    """Returns the posed vertices (K, 3) in metres of a foot."""
     few = foot.vertices
     skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
     return blend_vertices(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
 
 
 def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
-    """Returns (F, 3) metres, the corrections of a foot at positions (F, 3) with sole heights (F,)."""
+    """Returns the corrections (F, 3) in metres of a foot at positions (F, 3) with sole heights (F,)."""
     if way == "ground":
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
     limb, how = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()

@@ -24,7 +24,7 @@ from enliven.rotation import IDENTITY
 
 
 def group_centre(project: Project, names: Sequence[str]) -> Float:
-    """Returns (3,) metres, the mean of the centres of some characters."""
+    """Returns the mean (3,) in metres of the centres of some characters."""
     return np.asarray(np.mean([_character_centre(project, name) for name in names], axis=0))
 
 

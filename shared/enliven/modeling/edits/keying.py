@@ -115,15 +115,16 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
         return project
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
-    # The pose is D = P K, with the key K and the rotations P before it. After a rotation w in the world, the
-    # pose is w D = P K', so K' = K D^-1 w D.
+    # The joint's world rotation is D = P K, with the key's rotation K and the product P of the rotations
+    # before it. After a further rotation w in the world it is w D = P K', so the new key is K' = K D^-1 w D.
     key_rotation = multiply(multiply(conjugate(turns[j]), turn), turns[j])
     key_degrees, axes = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)
     if number is not None:
         axes = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
     added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), key_rotation)
-    # The reflection is its own inverse, so L^-1 = S basis^-1.
+    # The layer's axes map a rotation q to L q L^-1 with L = basis S. S is the reflection of a mirrored layer.
+    # It is its own inverse, so L^-1 = S basis^-1.
     own_rotation = multiply(multiply(conjugate(axes.turn), added), axes.turn)
     own_rotation = Axes(IDENTITY, axes.mirrored).rotations(own_rotation)
     degrees = _nearest_degrees(to_rotation_vector(normalized(own_rotation)), key_degrees)
@@ -155,8 +156,9 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
 
 
 def _nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
-    """Returns a rotation vector (3,) in radians as (3,) degrees. Of all numbers of full turns, the one
-    nearest to ``previous_degrees`` (3,) is chosen."""
+    """Converts a rotation vector (3,) from radians to degrees. Full turns are added so that the result is
+    nearest to ``previous_degrees`` (3,).
+    """
     vector = np.degrees(radians)
     angle = float(np.linalg.norm(vector))
     if angle < 1e-9:

@@ -94,7 +94,8 @@ def set_key(
 
     Args:
         degrees, metres: rotation and displacement; None keeps the interpolated values.
-        ease: interpolation to the next key. None keeps that of a replaced key; for a new key it is "smooth".
+        ease: interpolation to the next key. None keeps the value of a replaced key; for a new key it is
+            "smooth".
 
     Raises:
         InputError: if the handle does not exist or cannot have keys, or if the numbers do not form a key.

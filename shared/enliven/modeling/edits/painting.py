@@ -21,7 +21,7 @@ MAX_DOUBLINGS = 4.0
 """Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
 rigid."""
 _DOUBLINGS_PER_STROKE = 2.0
-"""Number of doublings or halvings per stroke along its middle. Two strokes reach the limit."""
+"""Number of doublings or halvings that one stroke causes along its middle. Two strokes reach the limit."""
 _MIN_DOUBLINGS = 1e-3
 """Vertices with fewer doublings or halvings than this count as unpainted."""
 

@@ -96,7 +96,9 @@ def transfer_performance(
 
 
 def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
-    """Returns the named ends and joints of a mesh in its pose, or None where it has none."""
+    """Returns the named ends and the named joints of a mesh in its pose. Each is None if the mesh does not
+    have them.
+    """
     if not isinstance(target, GraphShape):
         return None, None
     rest = target.mesh.vertices

@@ -53,7 +53,7 @@ def handle_number(character: RigBase, handle: int | str) -> int:
 
 
 def vertices_of(project: Project, character_id: str, time: float) -> Float:
-    """Returns (V, 3) metres, the vertices of a character at a time of the project.
+    """Returns the vertices (V, 3) in metres of a character at a time of the project.
 
     Raises:
         InputError: if the character does not exist, or lacks data that it needs to move.
@@ -72,7 +72,8 @@ def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
 
 
 def foot_of(vertices: Float) -> Float:
-    """Returns (3,) metres, the centre of the bounding box of vertices (V, 3) at the height of the lowest
-    vertex."""
+    """Returns the centre (3,) in metres of the bounding box of vertices (V, 3) at the height of the lowest
+    vertex.
+    """
     low, high = vertices.min(0), vertices.max(0)
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

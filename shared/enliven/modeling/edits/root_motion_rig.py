@@ -66,7 +66,9 @@ class RootMotionRig(RigEdits):
         return self.own.handle_motion(character, player, handle, layer)
 
     def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
-        """Returns a function that returns the surface, moved by the root layers."""
+        """Returns a function of time in seconds. It returns the vertices (V, 3) with the root layers
+        applied.
+        """
         rig_surface = self.own.surface(project, character)
         return lambda time: root_motion(project, character, time)(rig_surface(time))
 

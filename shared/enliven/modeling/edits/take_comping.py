@@ -87,7 +87,7 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
 
     The first recording of a possessed mesh moves its nodes. If it is removed, the nodes keep the pose of its
     first frame. If the removed alternative was playing, the previous alternative plays next, or the following
-    one if there is no previous one.
+    alternative if no previous alternative exists.
 
     Raises:
         InputError: if the recording is not in the group.

@@ -289,7 +289,7 @@ def _weld_vertices(union: Union) -> Union:
 
 
 def _is_membrane(faces: Int) -> Bool:
-    """Returns (F,) True for pairs of faces that lie back to back. They remain if two caps touch."""
+    """Returns (F,) True for faces that lie back to back with another face. Touching caps leave such pairs."""
     if len(faces) == 0:
         return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)

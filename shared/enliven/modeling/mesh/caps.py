@@ -80,7 +80,7 @@ def triangulate_cap(loops: list[Int], places: Float, fine: bool = True) -> Cap:
 
 
 def _target_edge_lengths(points: Float, loops: list[Int]) -> Float:
-    """Returns (R,) the target edge lengths of triangles at the rim's points.
+    """Returns the target edge lengths (R,) of triangles at the rim's points.
 
     A rim has two points for each mesh edge that it crosses, so the target is about twice the length of the
     rim's own edges.
@@ -104,7 +104,7 @@ def flatten_loop(points: Float) -> Float:
 
 
 def _cotangent_weights(points: Float, triangles: Int) -> csr_matrix:
-    """Returns (P, P) the cotangent weights between points. Negative weights are raised to a small positive
+    """Returns the cotangent weights (P, P) between points. Negative weights are raised to a small positive
     value.
     """
     count = len(points)

@@ -3,8 +3,9 @@ leaves (open sheets).
 
 Two faces are connected across an edge if only these two share it, with opposite directions. If more than two
 faces share an edge (such as the edge of two touching boxes), they are connected in pairs: first the two faces
-with the thinnest wedge of solid between them. The remaining holes are capped if little area is missing. Other
-open parts are leaves (open sheets such as cloth or a feather), which do not enclose a volume.
+with the thinnest wedge of solid between them, then the others. The remaining holes are capped if little area
+is missing. Other open parts are leaves (open sheets such as cloth or a feather), which do not enclose a
+volume.
 """
 
 from __future__ import annotations
@@ -81,14 +82,15 @@ def close_surface(mesh: Mesh, of: Int) -> ClosedSurface:
 
 
 def _face_adjacency(mates: Int, count: int) -> coo_matrix:
-    """Returns (F, F) the adjacency matrix of the faces. ``mates`` (3F,) contains for each half-edge the face
-    on the other side, or a number below 0 for none."""
+    """Returns the adjacency matrix (F, F) of the faces. ``mates`` (3F,) contains for each half-edge the face
+    on the other side, or a number below 0 for none.
+    """
     joined = np.flatnonzero(mates >= 0)
     return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
 
 
 def _opposite_half_edges(faces: Int, mesh: Mesh) -> Int:
-    """Returns (3F,) the opposite half-edge (3 face + corner) of each half-edge, or -1 at a border."""
+    """Returns the opposite half-edge of each half-edge, (3F,): 3 face + corner, or -1 at a border."""
     starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, 1).ravel().astype(np.int64)
     count = int(faces.max(initial=-1)) + 1
     edge = np.minimum(starts, ends) * count + np.maximum(starts, ends)
@@ -117,7 +119,8 @@ def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
     away = corners[rows, (k + 2) % 3] - a
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     angle = np.arctan2(away @ np.cross(axis, across), away @ across)
-    # Seen from a forward half-edge, the solid lies at smaller angles than the face of that half-edge.
+    # ``wedge[i, j]`` is the angle of solid between face i with a forward half-edge and face j with a backward
+    # half-edge. At a face with a forward half-edge, the solid is on the side of smaller angles.
     wedge = np.where(forward[:, None] & ~forward, (angle[:, None] - angle) % (2 * np.pi), np.inf)
     while np.isfinite(wedge).any():
         row, column = np.unravel_index(int(wedge.argmin()), wedge.shape)
@@ -126,8 +129,9 @@ def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
 
 
 def _corner_fans(mates: Int) -> Int:
-    """Returns (3F,) the fan of connected faces around a vertex that contains each corner of a face, as a
-    number."""
+    """Returns the number of the fan that contains each corner of a face, (3F,). A fan is a group of connected
+    faces around a vertex.
+    """
     joined = np.flatnonzero(mates >= 0)
     other = mates[joined]
     after = other - other % 3 + (other + 1) % 3

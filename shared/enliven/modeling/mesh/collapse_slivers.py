@@ -1,4 +1,6 @@
-"""Removes slivers along a seam, so that it can be smoothed: contracts short edges, and flips others."""
+"""Removes slivers along a seam, so that the seam can be smoothed. Short edges are contracted, and other edges
+are flipped.
+"""
 
 from __future__ import annotations
 

@@ -42,8 +42,9 @@ def build_piece(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece
 
 
 class _PieceBuilder:
-    """A builder of one side of a cut. The vertices are kept vertices, new ones on crossed edges, then inner
-    ones."""
+    """A builder of one side of a cut. First come the kept vertices, then the new vertices on crossed edges,
+    then the inner vertices of caps.
+    """
 
     def __init__(self, work: CutPlan, keeps: Bool, far: bool) -> None:
         self.work, self.far = work, far

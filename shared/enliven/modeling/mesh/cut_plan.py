@@ -30,7 +30,7 @@ _MAX_SLIDE_EDGES = 0.15
 _MAX_GAP_FRACTION = 0.3
 """Maximum missing fraction of a loop that is still closed. Scans have holes."""
 _SIDES = ((0, 1), (1, 2), (2, 0))
-"""The numbers of the two corners of each of a triangle's three sides."""
+"""For each of a triangle's three sides: the numbers of its two corners."""
 _MIN_ISLAND_FRACTION = 0.05
 """Minimum size of an island of vertices, as a fraction of its side, for the island to be cut out. Cuts along
 skin weights can create small islands."""
@@ -123,8 +123,9 @@ class CutPlan:
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
     def _crossing_positions(self, edges: Int) -> Float:
-        """Returns (E,) the position of the cut along each crossed edge, as a fraction. It is found by
-        bisection, since the field may be nonlinear."""
+        """Returns the position (E,) of the cut along each crossed edge, as a fraction. It is found by
+        bisection, since the field may be nonlinear.
+        """
         low, high = np.zeros(len(edges)), np.ones(len(edges))
         start = self.field[edges[:, 0]] - self.shift
         ends = self.field[edges[:, 1]] - self.shift
@@ -207,8 +208,9 @@ class CutPlan:
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
-        """Returns (W,) True for welded vertices on the far side. More loops are cut while the two sides are
-        still connected."""
+        """Returns (W,) True for welded vertices on the far side. Further loops are cut until the two sides
+        are no longer connected.
+        """
         while True:
             cut = np.isin(self.found.loops, self.chosen)
             part = self._components_after_cut(cut)
@@ -226,7 +228,7 @@ class CutPlan:
         return np.asarray(side[part] == 1)
 
     def _components_after_cut(self, cut: Bool) -> Int:
-        """Returns (W,) the connected component of each vertex after the given crossed faces are split."""
+        """Returns the connected component (W,) of each vertex after the given crossed faces are split."""
         is_whole = np.ones(len(self.faces), bool)
         is_whole[self.found.faces[cut]] = False
         faces = self.faces[is_whole]

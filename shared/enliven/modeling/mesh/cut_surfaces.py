@@ -124,7 +124,7 @@ class StrokeCut(CutSurface):
 
 
 def _arc_lengths(stroke: Float) -> Float:
-    """Returns (S,) the arc length at each point."""
+    """Returns the arc length (S,) at each point."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 

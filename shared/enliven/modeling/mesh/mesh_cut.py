@@ -93,8 +93,8 @@ def cut_across_bone(
     behind = 1.0 - ahead - bone_weight
     if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > _MIN_OWN_FRACTION:
         return cut
-    # This cut does not separate the skin of the bones well. For example, a plane through the middle of the
-    # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.
+    # This plane does not separate the vertices of the bones on its two sides well. For example, a plane
+    # across the bone to a hip would cut the body in half. So try a cut that follows the skin weights.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + bone_weight * along)
     other.choose_all()
@@ -106,8 +106,8 @@ def cut_across_bone(
 
 
 def _bone_match(cut: Cut, ahead: Float, behind: Float) -> float:
-    """Returns the match between the sides of a cut and the bones on both sides of it, from 0 to 1, for the
-    worse side.
+    """Returns how well the sides of a cut match the bones on its two sides: the score of the worse side, from
+    0 to 1.
 
     The score of a side is the fraction of its bones' total skin weight that is on this side of the cut.
 
@@ -184,7 +184,7 @@ def round_caps(piece: Piece, share: float) -> Piece:
 
 
 def cap_normals(caps: Mesh) -> Float:
-    """Returns (V, 3) for each vertex the mean normal of its cap."""
+    """Returns the mean normal of its cap for each vertex, (V, 3)."""
     part = components(len(caps.vertices), caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     total = np.zeros((int(part.max()) + 1, 3))
     np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())

@@ -5,8 +5,8 @@
 ``offset`` is added to the bone numbers of the second skin (0 if they are already numbered for the merged
 skeleton). ``Union.first`` and ``Union.second`` give the old number of each vertex in either mesh, or -1.
 ``Union.seam`` marks the vertices where the two meshes meet. Vertices and faces that the seam does not touch
-stay bit-exact and in order: those of the first mesh, those of the second, then the new ones. If the union
-fails, the result is one mesh of separate shells without any loss, and ``Union.notes`` gives the reason.
+stay bit-exact. The first mesh's come first, then the second mesh's, then the new vertices and faces. If the
+union fails, the result is one mesh of separate shells without any loss, and ``Union.notes`` gives the reason.
 """
 
 from __future__ import annotations

@@ -16,8 +16,9 @@ from enliven.modeling.skinning.skins import renumber_bones
 
 
 def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
-    """Returns (V, 3) metres, the vertices v' = sum_j w_j (L_j (v - rest_parent) + x_parent), for the bones'
-    maps L (N, 3, 3) and the joints x (N, 3)."""
+    """Returns the vertices (V, 3) in metres for the bones' maps L (N, 3, 3) and the joints x (N, 3): v' =
+    sum_j w_j (L_j (v - rest_parent) + x_parent).
+    """
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
     return blend_vertices(
@@ -28,7 +29,9 @@ def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
 def blend_vertices(
     vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float
 ) -> Float:
-    """Returns (V, 3) metres, v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
+    """Returns the vertices (V, 3) in metres, v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double
+    precision.
+    """
     out = np.zeros_like(vertices)
     for slot in range(4):
         node = skin.indices[:, slot]
@@ -45,8 +48,9 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
 
 
 def matching_bone_numbers(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or the bone
-    ``otherwise`` if no bone has this name."""
+    """Returns the number of the bone of ``shape`` with the same name for each bone of ``before``, (N,). If no
+    bone has this name, it is ``otherwise``.
+    """
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
@@ -67,7 +71,7 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
 
 
 def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
-    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None if there are none."""
+    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None without such faces."""
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():
@@ -81,13 +85,14 @@ def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
 
 
 def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
-    """Returns (N, 3, 4) the map of each bone from rest to the world, L_j (v - rest_parent) + x_parent, for L
-    (N, 3, 3)."""
+    """Returns the map (N, 3, 4) of each bone from rest to the world, L_j (v - rest_parent) + x_parent, for L
+    (N, 3, 3).
+    """
     above = np.maximum(shape.skeleton.parents, 0)
     offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
     return np.concatenate([linear, offset[..., None]], -1)
 
 
 def identity_maps(shape: Shape) -> Float:
-    """Returns (N, 3, 4) the identity for each bone: the rest pose."""
+    """Returns the identity (N, 3, 4) for each bone: the rest pose."""
     return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))

@@ -144,7 +144,7 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
 
 
 def _nearest_mirrored(cloud: _Cloud, normal: Float, offset: float) -> Float:
-    """Returns (N,) the index of the nearest point with a similar normal for the image of each point."""
+    """Returns the index (N,) of the nearest point with a similar normal for the image of each point."""
     facing = cloud.normals - 2 * (cloud.normals @ normal)[:, None] * normal
     image = np.concatenate([_mirror_points(cloud.points, normal, offset), _NORMAL_WEIGHT * facing], 1)
     return np.asarray(cloud.tree.query(image)[1])

@@ -114,9 +114,9 @@ def fair_surface(mesh: Mesh, free: Bool) -> Float:
     other vertices keep their positions.
 
     The mean curvature and the normals of the surroundings are interpolated harmonically into the free region.
-    The free vertices then take the positions that best match the resulting Laplacians, and none moves far. A
-    tube continues as a tube, and a plane as a plane. Source: R. Schneider and L. Kobbelt, "Geometric fairing
-    of irregular meshes", 2001, in one linear step.
+    The free vertices then take the positions that best match the resulting Laplacians, and no vertex moves
+    far. A tube continues as a tube, and a plane as a plane. Source: R. Schneider and L. Kobbelt, "Geometric
+    fairing of irregular meshes", 2001, in one linear step.
     """
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)

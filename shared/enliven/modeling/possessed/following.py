@@ -16,15 +16,16 @@ _MIN_FALLOFF_EDGES = 1.5
 """Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
 _SLOPE_REGULARIZATION = 1e-3
 """Regularization of the slopes perpendicular to the surface, as a fraction of the squared edge length. It is
-also the minimum difference between the share of the dragged node (1) and that of any other node."""
+also the minimum difference between the share of the dragged node (1) and the share of any other node.
+"""
 
 
 def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     """Returns the nodes that follow a dragged node, and the fraction (share) of its motion that each follows.
 
-    The share falls from 1 at the node to 0 at the falloff radius, with zero slope at both: (1 - (a /
-    reach)^2)^2, with a the distance in metres along the graph's edges at rest. Slopes are least-squares fits
-    over each node's edges.
+    The share falls from 1 at the node to 0 at the falloff radius, with zero slope at both. It is (1 - (a /
+    reach)^2)^2, where a is the distance in metres along the graph's edges at rest. Slopes are least-squares
+    fits over each node's edges.
 
     Returns:
         (K,) nodes, and (K, 4) their share followed by its slope per metre.
@@ -47,7 +48,7 @@ def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
 
 
 def _share_slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
-    """Returns (N, 3) the gradient of the shares (N,) at each node, per metre. It is 0 at the dragged node."""
+    """Returns the gradient (N, 3) of the shares (N,) at each node, per metre. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     edge_vectors = rest[ends[:, 1]] - rest[ends[:, 0]]
     steps = shares[ends[:, 1]] - shares[ends[:, 0]]

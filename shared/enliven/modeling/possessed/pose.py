@@ -18,7 +18,7 @@ _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 
 def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
-    """Returns (N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
+    """Returns the linear maps (N, 3, 3) and the positions (N, 3) in metres of the nodes of a shape.
 
     Both are interpolated linearly between frames. A part with a ride follows its carrier rigidly (see
     :class:`enliven.document.Ride`). Layers on top deform the rest pose (see
@@ -73,7 +73,7 @@ def evaluate_layer(
 
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
-    """Returns (V, 3) metres, the vertices for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
+    """Returns the vertices (V, 3) in metres for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
     return blend_vertices(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
 
 
@@ -133,7 +133,8 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
 
 def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
     """Returns the recorded linear maps (K, 3, 3) and positions (K, 3) of a part's nodes at a time. For a
-    muted part they are those of its first frame."""
+    muted part they are taken from its first frame.
+    """
     if part.muted:
         return _recorded_maps_at(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)

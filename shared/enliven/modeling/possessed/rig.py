@@ -127,8 +127,10 @@ class GraphRig(RigEdits):
         centre, flip = self.centre(shape), Axes(IDENTITY, True)
         parts = []
         for part in shape.parts:
-            # M (turn S^k x + place) = (M turn S) S^(k+1) x + M place, and M turn S is a rotation again. So a
-            # mirrored part only toggles its reflection.
+            # A point x of a part is at turn S^k x + place. S is the reflection in the plane x = 0, and k is 1
+            # for a mirrored part, else 0. Let M be the map of ``axes``, a reflection. Then M (turn S^k x +
+            # place) = (M turn S) S^(k+1) x + M place, and M turn S is a rotation again. So only the part's
+            # ``mirrored`` changes.
             turn = normalized(multiply(axes.turn, flip.rotations(part.turn)))
             rest = normalized(multiply(axes.turn, flip.rotations(part.axes)))
             place, ride = centre + axes.vectors(part.place - centre), part.ride

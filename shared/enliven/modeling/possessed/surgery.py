@@ -179,13 +179,15 @@ def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) ->
 
 
 def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
-    """Returns a part of the graft in the merged shape, in which its nodes come after ``first`` others."""
+    """Returns a part of the graft for the merged shape, in which the numbers of its nodes start at
+    ``first``.
+    """
     if part.ride is None:
         return replace(part, ride=ride)
     return replace(part, ride=replace(part.ride, node=part.ride.node + first))
 
 
 def _world_from_rest(linear: Float, positions: Float, rest: Float) -> Float:
-    """Returns (N, 3, 4) the map of each node from rest to the world."""
+    """Returns the map (N, 3, 4) of each node from rest to the world."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

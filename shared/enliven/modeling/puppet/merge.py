@@ -1,11 +1,11 @@
 """Merges two puppets without baking: the control points and the key poses of both are kept.
 
-At the time of the merge both keep their poses. Key poses of both are kept. If only one of them has a certain
-key pose, the other's control points get their positions from its own motion. So each keeps moving as before,
-and the surfaces become one. If the graft plays the same takes as the host, or no take, it rigidly follows the
-host's surface around the meeting point, and its own motion is added on top. A graft that plays another take
-cannot follow the host, because its frames do not determine the host's pose. It moves about its current
-position.
+At the time of the merge both keep their poses. Key poses of both are kept. If only one puppet has a certain
+key pose, the control points of the other puppet get their positions from that puppet's own motion. So both
+keep moving as before, and their surfaces become one surface. If the graft plays the same takes as the host,
+or no take, it rigidly follows the host's surface around the meeting point, and its own motion is added on
+top. A graft that plays another take cannot follow the host, because its frames do not determine the host's
+pose. It moves about its current position.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class _Rigid:
         return np.asarray(points @ self.turn.T + self.move)
 
     def after(self, other: _Rigid) -> _Rigid:
-        """Returns the composition: first the other motion, then this one."""
+        """Returns the composition: first the other motion, then this motion."""
         return _Rigid(self.turn @ other.turn, self.turn @ other.move + self.move)
 
     @property
@@ -73,8 +73,8 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     """Attaches a puppet to another puppet in their poses at a time. The host keeps its name and its path.
 
     The meshes are united at rest, with the graft aligned to the host as at the meeting place in these poses.
-    The layers of both are kept, each for its own control points. The graft's layers no longer travel, and its
-    hard constraints are dropped.
+    The layers of both puppets are kept, and each layer moves the same control points as before. The graft's
+    layers no longer travel, and its hard constraints are dropped.
 
     Raises:
         InputError: if the union of the meshes fails.
@@ -140,8 +140,9 @@ class _Side:
         return _fit_rigid_motion(self.local[self._near], self.was[key][self._near])
 
     def _key_places(self, key: tuple[str, int]) -> Float:
-        """Returns (P, 3) metres, its control points in its mesh's frame: from its key pose, or from its own
-        motion."""
+        """Returns the puppet's control points (P, 3) in metres, in its mesh's frame: from its key pose, or
+        from its own motion.
+        """
         if key in self.keys:
             return self.puppet.poses[self.keys.index(key)].places
         if missing(self._project, self.puppet):
@@ -326,7 +327,7 @@ def _placeholder_skin(puppet: Puppet) -> SkinWeights:
 
 
 def _meeting_point(ours: Float, theirs: Float) -> Float:
-    """Returns (3,) metres in the world, the centre of the region in which two surfaces are nearest."""
+    """Returns the centre of the region in which two surfaces are nearest, (3,) in metres of the world."""
     away, which = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
     near = away <= away.min() + scale

@@ -54,15 +54,17 @@ def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
 
 
 def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
-    """Returns (n, V, 3) metres in the mesh's frame, the solved surface for each of (n, P, 3) control point
-    positions."""
+    """Returns the solved surface for each of n sets of control point positions (n, P, 3), as vertices (n, V,
+    3) in metres of the mesh's frame.
+    """
     count = len(surface.mesh.vertices)
     return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
 
 
 def align_puppet(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
-    """Moves the puppet so that its mesh's frame in state ``now`` coincides with that of puppet ``before`` in
-    state ``then``."""
+    """Returns the puppet, moved so that its mesh's frame in state ``now`` is where the mesh's frame of puppet
+    ``before`` is in state ``then``.
+    """
     turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
     place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
     return puppet.with_changes(turn=turn, place=place)
@@ -82,8 +84,9 @@ def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """Adds a layer's pose at a frame of its take as a key pose. The puppet is not changed if its examples
-    would then no longer differ."""
+    """Adds a layer's pose at a frame of its take as a key pose. The puppet stays unchanged if two of its
+    examples would then be equal.
+    """
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
         find_nearest_frame(project.takes[pose.take], pose.time)
@@ -96,7 +99,7 @@ def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: in
 
 
 def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
-    """Adds a key pose, unless the puppet's examples would then no longer differ."""
+    """Adds a key pose, unless two of the puppet's examples would then be equal."""
     more = puppet.with_changes(poses=(*puppet.poses, pose))
     return more if _examples_differ(project, more) else puppet
 
@@ -177,8 +180,8 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints that differ between key poses. If there are none, returns
-    all paired control points.
+    """Returns the paired control points with joints that differ between key poses. If no joint differs,
+    returns all paired control points.
 
     The performer's root never moves in the body frame, so its control point is left out.
     """
@@ -216,7 +219,9 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
 
 
 def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
-    """Returns (n, P, 3) metres, the joints in the body's frame at the key poses, or None without examples."""
+    """Returns the joints at the key poses, (n, P, 3) in metres of the body's frame, or None without
+    examples.
+    """
     try:
         return examples_from_key_poses(project, puppet.with_changes(symmetry=None)).sources
     except InputError:

@@ -59,7 +59,7 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
     """Removes a control point, its constraints, and layers that moved only this point.
 
     Raises:
-        InputError: if there is none with that name.
+        InputError: if no control point has that name.
     """
     puppet = project.puppet(puppet_id)
     index = puppet.index(name)
@@ -76,7 +76,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     layers and constraints are updated.
 
     Raises:
-        InputError: if there is none with that name, or a value is invalid.
+        InputError: if no control point has that name, or a value is invalid.
     """
     puppet = project.puppet(puppet_id)
     number = puppet.index(point)
@@ -123,8 +123,9 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
 
 
 def surface_places(puppet: Puppet, vertex: int) -> Float:
-    """Returns (n, 3) metres in the mesh's frame, the position of a vertex on the solved surface in each key
-    pose."""
+    """Returns the position of a vertex on the solved surface in each key pose, (n, 3) in metres of the mesh's
+    frame.
+    """
     rest = puppet.mesh.vertices[vertex]
     if not puppet.points or not puppet.poses:
         return np.tile(rest, (len(puppet.poses), 1))

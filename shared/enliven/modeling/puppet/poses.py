@@ -27,7 +27,7 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
     Raises:
         InputError: if the take does not exist, or the time is outside of it or already has a key pose. Also
             if the positions are not finite or not one per control point, or if the performer's pose equals
-            that of another example.
+            the performer's pose of another example.
     """
     puppet = project.puppet(puppet_id)
     pose = _checked_pose(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
@@ -51,7 +51,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     """Removes an example. Its take remains in the project.
 
     Raises:
-        InputError: if there is none with that number.
+        InputError: if no key pose has that number.
     """
     puppet = project.puppet(puppet_id)
     _find_key_pose(puppet, number)
@@ -63,7 +63,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
 def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
     """Mirrors the positions of a key pose in the symmetry plane, with left and right swapped.
 
-    The plane is the puppet's own. If the puppet has none, the plane is that of the mesh.
+    The plane is the puppet's own. If the puppet has no plane, the plane is the mesh's symmetry plane.
 
     Raises:
         InputError: if the pose does not exist, the mesh is not symmetric, or a control point has no mirror

@@ -116,8 +116,10 @@ class PuppetRig(RigEdits):
     def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
         """Mirrors the puppet's own frame left to right, then rotates it into the mirrored position."""
         flip = Axes(IDENTITY, True)
-        # Mirroring gives M T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root). S is the reflection in the
-        # plane x = 0.
+        # A point x of the mesh is at T (Ry(yaw) x + root) in the world, without the puppet's place. T is the
+        # puppet's rotation. Let M be the map of ``axes``, and S the reflection in the plane x = 0. Then M T
+        # (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root): the mirrored puppet has the rotation M T S,
+        # the angle -yaw, and the mirrored mesh S x.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
         flipped = _with_mapped_axes(puppet, flip.vectors, flip.vectors)
         return flipped.with_changes(

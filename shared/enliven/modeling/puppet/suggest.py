@@ -2,7 +2,7 @@
 
 suggested_puppet(project, mesh, "walk", "cow")     # a puppet that needs only key poses
 suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
-suggested_pairs(project, "cow", "walk")            # a joint for each control point without one
+suggested_pairs(project, "cow", "walk")            # a joint for each control point that is not paired
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _MAX_MIRROR_ERROR = 0.1
 
 @dataclass(frozen=True)
 class SuggestedPair:
-    """A suggested joint for a control point without one.
+    """A suggested joint for a control point that is not paired.
 
     Attributes:
         point: name of the control point.
@@ -104,7 +104,8 @@ def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
 
 
 def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
-    """Returns a joint for each control point without one: a joint that moves in the take, by side and height.
+    """Returns a joint for each control point that is not paired: a joint that moves in the take, by side and
+    height.
 
     Mirror images follow the corresponding joints of both sides. Feet are low on the mesh and follow feet.
     """
@@ -175,7 +176,9 @@ def _symmetry_plane(mesh: IdentityKey[Mesh]) -> Plane | None:
 
 
 def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
-    """Returns the vertices, with the mirror images of those that have no partner and are not on the plane."""
+    """Returns the vertices, and adds the mirror image of each vertex that has no partner and is not on the
+    plane.
+    """
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
     images = reflect_points(rest, np.array(plane.point), np.array(plane.normal))
@@ -193,7 +196,9 @@ def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[i
 
 
 def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
-    """Returns the mirror image of each control point. None if one has none, or if all are on the plane."""
+    """Returns the number of each control point's mirror image. Returns None if a point has no mirror image,
+    or if all are on the plane.
+    """
     try:
         partners = find_partners(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
     except InputError:
@@ -204,7 +209,8 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
 def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
     """Returns (P,) True for control points that can stand: they are low on the mesh and paired with a foot.
 
-    A single such point is not used, because the mesh would hop whenever the performer lifts that foot.
+    If only one such point exists, it is not used, because the mesh would hop whenever the performer lifts
+    that foot.
     """
     feet_of = foot_joints(clip.skeleton)
     low, high = puppet.mesh.bounds[:, 1]

@@ -34,11 +34,14 @@ from enliven.modeling.puppet.parts import (
 
 MAX_HALF_DEVIATION = 0.02
 """Maximum deviation of a half from its shape in the whole puppet, in a key pose, as a fraction of the mesh's
-size. Smaller ones are not visible."""
+size. Smaller deviations are not visible.
+"""
 _FIRST_CUT_POINTS = 4
-"""Initial number of new control points along the cut: they hold the border of a round limb."""
+"""Initial number of new control points along the cut. This number is enough to hold the border of a round
+limb.
+"""
 _MAX_CUT_POINTS = 12
-"""Maximum number of new control points per half: more slow the puppet down."""
+"""Maximum number of new control points per half. More control points slow the puppet down."""
 
 
 def cut_puppet(
@@ -51,9 +54,9 @@ def cut_puppet(
 ) -> tuple[Project, tuple[str, str]]:
     """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
 
-    The pose of the whole at ``time`` becomes a key pose, so that the halves keep it. A half with all of the
-    feet continues to travel through the world. Any other half no longer travels: it moves at its position at
-    ``time``.
+    The pose of the whole puppet at ``time`` becomes a key pose, so that the halves keep this pose. A half
+    with all of the feet continues to travel through the world. Any other half no longer travels: it moves at
+    its position at ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
@@ -90,7 +93,9 @@ def cut_puppet(
 
 
 def _order_by_feet(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
-    """Returns both sides, the side with more feet first. With equal numbers the larger side comes first."""
+    """Returns both sides, the side with more feet first. If both have the same number, the larger side comes
+    first.
+    """
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
     ours, theirs = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))

@@ -26,7 +26,7 @@ _UNCHANGED_IDS: Mapping[str, str] = {}
 class Axes:
     """A change of the rest axes: a vector v becomes L v, with L = turn S if ``mirrored``, else L = turn.
 
-    A rotation q becomes L q L^-1. A mirrored rotation turns about the mirrored axis, in the opposite
+    A rotation q becomes L q L^-1. If L reflects, this is a rotation about the reflected axis in the opposite
     direction.
 
     Attributes:
@@ -41,7 +41,8 @@ class Axes:
     def mirror(normal: AnyArray) -> Axes:
         """Returns the reflection in the plane through the origin perpendicular to ``normal`` (3,).
 
-        A reflection is minus the half turn about its normal, so M = (half turn about n)(half turn about x) S.
+        A reflection is the negative of the half turn about its normal. So the reflection is (half turn about
+        ``normal``) (half turn about x) S.
         """
         length = float(np.linalg.norm(normal))
         if np.shape(normal) != (3,) or not np.isfinite(length) or length == 0.0:

@@ -60,8 +60,9 @@ def rebuild_shape(shape: Shape, bones: Sequence[Bone], **changes: object) -> Sha
 
 
 def bone_numbers_in(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:
-    """Returns (N,) the number in ``bones`` of each bone of the shape, or of the bone that replaces it
-    (``instead``)."""
+    """Returns the number (N,) in ``bones`` of each bone of the shape, or of the bone that replaces it
+    (``instead``).
+    """
     number = {bone.name: j for j, bone in enumerate(bones)}
     instead = instead or {}
     return np.array([number[instead.get(name, name)] for name in shape.skeleton.names], np.int64)

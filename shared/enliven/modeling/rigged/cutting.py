@@ -29,7 +29,7 @@ def cut_bone(
     name: str | None = None,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, str]]:
-    """Cuts a shape in two: one with the root, and one with the joints below the cut.
+    """Cuts a shape in two: an upper shape with the root, and a lower shape with the joints below the cut.
 
     The bone is split as if a node were inserted, so each half gets its part of the motion. The difference to
     the rotation of the whole bone at ``time`` is added to the modeling rotations (AniMesh, section 6, Figure

@@ -24,8 +24,8 @@ def graft_bones(
     bones = list_bones(graft)
     names = _unused_joint_names(host, [bone.name for bone in bones])
     root = bones[0]
-    # The first rotation is W^-1 m_0 R^-1. W is the rotation of the parent bone at the time of the merge, and
-    # R converts to the new axes.
+    # The first rotation is W^-1 m_0 R^-1. W is the world rotation of the parent bone at the time of the merge
+    # (``world``), m_0 is the modeling rotation of the graft's root, and R converts to the new axes.
     first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
     turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
     node = host.skeleton.names[j]
@@ -49,7 +49,9 @@ def graft_bones(
 
 
 def _combined_rotation(root: Bone, bone: Bone) -> Bone:
-    """Combines the root's rotation with that of a child bone: D_b = m_0 a_0 m_b a_b in one bone."""
+    """Combines the root's rotation with a child bone's rotation, so that one bone has both: D_b = m_0 a_0 m_b
+    a_b.
+    """
     if not has_motion(root.spans):
         fixed = multiply(root.modeling, rotation_without_takes(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))

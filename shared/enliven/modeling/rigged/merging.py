@@ -43,12 +43,12 @@ def merge(
     """Merges two shapes: joins the root of one shape to a node of the other.
 
     The graft moves to the node without rotating. At ``time`` every bone of both keeps its world rotation. The
-    joints of the graft keep their positions if its root was at the node; else the graft is moved there. From
-    then on it follows the bone that ends at the node. Let W be the world rotation of that bone at ``time``.
-    The modeling rotation of each bone that starts at the graft's root is multiplied by W^-1 from the left
-    (AniMesh, section 6, Figure 8). The host moves as before at every time.
+    joints of the graft keep their positions if its root was at the node. Otherwise, the graft is moved to the
+    node. From then on the graft follows the bone that ends at the node. Let W be the world rotation of that
+    bone at ``time``. The modeling rotation of each bone that starts at the graft's root is multiplied by W^-1
+    from the left (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
-    The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
+    The graft is converted to the host's rest axes. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
     and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
     the root itself in three cases: for a merge in the rest pose, if several bones start at the root, or if
     skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.
@@ -57,8 +57,8 @@ def merge(
     graft's travel is dropped, since the host carries it.
 
     The meshes are united in their poses at ``time``. Near the seam the surface is smoothed and the skin
-    weights are recomputed; elsewhere rest positions and weights stay bit-exact. Two meshes that do not meet
-    become one mesh of two shells. Skin of the graft's root follows the bone of the node.
+    weights are recomputed; elsewhere rest positions and weights stay bit-exact. If the two meshes do not
+    touch, they become one mesh of two shells. Skin of the graft's root follows the bone of the node.
 
     Args:
         joint: a joint of the host, by number or name; or one of its bones, with ``at`` below one.

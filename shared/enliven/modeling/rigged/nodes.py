@@ -23,8 +23,9 @@ from enliven.modeling.skinning.skins import find_nearest_bone, renumber_bones, s
 from enliven.rotation import IDENTITY, multiply
 
 _BLEND_FRACTION = 0.5
-"""Distance from a new node over which the two bones blend, as a fraction of the shorter bone: both keep a
-rigid half."""
+"""Distance from a new node over which the two bones blend, as a fraction of the shorter bone. One half of
+each bone stays rigid.
+"""
 
 
 def insert_node(
@@ -72,7 +73,7 @@ def insert_node(
 
 
 def new_name(shape: Shape, j: int, name: str | None) -> str:
-    """Returns a name for a joint on bone j: the given one, or a generated one.
+    """Returns a name for a joint on bone j: the given name, or a generated name.
 
     Raises:
         InputError: if the given name is taken or empty.
@@ -118,7 +119,8 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     sequence (see ``joined_spans``). Every bone below keeps its world rotation at every time, even if the two
     bones play different takes. AniMesh drops the motion in that case (section 8, Figure 13). Removing a node
     inserted by :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows
-    the parent bone. At a branch each bone below starts from the parent joint.
+    the parent bone. If several bones start at the removed joint, each of them then starts at the parent
+    joint.
 
     Raises:
         InputError: if the joint is the root, because the whole shape depends on it.

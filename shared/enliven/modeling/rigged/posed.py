@@ -14,7 +14,7 @@ from enliven.rotation import conjugate, multiply, normalized, rotate
 
 
 def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Float]:
-    """Returns (N, 4) the world rotations D_j and (N, 3) the positions of the joints.
+    """Returns the world rotations D_j (N, 4) and the positions (N, 3) of the joints.
 
     Args:
         time: seconds of the project's time; None for the rest pose, without any take.
@@ -36,8 +36,9 @@ def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> Sha
 
 
 def as_modeled(shape: Shape) -> tuple[Float, Float]:
-    """Returns the pose without takes: (N, 4) world rotations D_j = D_parent m_j before, and (N, 3)
-    positions."""
+    """Returns the pose without takes: world rotations (N, 4) and positions (N, 3). A rotation is D_j =
+    D_parent m_j b_j, where b_j are the fixed rotations of the bone's spans.
+    """
     skeleton = shape.skeleton
     turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
     for j, parent in enumerate(skeleton.parents):
@@ -49,8 +50,9 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
 
 
 def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
-    """Restores the travel scale from before an edit, so that strides keep their length although the height
-    has changed."""
+    """Restores the travel scale that a shape had before an edit, so that its strides keep their length
+    although its height has changed.
+    """
     if new.travel is None:
         return new
     clip = project.takes[new.layer(new.travel).take]

@@ -81,7 +81,7 @@ def _posed_bone(
 
 
 def _parent_rotation(turns: Float, shape: Shape, j: int) -> Float:
-    """Returns (4,) the world rotation of bone j's parent."""
+    """Returns the world rotation (4,) of bone j's parent."""
     return turns[int(shape.skeleton.parents[j])] if j else IDENTITY
 
 

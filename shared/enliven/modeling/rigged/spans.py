@@ -23,7 +23,8 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     """Splits the spans of a bone at a node at ``at`` in (0, 1), and returns the spans of the two new bones.
 
     The product of the two rotations equals the old rotation at every time. If the node falls inside a span,
-    C(0)^-1 C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
+    the span is split at the fraction v of its length. C(x) is the rotation of the layers at x, and C(0)^-1
+    C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
     """
     upper, lower, done = [], [], 0.0
     total = sum(span.share for span in spans)
@@ -68,7 +69,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
 
 
 def rotation_without_takes(spans: Spans) -> Float:
-    """Returns (4,) the rotation of a bone without takes: the product of the fixed rotations of its spans."""
+    """Returns the rotation (4,) of a bone without takes: the product of the fixed rotations of its spans."""
     turn = IDENTITY
     for span in spans:
         turn = multiply(turn, np.array(span.before))

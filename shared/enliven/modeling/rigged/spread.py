@@ -70,11 +70,12 @@ def spread_motion(
 
 
 def reflect_layer(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Layer:
-    """Returns the layer with its rotations Q changed to linear Q linear^-1, for a rotation or a reflection.
+    """Returns the layer with each of its rotations Q changed to L Q L^-1. L is ``linear``, a rotation or a
+    reflection.
 
-    A reflection is decomposed as L = R S, with S the reflection in the plane x = 0 and R a rotation. The
-    layer's rotation Q = B q B^-1 becomes R (S B S) (S q S) (S B S)^-1 R^-1. The flag ``mirrored`` stands for
-    S q S.
+    A reflection is decomposed as L = R S, with the reflection S in the plane x = 0 and a rotation R. The
+    layer's rotation is Q = B q B^-1, with its basis B and the take's rotation q. It becomes R (S B S) (S q S)
+    (S B S)^-1 R^-1. The flag ``mirrored`` represents S q S.
     """
     mirrored, basis = layer.mirrored, layer.basis
     if np.linalg.det(linear) < 0.0:

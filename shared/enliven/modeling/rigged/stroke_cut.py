@@ -39,7 +39,8 @@ def cut_stroke(
     *,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, ...]]:
-    """Cuts a shape where a stroke crosses its bones at ``time``. Each part below a crossing becomes a shape.
+    """Cuts a shape where a stroke crosses its bones at ``time``. Each part below a crossing becomes a
+    separate shape.
 
     Every bone is cut as by ``cut_bone``, so the pose at ``time`` does not change. The mesh is cut along the
     stroke in its pose at ``time``. Each part of the mesh stays with the bones that it follows most.
@@ -124,8 +125,9 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
 
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
-    """Returns (N,) the bone of the upper shape for each old bone. Bones that were cut off map to the
-    remaining half of the cut bone."""
+    """Returns the bone (N,) of the upper shape for each old bone. Bones that were cut off map to the
+    remaining half of the cut bone.
+    """
     numbers = matching_bone_numbers(before, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)

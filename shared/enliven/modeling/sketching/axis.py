@@ -14,7 +14,8 @@ TIP = 0.4
 """Distance in radii between the end of an axis and the tip of the outline."""
 _MIN_SPUR_RADII = 2.4
 """Minimum length in radii of a limb in the outer corner of a bend. A corner without a limb also causes a
-branch, but a shorter one."""
+branch, but this branch is shorter.
+"""
 _MIN_LIMB_RADII = 1.3
 """Minimum length in radii of a limb at other places. A shorter branch hardly extends beyond the shape around
 it."""
@@ -40,8 +41,9 @@ class Axis:
 
 
 def smooth(points: Float, times: int = 3) -> Float:
-    """Smooths a chain. Midpoints of chords zigzag between the two sides of the outline, but their means do
-    not."""
+    """Smooths a chain. Midpoints of chords zigzag between the two sides of the outline. The means of
+    successive midpoints do not.
+    """
     for _ in range(times):
         inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
         points = np.concatenate([points[:1], inner, points[-1:]])
@@ -129,7 +131,7 @@ def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
 
 
 def merge_junctions(axis: Axis) -> Axis:
-    """Contracts chains between two junctions if each lies in the circle of the other."""
+    """Contracts a chain between two junctions if each junction lies in the circle of the other."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))

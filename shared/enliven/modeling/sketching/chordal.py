@@ -1,9 +1,9 @@
 """The chordal axis of an outline, with its width: it connects the midpoints of chords of the triangulation.
 
 L. Prasad, "Morphological analysis of shapes", 1997: triangles with two sides on the outline are terminal,
-triangles with one such side are sleeves, and triangles with none are junctions. A terminal branch is removed
-if all of it lies in the circle over the chord that cuts it off (T. Igarashi et al., "Teddy", 1999). So round
-ends and bumps do not get a branch.
+triangles with one such side are sleeves, and triangles without such a side are junctions. A terminal branch
+is removed if it lies completely in the circle around the chord that cuts it off, with the chord as its
+diameter (T. Igarashi et al., "Teddy", 1999). So round ends and bumps do not get a branch.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ _MAX_OUTLINE_POINTS = 200
 _MAX_VERTICES = 4000
 """Approximate maximum number of vertices of the mesh, so that drawing feels immediate."""
 _MAX_AXIS_DEVIATION_RADII = 0.45
-"""Maximum distance of the axis from its bone, relative to the radius. Less gives more bones."""
+"""Maximum distance of the axis from its bone, relative to the radius. A smaller value gives more bones."""
 _MAX_BONE_DIAMETERS = 8.0
 """Maximum length of a bone in diameters, so that long straight parts can bend."""
 _SMOOTHING_PASSES = 6

@@ -7,9 +7,9 @@ Method: I. Baran and J. Popovic, "Automatic rigging and animation of 3D characte
 weights of bone i are the heat equilibrium on the surface, -laplace(w_i) + H w_i = H p_i. Here p_i is one at
 the vertices with i as their nearest visible bone, and zero elsewhere. H = c / d^2, with the distance d to
 that bone. The cotangent Laplacian omits negative weights, so that the matrix is an M-matrix, and weights are
-between 0 and 1. The sums over all bones of both sides agree, so the weights of all bones sum to one. A bone
-that is occluded by other parts of the surface gives a vertex no heat. A part of the mesh without a visible
-bone follows the nearest bone.
+between 0 and 1. Summed over all bones, both sides of the equation agree for a sum of one. So the weights of
+all bones sum to one. A bone that is occluded by other parts of the surface gives a vertex no heat. A part of
+the mesh without a visible bone follows the nearest bone.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from enliven.modeling.skinning.visibility import nearest_seen
 _HEAT = 2.0
 """Factor c of the heat H. Lower values give softer transitions around joints."""
 _TIE_FRACTION = 1e-3
-"""Bones within this relative distance of the nearest one also give heat, so that equal bones share."""
+"""Bones that are farther than the nearest bone by at most this fraction also give heat, so that equally near
+bones share a vertex.
+"""
 
 
 def bone_heat(mesh: Mesh, skeleton: Skeleton) -> SkinWeights:
@@ -46,8 +48,9 @@ def bone_heat(mesh: Mesh, skeleton: Skeleton) -> SkinWeights:
 
 
 def bone_segments(skeleton: Skeleton) -> tuple[Float, Int]:
-    """Returns (S, 2, 3) the two ends of each bone in metres, and (S,) the number of each bone. A root without
-    bones gives a single point."""
+    """Returns the two ends (S, 2, 3) of each bone in metres, and the number (S,) of each bone. A root without
+    bones gives a single point.
+    """
     bones = np.arange(1, len(skeleton)) if len(skeleton) > 1 else np.zeros(1, np.int64)
     starts = skeleton.positions[np.maximum(skeleton.parents[bones], 0)]
     return np.stack([starts, skeleton.positions[bones]], 1), bones

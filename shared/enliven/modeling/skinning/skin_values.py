@@ -12,7 +12,7 @@ from enliven.document import SkinWeights
 
 
 def dense_weights(skin: SkinWeights, bones: int) -> Float:
-    """Returns (V, bones) the weight of every bone at every vertex."""
+    """Returns the weight (V, bones) of every bone at every vertex."""
     out = np.zeros((len(skin.indices), bones))
     rows = np.repeat(np.arange(len(out)), 4)
     np.add.at(out, (rows, skin.indices.ravel().astype(np.int64)), skin.weights.ravel().astype(np.float64))

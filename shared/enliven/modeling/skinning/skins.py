@@ -25,9 +25,9 @@ def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
 def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
     """Moves the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
-    A vertex that already follows four bones keeps only the bone with the larger part. The two weights add up
-    to the old weight exactly, because one is rounded, and the other is the difference. So removing an
-    inserted node restores the old weights.
+    A vertex that already follows four bones keeps only the bone with the larger part of the two. Their
+    weights add up to the old weight exactly, because the first is rounded, and the second is the difference.
+    So removing an inserted node restores the old weights.
     """
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
@@ -56,7 +56,7 @@ def _split_exactly(whole: Float32, part: Float) -> tuple[Float32, Float32]:
 
 
 def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: float) -> Float:
-    """Returns (V,) the fraction of each vertex on the bone from ``start`` to ``end`` that belongs above the
+    """Returns the fraction (V,) of each vertex on the bone from ``start`` to ``end`` that belongs above the
     node at ``at``.
 
     The value is 1 before the node and 0 after it, with a cubic transition over ``blend`` of the shorter of
@@ -70,7 +70,9 @@ def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: floa
 
 
 def find_nearest_bone(vertices: Float, starts: Float, ends: Float) -> Int:
-    """Returns (V,) the nearest segment from ``starts`` (B, 3) to ``ends`` (B, 3) for each vertex."""
+    """Returns the number of the nearest bone to each vertex, (V,). Bones lead from ``starts`` to ``ends`` (B,
+    3).
+    """
     axis = ends - starts
     length = np.maximum((axis * axis).sum(1), 1e-300)
     along = np.clip(((vertices[:, None] - starts) * axis).sum(2) / length, 0.0, 1.0)

@@ -11,8 +11,9 @@ _MAX_OUTWARD_COSINE = 0.2
 """Maximum cosine between the outward normal of a vertex and the direction to a bone inside the surface. With
 a larger cosine the bone is outside."""
 _FADE_EXPONENT = 4
-"""If a bone replaces an occluded one, its heat falls with this power of the distance. Of the tested
-exponents, this one gave weights nearest to those that artists painted on ten rigs."""
+"""If a bone replaces an occluded bone, its heat falls with this power of the distance. Of the tested
+exponents, this exponent gave the weights nearest to the weights that artists painted on ten rigs.
+"""
 MOST = 6
 """Maximum number of bones tested per vertex, the nearest first."""
 

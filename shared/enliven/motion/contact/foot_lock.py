@@ -190,7 +190,7 @@ def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Fl
 
 
 def _compute_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, max_fraction: Float) -> Float:
-    """Returns (F,) the lowering of the root, metres, that is needed for a limb to reach its contact.
+    """Returns the lowering (F,) of the root, metres, that is needed for a limb to reach its contact.
 
     The result is at most ``max_fraction`` (F,) lengths of the limb. A hip above the goal at height
     sqrt(reach^2 - across^2) just reaches it. The reach is slightly less than the length of the limb, so that

@@ -146,8 +146,8 @@ def find_bend(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
 
 
 def _toe_direction(skeleton: Skeleton, foot: int, limb: Float) -> Float:
-    """Returns (3,) the direction of a foot's toes, perpendicular to its limb (3,); forward for a limb
-    without a foot.
+    """Returns the direction (3,) of a foot's toes, perpendicular to its limb (3,); forward for a limb without
+    a foot.
     """
     toe_vectors = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
     length = max(float(np.linalg.norm(limb)), 1e-300)

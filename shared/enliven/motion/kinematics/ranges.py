@@ -163,7 +163,7 @@ def limit_turns_towards(
 
 
 def _fixed_swing(joint: JointRange, swings: Float) -> Float:
-    """Returns (2,) the fixed swing of a bone for rotations close to 180 degrees, radians.
+    """Returns the fixed swing (2,) of a bone for rotations close to 180 degrees, radians.
 
     It is the limit in the mean direction of those swings (T, 2) that are close to 180 degrees.
     """
@@ -176,13 +176,13 @@ def _fixed_swing(joint: JointRange, swings: Float) -> Float:
 
 
 def _nearest_known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
-    """Returns (T, 2) the nearest known swings, and (T, 2) the differences from them, radians."""
+    """Returns the nearest known swings (T, 2), and the differences (T, 2) from them, radians."""
     nearest = _project_onto_hull(joint.hull, swings)
     return nearest, np.asarray(swings - nearest)
 
 
 def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
-    """Returns (T,) the fraction of the distance to the known rotations that is kept.
+    """Returns the fraction (T,) of the distance to the known rotations that is kept.
 
     Args:
         swing_off, twist_off: (T,) distances to the known swings and twists, radians. The free angle in their
@@ -200,7 +200,7 @@ def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Flo
 
 
 def _distance_to_interval(twists: Float, least: float, most: float) -> Float:
-    """Returns (T,) the distances, radians, from twists to the nearer end of an interval, in either direction;
+    """Returns the distances (T,), radians, from twists to the nearer end of an interval, in either direction;
     0 within it.
 
     A twist of 180 degrees to one side equals one to the other side, so the result is continuous there.
@@ -236,7 +236,7 @@ def _decompose_swing_twist(bone: Float, axes: Float, turns: Float) -> tuple[Floa
 
 
 def _convex_hull(points: Float) -> Float:
-    """Returns (K, 2) the corners of the convex hull of points (P, 2), counter-clockwise (monotone chain)."""
+    """Returns the corners (K, 2) of the convex hull of points (P, 2), counter-clockwise (monotone chain)."""
     sorted_points = np.unique(points, axis=0)
     # The loop runs on Python's floats: NumPy's scalars give the same results in eight times the time.
     point_list: list[tuple[float, float]] = [(x, y) for x, y in sorted_points.tolist()]
@@ -256,7 +256,7 @@ def _convex_hull(points: Float) -> Float:
 
 
 def _project_onto_hull(hull: Float, points: Float) -> Float:
-    """Returns (T, 2) the points of a convex hull (K, 2) that are nearest to points (T, 2)."""
+    """Returns the points (T, 2) of a convex hull (K, 2) that are nearest to points (T, 2)."""
     edges = np.roll(hull, -1, axis=0) - hull
     offsets = points[:, None] - hull
     squared = np.maximum(np.sum(edges**2, axis=1), 1e-300)

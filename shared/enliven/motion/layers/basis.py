@@ -78,7 +78,7 @@ def basis_from_views(
 
 
 def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
-    """Returns (3,) the first bone of a chain at rest that has a non-zero length; +Y if there is none.
+    """Returns the vector (3,) of a chain's first bone at rest that has a length; +Y if no bone has a length.
 
     For a chain of one joint, it is the bone that ends there.
     """
@@ -108,8 +108,8 @@ def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
 
 
 def _nearest_perpendicular(z: Float, up: Float) -> Float:
-    """Returns (3,) the unit vector perpendicular to ``z`` nearest to ``up``, or else to the world's x or
-    z.
+    """Returns the unit vector (3,) perpendicular to ``z`` that is nearest to ``up``, or else to the world's x
+    or z.
     """
     for candidate in (up, np.eye(3)[0], np.eye(3)[2]):
         y = candidate - (candidate @ z) * z

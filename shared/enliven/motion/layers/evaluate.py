@@ -141,7 +141,7 @@ class Player:
         return self._stretching.stretch(times, self._stretching.at(times)[1])
 
     def _link_offsets(self, times: Float) -> Float:
-        """Returns (T or 1, N, 3) the vectors from each joint's parent to the joint before its bone rotates,
+        """Returns the vectors (T or 1, N, 3) from each joint's parent to the joint before its bone rotates,
         metres.
         """
         links = self.shape.skeleton.vectors[None]
@@ -172,13 +172,13 @@ class Player:
         return turns, joints
 
     def animation_rotations(self, times: AnyArray) -> Float:
-        """Returns (T, N, 4) the animation rotations a_j at times (T,): the rotations by the layers, without
+        """Returns the animation rotations a_j (T, N, 4) at times (T,): the rotations by the layers, without
         modeling rotations.
         """
         return self._sampler.animation_rotations(self._sampler.knots(_checked_times(times)))
 
     def root(self, times: AnyArray) -> Float:
-        """Returns (T, 3) metres, the position of the root joint at times (T,)."""
+        """Returns the position (T, 3) in metres of the root joint at times (T,)."""
         return self._travel.at(_checked_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:

@@ -95,7 +95,7 @@ def is_downward(skeleton: Skeleton, chain: Sequence[int]) -> bool:
 
 
 def arc_lengths(skeleton: Skeleton, chain: Sequence[int]) -> Float:
-    """Returns (K,) the arc length at the joints of a chain at rest, from 0 to 1. A bone of zero length gets a
+    """Returns the arc length (K,) at the joints of a chain at rest, from 0 to 1. A bone of zero length gets a
     small interval.
     """
     lengths = np.linalg.norm(np.diff(skeleton.positions[list(chain)], axis=0), axis=1)

@@ -53,7 +53,7 @@ class Sampler:
         return rotations
 
     def weights(self, times: Float) -> Float:
-        """Returns (T, L) the fade weight of each layer at times (T,): below 1 while a layer fades in or
+        """Returns the fade weight (T, L) of each layer at times (T,). It is below 1 while a layer fades in or
         out.
         """
         fade_weights = np.empty((len(times), len(self.layers)))
@@ -62,7 +62,7 @@ class Sampler:
         return fade_weights
 
     def animation_rotations(self, knots: Float) -> Float:
-        """Returns (T, N, 4) the animation rotations a_j of the bones."""
+        """Returns the animation rotations a_j (T, N, 4) of the bones."""
         rotations = np.empty((len(knots), len(self._first) - 1, 4))
         own_turns(
             knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, rotations
@@ -153,7 +153,7 @@ class _TakeLayers:
             blend_knots(others, played.share, played.weight, self._first, self._begin, out)
 
     def weights(self, times: Float) -> Float:
-        """Returns (T, L) the fade weights of these layers."""
+        """Returns the fade weights (T, L) of these layers."""
         if self.fed is not None:
             return np.ones((len(times), len(self._bases)))
         return self._clocks.frames_at(times).weight * self._clocks.weight_curves(times)

@@ -162,7 +162,7 @@ def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) ->
 
 
 def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
-    """Returns (N,) the metres of each bone of a shape per metre of a layer's take.
+    """Returns the scale (N,) of each bone of a shape relative to a layer's take.
 
     NaN for a bone of zero length, and for all bones if the chain has zero length.
     """

@@ -94,7 +94,7 @@ class Clocks:
         return Times(*played)
 
     def weight_curves(self, seconds: Float) -> Float:
-        """Returns (T, L) the weight curves of the layers at times (T,), 1 for a layer without a curve."""
+        """Returns the weight curves (T, L) of the layers at times (T,), 1 for a layer without a curve."""
         curves = np.ones((len(seconds), len(self.layers)))
         for number, layer in enumerate(self.layers):
             if layer.weights:

@@ -38,7 +38,7 @@ def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
 
 
 def travel_scale(shape: Shape, clip: Clip) -> float:
-    """Returns the metres that the shape's root travels per metre of the take's root.
+    """Returns the ratio of the distances that the shape's root and the take's root travel.
 
     It is the shape's own ``travel_scale`` if it is set. Otherwise it is the ratio of the leg lengths, so that
     legs that swing by the same angle make correspondingly long steps. If one of the two skeletons does not
@@ -72,7 +72,7 @@ class Travel:
             self._fed = False
 
     def at(self, times: Float) -> Float:
-        """Returns (T, 3) the position of the root joint at times (T,), metres: the sum of its rest position,
+        """Returns the position (T, 3) of the root joint at times (T,), metres: the sum of its rest position,
         the shape's displacement and the take's path.
 
         The path is the displacement of the take's root from its rest position, mirrored, rotated by the
@@ -130,7 +130,7 @@ class Travel:
 
 
 def _root_position(clip: Clip, second: float) -> Float:
-    """Returns (3,) the position of a take's root at a time of the take, metres."""
+    """Returns the position (3,) of a take's root at a time of the take, metres."""
     frames = np.arange(len(clip.root)) * clip.step
     return np.array([np.interp(second, frames, clip.root[:, axis]) for axis in range(3)])
 

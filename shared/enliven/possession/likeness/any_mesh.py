@@ -92,7 +92,7 @@ def find_extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
 
 
 def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
-    """Returns (T,) the prominent peaks, highest first, and (T,) the prominence of each.
+    """Returns the prominent peaks (T,), highest first, and the prominence (T,) of each.
 
     The prominence is the height of a peak above the saddle at which its group merges with that of a higher
     peak.
@@ -140,7 +140,7 @@ class _GeodesicDistances:
         self._known: dict[int, Float] = {}
 
     def of(self, node: int) -> Float:
-        """Returns (N,) the distances from a node, metres."""
+        """Returns the distances (N,) from a node, metres."""
         if node not in self._known:
             self._known[node] = scipy.sparse.csgraph.dijkstra(self._matrix, directed=False, indices=node)
         return self._known[node]
@@ -170,7 +170,7 @@ class _Limbs:
         self._owner = ways.argmin(0)
 
     def ring(self, tip: int, fraction: float) -> Float:
-        """Returns (3,) the centre of the limb's cross section at a fraction of its length from the tip, by a
+        """Returns the centre (3,) of the limb's cross section at a fraction of its length from the tip, by a
         local linear fit.
         """
         is_own = self._owner == tip

@@ -172,7 +172,7 @@ def _enumerate_choices(between: Float, longest: float) -> tuple[Int, Int]:
 
 
 def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
-    """Returns (K,) the cost of the limbs that belong to none of the chosen ends (K, 6)."""
+    """Returns the cost (K,) of the limbs that belong to none of the chosen ends (K, 6)."""
     is_near = between < _OWN_END_DISTANCE * extremities.longest
     is_near_chosen = is_near[chosen].any(1)
     length = np.minimum(extremities.prominence / extremities.longest, _MAX_COSTED_LENGTH)
@@ -182,7 +182,7 @@ def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Fl
 
 
 def _stance_cost(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
-    """Returns (K,) the cost of standing on the head, of feet in the air, and of both hands above the head."""
+    """Returns the cost (K,) of standing on the head, of feet in the air, and of both hands above the head."""
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
     relative_height = level[extremities.ends] / max(float(level.max()), 1e-12)
     head = relative_height[heads].mean(1)[chosen[:, 0]]
@@ -230,7 +230,7 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
 
 
 def _pair_distances(distances: Float) -> Float:
-    """Returns (K,) the distances between two pairs of ends. A distance is the larger of the two end-to-end
+    """Returns the distances (K,) between two pairs of ends. A distance is the larger of the two end-to-end
     distances (K, 2, 2), under the better assignment.
     """
     straight, crossed = distances[:, [0, 1], [0, 1]], distances[:, [0, 1], [1, 0]]

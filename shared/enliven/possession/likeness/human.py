@@ -86,8 +86,8 @@ class _Limbs:
         self._owner, self._beyond = overshoot.argmin(0), (overshoot > 0).all(0)
 
     def ring(self, limb: int, share: float, length: float) -> Float:
-        """Returns (3,) the centre of a limb's cross section at a fraction of its length from its end,
-        metres.
+        """Returns the centre (3,), in metres, of a limb's cross section at a fraction of its length from its
+        end.
         """
         offset = self._distances[limb] - share * length
         is_own = self._owner == limb
@@ -101,14 +101,14 @@ class _Limbs:
         )
 
     def trunk(self) -> Float:
-        """Returns (3,) the centre of the points that belong to no limb, metres. If every point belongs to a
+        """Returns the centre (3,) of the points that belong to no limb, metres. If every point belongs to a
         limb, returns the centre of all points.
         """
         is_trunk = self._beyond
         return np.asarray(self._points[is_trunk if is_trunk.any() else slice(None)].mean(0))
 
     def skull(self, deep: float) -> Float:
-        """Returns (3,) the centre of the points within ``deep`` metres of the head's end, metres."""
+        """Returns the centre (3,) of the points within ``deep`` metres of the head's end, metres."""
         in_skull = self._distances[0] < deep
         return np.asarray(
             self._points[in_skull].mean(0) if in_skull.any() else self._points[self._distances[0].argmin()]
@@ -116,7 +116,7 @@ class _Limbs:
 
 
 def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
-    """Returns (3,) the corrected hip joint, metres. If the leg is lifted, the joint is moved along the thigh
+    """Returns the corrected hip joint (3,), metres. If the leg is lifted, the joint is moved along the thigh
     to the trunk's axis.
     """
     thigh, trunk = unit(hip - knee), unit(middle - neck)
@@ -129,7 +129,7 @@ def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
 
 
 def _perpendicular_unit(vector: Float, up: Float) -> Float:
-    """Returns (3,) the direction of the component of ``vector`` that is perpendicular to ``up``, as a unit
+    """Returns the direction (3,) of the component of ``vector`` that is perpendicular to ``up``, as a unit
     vector.
     """
     perpendicular = vector - up * float(vector @ up) / max(float(up @ up), 1e-12)

@@ -60,8 +60,8 @@ class LimbTree(NamedTuple):
 
 
 def tree_misfit(distances: Float) -> tuple[Float, Float]:
-    """Fits a limb tree to each of K choices. Returns (K,) the cost of the deviation from a person's tree, and
-    (K, 4) the limb lengths of the fitted trees.
+    """Fits a limb tree to each of K choices. Returns the cost (K,) of the deviation from a person's tree, and
+    the limb lengths (K, 4) of the fitted trees.
 
     Args:
         distances: (K, 10) metres between each pair of head, two hands and two feet, in this order.
@@ -77,7 +77,7 @@ def tree_misfit(distances: Float) -> tuple[Float, Float]:
 
 
 def point_at_distances(points: Float, distances: Float, wanted: tuple[float, ...]) -> Float:
-    """Returns (3,) the centre of those points that have the given geodesic distances from the five ends,
+    """Returns the centre (3,) of those points that have the given geodesic distances from the five ends,
     metres.
 
     Args:

@@ -19,10 +19,10 @@ _BELOW_FLOOR_M = 0.02
 
 
 def upright_frame(ground: GroundPlane, focus: Float) -> Float:
-    """Returns (4, 4) the upright frame of a scan, from its world.
+    """Returns the upright frame (4, 4) of a scan, from its world.
 
     +y is up, y = 0 is the floor, and the origin lies below ``focus`` (3,), the point that the cameras look
-    at. Its heading about +y is that of the world.
+    at. It has the world's heading about +y.
     """
     rotation_matrix = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
     frame = np.eye(4)

@@ -62,7 +62,7 @@ class KnownImage:
 def compare_with_images(
     points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None
 ) -> Int32:
-    """Returns (N,) the earlier state at points (N, 3) in the world: 1 for free space, -1 for a surface, 0 if
+    """Returns the earlier state (N,) at points (N, 3) in the world: 1 for free space, -1 for a surface, 0 if
     unknown.
     """
     observed, seen_through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)

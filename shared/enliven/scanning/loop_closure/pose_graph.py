@@ -96,7 +96,7 @@ def pose_graph_cost(
 
 
 def link_residual(link: PoseLink, first: Float, second: Float) -> Float:
-    """Returns (6,) the error of a link, metres and radians: the difference between the actual second pose and
+    """Returns the error (6,) of a link, metres and radians: the difference between the actual second pose and
     the one that the link predicts.
     """
     rotation_matrix, relative = first[:3, :3].T, link.first_from_second
@@ -191,7 +191,7 @@ def link_jacobians(link: PoseLink, first: Float, second: Float) -> tuple[Float, 
 
 
 def _inverse_left_jacobian(rotation_vector: Float) -> Float:
-    """Returns (3, 3) the derivative of a rotation vector for a small rotation after it (the inverse left
+    """Returns the derivative (3, 3) of a rotation vector for a small rotation after it (the inverse left
     Jacobian).
     """
     angle, cross = float(np.linalg.norm(rotation_vector)), cross_matrix(rotation_vector)

@@ -309,8 +309,8 @@ class MovedScanner:
         return False
 
     def _scanned_object(self) -> ScannedSurface | None:
-        """Returns the known surface of the object from all rests in which it was found; None if there is
-        none.
+        """Returns the known surface of the object from all rests in which it was found; None if no surface is
+        known.
         """
         if self._known is None or self._known[0] != len(self.rests):
             scanned = merge_known_surfaces(self.rests)

@@ -225,6 +225,6 @@ def _training_loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatc
 
 
 def _facing_classes(batch: Batch) -> AnyArray:
-    """Returns (N,) the facing class, 0 to 7, or 8 without a person."""
+    """Returns the facing class (N,), 0 to 7, or 8 without a person."""
     classes = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
     return np.where(batch.is_person, classes, FACINGS)

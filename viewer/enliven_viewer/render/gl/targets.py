@@ -98,7 +98,7 @@ class RenderTarget:
         return flip_rows(self.raw())
 
     def raw(self) -> UInt8:
-        """Returns (H, W, 4) the resolved image as stored by OpenGL, bottom row first."""
+        """Returns the resolved image (H, W, 4) as stored by OpenGL, bottom row first."""
         width, height = self.size
         return np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)
 

@@ -16,7 +16,7 @@ from enliven_viewer.render.surface import DrawnSurface
 DEFAULT_COLOUR = (226, 142, 84)
 """sRGB of a mesh without colours: warm, in contrast to the cold colours of the stage."""
 _DEFAULT_MATERIAL = SurfaceMaterial()
-"""The material of faces without one: like skin, wood or matt paint."""
+"""The material of faces without a material of their own: like skin, wood or matt paint."""
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ class ActionTable:
         return self._preferences.keys.get(action.id, action.keys)
 
     def shown_key(self, action: Action) -> str:
-        """Returns the first shortcut of an action as displayed; empty if it has none."""
+        """Returns the first shortcut of an action as displayed; empty for an action without a shortcut."""
         return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
     def action_with_keys(self, key: str, workspace: str = "") -> Action | None:

@@ -23,7 +23,7 @@ away are control targets of an animation rig.
 
 
 def sample_path_boxes(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
-    """Returns (2M, 3) metres: corners of a character's bounding boxes, sampled over its whole motion.
+    """Returns the corners (2M, 3) in metres of a character's bounding boxes, sampled over its whole motion.
 
     Only handles and nodes are played. The margin of the surface around them is assumed constant.
 
@@ -57,7 +57,9 @@ def find_visible_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
 
 
 def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
-    """Returns a mask of the places (N, 3) within half of the surface's size from it; all if there is none."""
+    """Returns a mask of the places (N, 3) within half of the surface's size from it; all True without a
+    surface.
+    """
     low, high = extent.min(0), extent.max(0)
     air = _MAX_JOINT_DISTANCE * float((high - low).max())
     is_near = ((places >= low - air) & (places <= high + air)).all(1)
@@ -65,7 +67,7 @@ def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
 
 
 def find_side_offset(lens: Lens, characters: Sequence[RigBase]) -> Float:
-    """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
+    """Returns an offset (3,) in metres to the right of the view, by about the width of the characters."""
     right = lens.view.camera_from_world[0, :3]
     width = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
     spread = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))

@@ -137,7 +137,7 @@ def _find_solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Fl
 
 
 def _find_performer_poses(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
-    """Returns (n, J, 3) metres: the performer's poses at the key poses of takes that have the joints."""
+    """Returns the performer's poses (n, J, 3) in metres at the key poses of takes that have the joints."""
     poses = []
     for pose in puppet.poses:
         clip = project.takes[pose.take]

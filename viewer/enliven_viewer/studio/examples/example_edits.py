@@ -86,7 +86,7 @@ def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
 
 
 def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Project:
-    """Returns a project with control points added at vertices that have none."""
+    """Returns a project with control points added at those vertices that have no control point."""
     for vertex in vertices:
         if all(point.vertex != vertex for point in project.puppet(puppet_id).points):
             project = add_point(project, puppet_id, int(vertex))
@@ -216,7 +216,9 @@ def add_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Swi
 
 
 def remove_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]:
-    """Returns the switches without one and without the next one, so that the kinds still alternate."""
+    """Returns the switches without switch ``number`` and the switch after it, so that the kinds still
+    alternate.
+    """
     if number == 0:
         return tuple(switches)
     return (

@@ -1,4 +1,5 @@
-"""The features of the studio: those of this package, and those that other packages add by entry points.
+"""The features of the studio: the features of this package, and features that other packages add by entry
+points.
 
 A new feature is one package with a ``register`` function, and one line here. In another package it is an
 entry point of the group ``enliven.studio_features``, which refers to its ``register`` function.

@@ -60,7 +60,9 @@ class SelectionTransform:
 
     @property
     def place(self) -> Float | None:
-        """Returns (3,) metres: the horizontal centre of the selection, at the height of its lowest point."""
+        """Returns the horizontal centre (3,) in metres of the selection, at the height of its lowest
+        point.
+        """
         box = self.box
         if box is None:
             return None
@@ -130,6 +132,8 @@ class SelectionTransform:
 
 
 def _find_fixed_point(project: Project, names: tuple[str, ...]) -> Float:
-    """Returns (3,) metres: the fixed point of scaling; for several characters, on the floor."""
+    """Returns the point that scaling does not move, (3,) in metres. For several characters, it is on the
+    floor.
+    """
     middle = group_centre(project, names)
     return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

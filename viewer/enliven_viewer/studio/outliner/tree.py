@@ -51,7 +51,7 @@ def make_rows(
     """Returns the visible rows.
 
     Args:
-        live: one line per object on the stage of an edge; empty without one.
+        live: one line per object on the stage of an edge; empty without an edge.
         opened: keys of the unfolded rows.
         typed: filter text. Rows with matching names are shown together with their parents.
     """

@@ -37,7 +37,7 @@ _ICON_WIDTH = 19.0
 
 
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
-    """Draws the buttons; that of the active tool is amber."""
+    """Draws the buttons. The active tool's button is amber."""
     actions = workspace.actions.menus["Tools"]
     with open_panel("tools", area, imgui.WindowFlags_.no_scrollbar):
         button_height = imgui.get_content_region_avail().y / len(actions)

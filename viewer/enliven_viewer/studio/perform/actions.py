@@ -23,7 +23,7 @@ class PerformAction:
     The shortcut of an action without workspaces is active in all of them.
 
     Attributes:
-        live: whether it applies to the followed stage or take, and is unavailable without one.
+        live: whether it applies to the followed stage or take, so that it is unavailable if none is followed.
     """
 
     label: str
@@ -73,7 +73,7 @@ def make_perform_actions(session: PerformSession) -> Iterator[Action]:
 
 
 def _on_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
-    """Returns a function on the followed stage or take; without one it does nothing."""
+    """Returns a function on the followed stage or take. It does nothing if no stage or take is followed."""
     return lambda session: act(session.live) if session.live is not None else None
 
 

@@ -67,7 +67,7 @@ class CameraSearch:
         cameras: the result of the last search; None before the first search has ended.
         problem: why the search failed, or empty.
         test_result: the last tested camera, and the result in words.
-        picture: (H, W, 3) sRGB of its depth image; None without one.
+        picture: (H, W, 3) sRGB of its depth image; None before the first image.
         number: number of images so far, so that a panel can detect a new one.
     """
 
@@ -88,7 +88,7 @@ class CameraSearch:
 
     @property
     def tested_camera(self) -> Camera | None:
-        """Returns the camera that is being tested; None without one."""
+        """Returns the camera that is being tested; None if no test is running."""
         return None if self._look is None else self._look[2]
 
     def begin(self) -> None:

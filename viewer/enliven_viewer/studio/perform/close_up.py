@@ -124,7 +124,9 @@ def find_pending_limb_box(scene: Scene, character_id: str | None = None) -> Box 
 
 
 def _find_limb(scene: Scene, actor: SceneCharacter) -> Float | None:
-    """Returns (N, 3) metres: the bones of the shown match, or the previewed nodes; None without either."""
+    """Returns the bones of the shown match, or the previewed nodes, (N, 3) in metres; None without a match
+    and a preview.
+    """
     board, cues = scene.boards.get(actor.character.id), actor.cues
     if board is not None and board.state == "choosing" and 0 <= board.shown < len(board.rows):
         lines = [line for line in board.rows[board.shown].lines if len(line)]

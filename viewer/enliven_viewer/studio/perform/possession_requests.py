@@ -50,7 +50,7 @@ class FollowedStage(Protocol):
         """Returns the ids of the performers in view."""
 
     def lacks_edge(self) -> str:
-        """Returns why no edge can be used; empty if one can."""
+        """Returns why no edge can be used; empty if an edge can be used."""
 
 
 @dataclass
@@ -136,7 +136,7 @@ class PossessionRequests:
             self._ask(press)
 
     def _lacks(self, press: _PendingPress) -> str:
-        """Returns why the press can never be carried out; empty if it may be."""
+        """Returns why the button press can never be carried out; empty if it may still be carried out."""
         stage, live = self._stage, self._stage.live
         if live is None:
             return stage.lacks_edge()

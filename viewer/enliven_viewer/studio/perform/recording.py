@@ -102,14 +102,14 @@ class StageRecording:
 
     @property
     def beat(self) -> int:
-        """Returns the current beat of the count-in: 3, 2, 1; 0 without one."""
+        """Returns the current beat of the count-in: 3, 2, 1; 0 if no count-in is running."""
         return int(self._left) + 1 if self.phase == "counting" else 0
 
     @property
     def clip(self) -> tuple[float, float] | None:
         """Returns the start and end on the timeline of the running recording, in seconds.
 
-        Returns None without one.
+        Returns None if no recording is running.
         """
         return (self._start, self.editor.growing) if self.phase == "recording" else None
 

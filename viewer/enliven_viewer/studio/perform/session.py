@@ -136,7 +136,7 @@ class PerformSession:
         if parse_endpoint(wanted) in endpoints:
             remedy = tr("Give the address of another camera's computer.")
             raise InputError(tr("that stage is here already"), where=wanted, remedy=remedy)
-        # The first of these numbers that is free, so that no two edges have one.
+        # Use the smallest free number, so that no two edges have the same number.
         taken = {guest.number for guest in self.secondary_edges}
         number = next(n for n in range(1, len(taken) + 2) if n not in taken)
         self._client.edges[0].align_clock()
@@ -227,7 +227,7 @@ class PerformSession:
 
     @property
     def client(self) -> EdgeClient | None:
-        """Returns the link to the edge; None without one, and while a take is played."""
+        """Returns the link to the edge; None without an edge, and while a take is played."""
         return self._client
 
     @property
@@ -237,7 +237,7 @@ class PerformSession:
 
     @property
     def stage(self) -> StageLink | None:
-        """Returns the stage of the edge; None without one."""
+        """Returns the stage of the edge; None without an edge."""
         return None if self._client is None else self._client.stage
 
     @property
@@ -368,7 +368,7 @@ class PerformSession:
     # Characters on the stage ------------------------------------------------------------------------------
 
     def lacks_edge(self) -> str:
-        """Returns why no edge can be used, with advice; empty if one can."""
+        """Returns why no edge can be used, with advice; empty if an edge can be used."""
         if self.connected:
             return ""
         if self.live is not None and self.live.is_local and not len(self.live.document.timeline):
@@ -376,20 +376,22 @@ class PerformSession:
         return "The stage is silent. Check that its camera's program runs"
 
     def lacks_voice(self) -> str:
-        """Returns why the microphone cannot be switched, with advice."""
+        """Returns why the microphone cannot be switched, with advice; empty if it can."""
         return self.lacks_edge() or (self.voice.status if self.voice.state is None else "")
 
     def lacks_physics(self) -> str:
-        """Returns why the physics cannot be switched, with advice."""
+        """Returns why the physics cannot be switched, with advice; empty if they can."""
         return self.lacks_edge() or (self.physics.words if self.physics.state is None else "")
 
     def lacks_recording(self) -> str:
-        """Returns why no alternative of the last recording can be recorded, with advice."""
+        """Returns why no alternative of the last recording can be recorded, with advice; empty if this is
+        possible.
+        """
         last = self.recording.last_recording or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
     def lacks_to_put(self) -> str:
-        """Returns why the selected character cannot be put on the stage, with advice."""
+        """Returns why the selected character cannot be put on the stage, with advice; empty if it can."""
         character = self.editor.chosen()
         if character is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
@@ -397,7 +399,7 @@ class PerformSession:
         return self.lacks_edge() or no_surface_text
 
     def lacks_to_take_off(self) -> str:
-        """Returns why the selected character cannot be removed from the stage, with advice."""
+        """Returns why the selected character cannot leave the stage, with advice; empty if it can."""
         is_on_stage = self.editor.selection.character in self.stage_ids
         return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
 

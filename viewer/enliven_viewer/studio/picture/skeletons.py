@@ -76,7 +76,7 @@ def make_skeleton_rows(posed: StageCharacter, lens: Lens, selection: Selection, 
 
 
 def _find_longest_bones(handles: Float, above: AnyArray, below: AnyArray) -> Float:
-    """Returns (H,) metres, the length of the longest bone at each handle.
+    """Returns the length (H,) in metres of the longest bone at each handle.
 
     The value is infinite at a handle without bones.
     """

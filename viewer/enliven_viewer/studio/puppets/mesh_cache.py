@@ -43,7 +43,7 @@ def measure_mesh(mesh: Mesh) -> float:
 
 @cache_by_mesh
 def find_mesh_centre(mesh: Mesh) -> Float:
-    """Returns (3,) metres, the centre of the mesh's bounding box."""
+    """Returns the centre (3,) in metres of the mesh's bounding box."""
     return np.asarray(mesh.bounds.mean(0))
 
 
@@ -55,7 +55,7 @@ def find_mesh_normals(mesh: Mesh) -> Float:
 
 @cache_by_mesh
 def find_mesh_plane(mesh: Mesh) -> Plane | None:
-    """Returns the mesh's plane of symmetry, or None if it has none."""
+    """Returns the mesh's plane of symmetry, or None if it is not symmetric."""
     return plane_of_symmetry(mesh)
 
 

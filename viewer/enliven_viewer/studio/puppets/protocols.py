@@ -62,7 +62,7 @@ class PoseEditState(Protocol):
 
     @property
     def places(self) -> Float | None:
-        """Returns (P, 3) metres in the mesh's frame; None while the puppet plays."""
+        """Returns the control points (P, 3) in metres of the mesh's frame; None while the puppet plays."""
 
     @property
     def dragging(self) -> bool:

@@ -72,7 +72,7 @@ class PuppetEditor(KeyPoses):
 
     @property
     def places(self) -> Float | None:
-        """Returns (P, 3) metres in the mesh's frame, as dragged or from the key pose.
+        """Returns the control points as dragged or from the key pose, (P, 3) in metres of the mesh's frame.
 
         Returns None while the puppet plays.
         """
@@ -150,9 +150,9 @@ class PuppetEditor(KeyPoses):
         return True
 
     def _start(self, puppet: Puppet) -> Float:
-        """Returns (P, 3) metres, the positions at the start of a drag.
+        """Returns the positions (P, 3) in metres at the start of a drag.
 
-        They are those of the key pose at this moment, or those shown.
+        They come from the key pose at this moment, or else from the shown pose.
         """
         if self.places is not None:
             return self.places
@@ -161,7 +161,7 @@ class PuppetEditor(KeyPoses):
         return self.current_places(puppet) if pose_number is None else puppet.poses[pose_number].places
 
     def current_places(self, puppet: Puppet) -> Float:
-        """Returns (P, 3) metres in the mesh's frame: the current positions of its control points."""
+        """Returns the current positions of its control points, (P, 3) in metres of the mesh's frame."""
         standing = self.stage.find(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 

@@ -38,7 +38,7 @@ class StagePuppet(StageCharacter):
 
     @cached_property
     def vertices(self) -> Float:
-        """Returns (V, 3) metres in the world."""
+        """Returns the vertices (V, 3) in metres of the world."""
         return self.to_world(self.surface)
 
     @cached_property
@@ -49,13 +49,13 @@ class StagePuppet(StageCharacter):
         return vertices
 
     def to_world(self, places: AnyArray) -> Float:
-        """Returns (N, 3) metres in the world, for positions (N, 3) in the mesh's frame."""
+        """Converts positions (N, 3) from the mesh's frame to the world, in metres."""
         positions = np.empty(np.shape(places), np.float64)
         moved(np.asarray(places, np.float64), self._turn, self._root, positions)
         return positions
 
     def to_mesh(self, places: AnyArray) -> Float:
-        """Returns (..., 3) metres in the mesh's frame, for positions (..., 3) in the world."""
+        """Converts positions (..., 3) from the world to the mesh's frame, in metres."""
         return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
 
     def direction_to_mesh(self, direction: AnyArray) -> Float:
@@ -70,7 +70,7 @@ class StagePuppet(StageCharacter):
 
     @cached_property
     def _root(self) -> Float:
-        """Returns (3,) metres: the position of the mesh's origin in the world."""
+        """Returns the position (3,) in metres of the mesh's origin in the world."""
         return np.asarray(rotate(self.character.turn, self.state.root) + self.character.place)
 
 
@@ -87,7 +87,9 @@ class PuppetStage:
 
     @property
     def ghost(self) -> StagePuppet | None:
-        """Returns the puppet in the previous key pose; None without one, or while it is being solved."""
+        """Returns the puppet in the previous key pose; None without a previous key pose, or while it is being
+        solved.
+        """
         posing, puppet = self.posing, self.posing.puppet
         pose, now = posing.previous, self.find(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not posing.silhouette:

@@ -35,7 +35,8 @@ def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet,
 
 
 def find_start_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
-    """Returns (P, 3) metres in the mesh's frame: the initial positions of a new key pose at a time of a take.
+    """Returns the initial positions of a new key pose at a time of a take, (P, 3) in metres of the mesh's
+    frame.
 
     They come from the existing examples if the motion can be solved, or else from the last key pose.
     """

@@ -57,7 +57,7 @@ class Solver:
             )
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """Returns (V, 3) metres, the surface with control points at ``places`` (P, 3).
+        """Returns the surface (V, 3) in metres with control points at ``places`` (P, 3).
 
         Returns the last valid surface while it is being prepared, or if it cannot be solved.
         """

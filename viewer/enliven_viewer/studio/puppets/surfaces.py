@@ -30,7 +30,7 @@ class PuppetSurfaces:
         self.version = 0
 
     def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
-        """Returns (V, 3) metres in the mesh's frame: the surface with control points at ``places`` (P, 3).
+        """Returns the surface with control points at ``places`` (P, 3), (V, 3) in metres of the mesh's frame.
 
         While the mesh is being prepared, returns the rest surface. If the positions are invalid, returns the
         last valid surface.

@@ -139,7 +139,7 @@ class TourState:
 
     @property
     def chair(self) -> GraphShape | None:
-        """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
+        """Returns the chair of the tour: the possessed chair, or else the largest; None without a chair."""
         held = self._held_characters()
         chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
         return chairs[-1] if chairs else None
@@ -185,7 +185,7 @@ class TourState:
 
     @property
     def recorded_s(self) -> float:
-        """Returns the length of the running recording in seconds; 0 without one."""
+        """Returns the length of the running recording in seconds; 0 if no recording is running."""
         recording = self.desk.perform.recording
         return recording.seconds if recording.phase == "recording" else 0.0
 
@@ -196,7 +196,7 @@ class TourState:
 
     @property
     def extent(self) -> Float | Float32 | None:
-        """Returns (N, 3) metres: points on the chair as shown, live or playing; None without a chair."""
+        """Returns points (N, 3) in metres on the chair as shown, live or playing; None without a chair."""
         chair, perform = self.chair, self.desk.perform
         if chair is None:
             return None

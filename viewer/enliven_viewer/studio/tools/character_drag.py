@@ -76,7 +76,7 @@ class CharacterDrag:
     def turn(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters turned in the image plane.
 
-        The angle is that of the pointer's movement around the root.
+        The angle is the pointer's movement around the root.
 
         With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
         """
@@ -131,7 +131,7 @@ class CharacterDrag:
 
 
 def _find_standing_point(editor: Editor, characters: tuple[str, ...]) -> Float:
-    """Returns (3,) metres: the horizontal centre of the characters, at the height of their lowest point."""
+    """Returns the horizontal centre (3,) in metres of the characters, at the height of their lowest point."""
     low, high = (
         find_bounds([character.extent for character in editor.stage_characters if character.id in characters])
         or EMPTY_BOX

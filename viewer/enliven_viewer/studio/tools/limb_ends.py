@@ -57,7 +57,7 @@ class LimbEndsTool(Tool):
 
     @property
     def marks(self) -> Int:
-        """Returns (5,) the vertices at the ends.
+        """Returns the vertices (5,) at the ends.
 
         Returns an empty array while they are being searched, or if nothing is selected.
         """
@@ -163,7 +163,7 @@ class LimbEndsTool(Tool):
 
 
 def suggest_ends(mesh: Mesh) -> Int:
-    """Returns (5,) the vertices at a mesh's head, hands and feet.
+    """Returns the vertices (5,) at a mesh's head, hands and feet.
 
     If the mesh is not a person, a standing figure of its size is used.
     """

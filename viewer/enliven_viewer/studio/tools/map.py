@@ -255,7 +255,7 @@ class MapTool(Tool):
 def _remove_clip(project: Project, shape_id: str) -> Project:
     """Returns a project in which a shape no longer plays its own clip.
 
-    Otherwise new motion would be added to that of the clip.
+    Otherwise new motion would be added to the motion of the clip.
     """
     plays = played_clip(project, project.shape(shape_id)) is not None
     return mute_takes(project, shape_id) if plays else project

@@ -202,5 +202,5 @@ class MoveTool(Tool):
 
 
 def _add_face_centres(vertices: Float, faces: Int32) -> Float:
-    """Returns (V + F, 3) metres: vertices and face centres, so that large faces also count as near."""
+    """Returns vertices and face centres, (V + F, 3) in metres, so that large faces also count as near."""
     return np.concatenate([vertices, vertices[faces].mean(1)])

@@ -31,7 +31,7 @@ class DrawnMeshes:
         self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def of(self, character: RigBase) -> Character | None:
-        """Returns the render mesh, with a default colour if it has none of its own.
+        """Returns the render mesh, with a default colour if it has no colours.
 
         Returns None if there is no surface.
         """

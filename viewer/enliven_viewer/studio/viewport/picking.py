@@ -62,7 +62,7 @@ class Lens:
         return [(float(x), float(y)) for x, y in self.project(points)[0] if np.isfinite(x) and np.isfinite(y)]
 
     def pixel_sizes(self, points: Float) -> Float:
-        """Returns (N,) the size of a pixel in metres at each of the points (N, 3)."""
+        """Returns the size (N,) of a pixel in metres at each of the points (N, 3)."""
         depth = np.maximum((points - self.view.eye) @ self.forward, 0.05)
         return np.asarray(2 * depth / (self.view.clip_from_camera[1, 1] * self.size[1]), np.float64)
 

@@ -32,7 +32,8 @@ class Snapping:
         return self.on != held
 
     def way(self, start: Float, way: Float) -> Float:
-        """Returns (3,) metres near ``way`` that lead from ``start`` (3,) to a grid point.
+        """Returns the vector (3,) in metres nearest to ``way`` that leads from ``start`` (3,) to a grid
+        point.
 
         The floor lies on the grid. So if ``start`` is the lowest point of the object, it can snap to stand on
         the floor.

@@ -47,12 +47,12 @@ class StageCharacter:
 
     @cached_property
     def vertices(self) -> Float:
-        """Returns (V, 3) metres in the world; empty without a surface."""
+        """Returns the vertices (V, 3) in metres of the world; empty without a surface."""
         return np.zeros((0, 3)) if self.drawn is None else skin_vertices(self.drawn, self.pose).astype(float)
 
     @property
     def extent(self) -> Float | Float32:
-        """Returns (N, 3) metres: the cheapest available points with about the character's extent."""
+        """Returns the cheapest available points (N, 3) in metres with about the character's extent."""
         return (
             self.solved if self.solved is not None else self.handles if len(self.handles) else self.vertices
         )
@@ -65,7 +65,7 @@ class StageCharacter:
 
     @property
     def nodes(self) -> Float | Float32:
-        """Returns (N, 3) metres in the world: the nodes that can have keys.
+        """Returns the nodes that can have keys, (N, 3) in metres of the world.
 
         Returns an empty array if the handles have the keys.
         """
@@ -73,13 +73,15 @@ class StageCharacter:
         return self.pose.positions[:count]
 
     def on_bone(self, handle: int, along: float) -> Float:
-        """Returns (3,) metres, a point on the bone that ends at a handle: 0 at its start, 1 at the handle."""
+        """Returns a point (3,) in metres on the bone that ends at a handle: 0 at its start, 1 at the
+        handle.
+        """
         start = self.handles[max(int(self.character.parents[handle]), 0)]
         return np.asarray(start + along * (self.handles[handle] - start))
 
 
 def find_joints(skeleton: Skeleton, turns: Float, root: Float) -> Float:
-    """Returns (N, 3) metres: the joint positions for world rotations (N, 4) and the root position (3,)."""
+    """Returns the joint positions (N, 3) in metres for world rotations (N, 4) and the root position (3,)."""
     joints = np.empty_like(skeleton.positions)
     joints[0] = root
     arms = rotate(turns, skeleton.vectors)

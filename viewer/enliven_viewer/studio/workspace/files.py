@@ -93,7 +93,7 @@ def list_exportable(project: Project) -> list[RigBase]:
     """Returns the characters that have a surface and everything that they need to move.
 
     Raises:
-        InputError: if there is none; the message contains what the first character lacks.
+        InputError: if no character can be exported. The message says what the first character lacks.
     """
     solid = [character for character in project.characters.values() if character.mesh is not None]
     lacking = [rig_of(character).lacking(project, character) for character in solid]

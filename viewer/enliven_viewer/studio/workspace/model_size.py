@@ -19,8 +19,8 @@ _MAX_HEIGHT_M = 3.0
 made for people.
 """
 _MAX_LENGTH_M = 4.5
-"""Maximum plausible length in metres: twice that of a horse. A longer or wider model is assumed to be in
-another unit.
+"""Maximum plausible length in metres: twice the length of a horse. A longer or wider model is assumed to be
+in another unit.
 """
 _UNITS = (
     ("centimetres", 0.01),
@@ -34,7 +34,7 @@ _PLAUSIBLE_LENGTHS_M = (0.5, 3.0)
 whether a unit fits.
 """
 _PERSON_HEIGHT_M = 1.7
-"""Height in metres of a model without a plausible size: that of a person."""
+"""Height in metres of a model without a plausible size: the height of a person."""
 _MAX_FALLBACK_LENGTH_M = 3.5
 """Maximum longest side, in metres, of a model without a plausible size."""
 

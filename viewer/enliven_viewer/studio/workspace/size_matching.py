@@ -44,7 +44,7 @@ class SizeMatching:
         return (selected_height, float(np.median(others))) if selected_height > 0.0 and others else None
 
     def lacks(self) -> str:
-        """Returns why the selected character cannot be fitted, with advice."""
+        """Returns why the selected character cannot be fitted, with advice; empty if it can."""
         heights = self.heights()
         if heights is None:
             return "No other shape to compare with. Choose one that stands next to others."

@@ -323,14 +323,16 @@ class Workspace(App):
         self.asking, self._after, self._wanted = "", "", None
 
     def _draw_tracking(self) -> None:
-        # Imported when a window draws, because a workspace without one needs no ImGui.
+        # Imported late, so that a workspace without a window works without ImGui.
         from enliven_viewer.studio.workspace.tracking_progress import draw_tracking_progress
 
         draw_tracking_progress(self, self.depth)
 
     @property
     def export_suffix(self) -> str:
-        """Suffix of the file name in the export dialogue. It is the default suffix if the name has none."""
+        """Suffix of the file name in the export dialogue. It is the default suffix if the name has no
+        suffix.
+        """
         typed = Path(self.browser.name).suffix.lower() if self.browser is not None else ""
         return typed or EXPORT_SUFFIXES[0]
 

@@ -111,7 +111,7 @@ class CurveInput:
 
     @property
     def times(self) -> Float:
-        """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
+        """Returns the sample times (T,) in seconds, over the visible span of the timeline."""
         axis = self.axis.scale
         return np.linspace(axis.start, axis.start + axis.visible_s, _CURVE_SAMPLES)
 
@@ -171,7 +171,7 @@ class CurveInput:
         return groups.get(self.group) or next(iter(groups.values()), None)
 
     def sample_times(self) -> Float:
-        """Returns (T,) the sample times of :meth:`shown_group`, which may be slightly outdated."""
+        """Returns the sample times (T,) of :meth:`shown_group`, which may be slightly outdated."""
         if self._known is None or self.shown_name() in KEY_ATTRIBUTES:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)

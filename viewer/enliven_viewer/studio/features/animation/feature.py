@@ -17,7 +17,7 @@ def register(app: App) -> None:
     curves = app.add_state(CurveInput(app.editor, app.time_axis))
 
     def draw_curve_panel(area: Area) -> None:
-        # Imported when a window draws, because a workspace without one needs no ImGui.
+        # Imported late, so that a workspace without a window works without ImGui.
         from enliven_viewer.studio.features.animation.curve_panel import draw_curves
 
         draw_curves(app, curves, area)

@@ -81,7 +81,7 @@ class MotionSamples:
     _surface: Callable[[float], Float] | None = None
 
     def place(self, seconds: float) -> Float:
-        """Returns (N, 3) metres at a time, interpolated between two sampled frames."""
+        """Returns the positions (N, 3) in metres at a time, interpolated between two sampled frames."""
         frame_position = seconds / self.wanted.step
         low = int(np.floor(frame_position))
         before, after = self.points.get(low), self.points.get(low + 1)

@@ -12,7 +12,7 @@ def register(app: App) -> None:
     brush = app.add_tool(PaintTool)
 
     def draw_options() -> None:
-        # Imported when a window draws, because a workspace without one needs no ImGui.
+        # Imported late, so that a workspace without a window works without ImGui.
         from enliven_viewer.studio.features.paint.options import draw_brush_options
 
         draw_brush_options(app, brush)

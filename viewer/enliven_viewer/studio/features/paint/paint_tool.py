@@ -90,7 +90,7 @@ class PaintTool(Tool):
         return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", brush_hints[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
-        """Returns the symmetry plane of a mesh; None if it has none.
+        """Returns the symmetry plane of a mesh; None if it is not symmetric.
 
         Cached by the identity of the vertex array.
         """
@@ -108,7 +108,7 @@ class PaintTool(Tool):
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
     def lacks_paint(self) -> str:
-        """Returns why no paint can be cleared, with advice; empty if some can."""
+        """Returns why no paint can be cleared, with advice; empty if there is paint to clear."""
         character = self.editor.chosen()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
@@ -239,7 +239,7 @@ class PaintTool(Tool):
 
 
 def _find_rest_position(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
-    """Returns (3,) metres: the rest position of a point on a face."""
+    """Returns the rest position (3,) in metres of a point on a face."""
     face_vertices = mesh.faces[face]
     fraction = barycentric(place[None], posed.vertices[face_vertices][None])[0]
     return np.asarray(fraction @ mesh.vertices[face_vertices])

@@ -73,7 +73,7 @@ class Gizmo:
         return ""
 
     def drag_offset(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
-        """Returns (3,) metres in the world: the movement of the place for a drag between two pixels.
+        """Returns the movement of the place for a drag between two pixels, (3,) in metres of the world.
 
         Returns None if a pixel is beyond the horizon of the part's plane.
         """
@@ -198,7 +198,7 @@ class Gizmo:
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
     def _intersect_plane(self, normal: Float, pixel: Point) -> Float | None:
-        """Returns (3,) the intersection of a pixel's ray with the plane through the place.
+        """Returns the intersection (3,) of a pixel's ray with the plane through the place.
 
         Returns None if they do not intersect.
         """

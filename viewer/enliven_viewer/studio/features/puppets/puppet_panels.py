@@ -16,7 +16,7 @@ from enliven_viewer.studio.perform.session import PerformSession
 class PuppetPanels:
     """The panels of the edited puppet, with the images that they show.
 
-    Their drawing modules are imported when a window draws, because a workspace without one needs no ImGui.
+    Their drawing modules are imported late, so that a workspace without a window works without ImGui.
     """
 
     def __init__(self, app: App, view: PerformerView) -> None:

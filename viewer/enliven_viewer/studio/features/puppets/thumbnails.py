@@ -22,7 +22,7 @@ from enliven_viewer.theme import get_theme, look_in_theme
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
-"""Width and height of a thumbnail in pixels: twice those of a tile, for high-resolution screens."""
+"""Width and height of a thumbnail in pixels: twice the size of a tile, for high-resolution screens."""
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
 SIDE = 0.42
 """Azimuth in radians from the front for thumbnails and their stick figures, so that both arms are visible."""

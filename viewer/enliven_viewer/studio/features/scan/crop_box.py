@@ -37,7 +37,7 @@ _BOX_OPACITY = 0.7
 
 
 def find_initial_box(points: Float) -> Float:
-    """Returns (2, 3) metres, the corners of a box around the points near the centre of the stage.
+    """Returns the corners (2, 3) in metres of a box around the points near the centre of the stage.
 
     Args:
         points: (N, 3) metres on the stage.
@@ -123,7 +123,7 @@ class CropBox:
         return (*lines, *discs)
 
     def _handle(self, end: int, axis: int) -> Float:
-        """Returns (3,) metres, the centre of a side, low (0) or high (1) along an axis."""
+        """Returns the centre (3,) in metres of a side, low (0) or high (1) along an axis."""
         middle = np.asarray(self.corners.mean(0))
         middle[axis] = self.corners[end, axis]
         return middle

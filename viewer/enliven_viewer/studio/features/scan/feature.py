@@ -16,7 +16,7 @@ def register(app: App) -> None:
     """Registers scanning."""
     scan = app.add_state(ScanSession(app.editor, app.state(PerformSession)))
 
-    # The drawing modules are imported when a window draws, because a workspace without one needs no ImGui.
+    # The drawing modules are imported late, so that a workspace without a window works without ImGui.
     def draw_panel(area: Area) -> None:
         from enliven_viewer.studio.features.scan.panel import draw_scan
 

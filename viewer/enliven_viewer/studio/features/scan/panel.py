@@ -224,7 +224,7 @@ def _draw_progress(status: ScanMessage) -> None:
 
 
 def _draw_kept_part(app: App, scan: ScanSession) -> None:
-    """Draws the choice of the scanned parts that the character keeps."""
+    """Draws the radio buttons that select which part of the scan becomes the character."""
     draw_heading("What is kept")
     for kept, label in _KEPT_PART_LABELS.items():
         if imgui.radio_button(f"{tr(label)}###keep {kept}", scan.kept_part == kept):

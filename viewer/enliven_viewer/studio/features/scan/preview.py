@@ -63,7 +63,9 @@ class ScanPreviewMesh:
 
     @property
     def bounds(self) -> Float | None:
-        """Returns (2, 3) metres, the bounds in the scan's world without outliers; None without a surface."""
+        """Returns the bounds without outliers, (2, 3) in metres of the scan's world; None without a
+        surface.
+        """
         if self.picture is None:
             return None
         return np.asarray(np.quantile(self.picture.vertices, [0.02, 0.98], axis=0), float)

@@ -101,7 +101,7 @@ class ScanSession:
         return self.perform.lacks_edge()
 
     def lacks_scan(self) -> str:
-        """Returns why the scan accepts no requests; empty if it does."""
+        """Returns why the scan accepts no requests; empty if it accepts them."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
         making = (
             "The character is being made. Wait until it stands on the stage"
@@ -111,11 +111,11 @@ class ScanSession:
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
-        """Returns why nothing can be undone; empty if something can."""
+        """Returns why nothing can be undone; empty if undo is available."""
         return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
 
     def lacks_again(self) -> str:
-        """Returns why no scan can be continued; empty if one can."""
+        """Returns why no scan can be continued; empty if a scan can be continued."""
         there = self.message.phase == "done"
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 

@@ -14,7 +14,7 @@ def register(app: App) -> None:
     player = app.add_state(SoundPlayer(app.editor))
 
     def draw_ruler(left: float, top: float) -> None:
-        # Imported when a window draws, because a workspace without one needs no ImGui.
+        # Imported late, so that a workspace without a window works without ImGui.
         from enliven_viewer.studio.features.sound.waveform import draw_sounds
 
         draw_sounds(app.time_axis, (left, top), is_on=player.is_on)

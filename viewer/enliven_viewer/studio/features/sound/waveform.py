@@ -18,7 +18,7 @@ _MAX_SAMPLE = 32767
 
 
 def compute_envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
-    """Returns (columns,) the peak level, 0 to 1, in equal parts of the project's time between two seconds."""
+    """Returns the peak level (columns,), 0 to 1, in equal parts of the project's time between two seconds."""
     edges = np.linspace(begin - sound.begin, end - sound.begin, columns + 1) * SOUND_RATE
     edges = np.clip(np.round(edges), 0, len(sound.samples)).astype(np.int64)
     loud = np.zeros(columns, np.float32)

@@ -70,12 +70,12 @@ def _make_figure_function(project: Project, take: Clip | PoseStream) -> Callable
 
 
 def _choose_frames(count: int) -> Int32:
-    """Returns (P,) the frames shown in the sheet."""
+    """Returns the frames (P,) shown in the sheet."""
     return np.linspace(0, count - 1, POSE_COUNT).round().astype(np.int32)
 
 
 def _find_joints(take: Clip, frames: Int32) -> Float:
-    """Returns (P, N, 3) metres: the joint positions of a take at the given frames."""
+    """Returns the joint positions (P, N, 3) in metres of a take at the given frames."""
     return joint_places(take.mapped(lambda track: track[frames]))
 
 
@@ -85,7 +85,7 @@ def _list_bones(take: Clip) -> AnyArray:
 
 
 def _find_edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
-    """Returns (L, 2) the lines between the nodes of a stream; a part plays the first of its nodes."""
+    """Returns the lines (L, 2) between the nodes of a stream; a part plays the first of its nodes."""
     inside = (shape.edges < len(nodes)).all(1)
     lines = np.asarray(nodes)[shape.edges[inside]]
     return lines[:: max(len(lines) // _MAX_LINES, 1)]

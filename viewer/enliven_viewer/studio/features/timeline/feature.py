@@ -19,7 +19,7 @@ def register(app: App) -> None:
     timeline = app.add_state(TimelineInput(editor, app.time_axis, app.state(CoverageCache)))
     timeline.rows.edit_pose, timeline.rows.begin_pose = app.open_key_pose, app.begin_key_pose
 
-    # The drawing modules are imported when a window draws, because a workspace without one needs no ImGui.
+    # The drawing modules are imported late, so that a workspace without a window works without ImGui.
     def draw_panel(area: Area) -> None:
         from enliven_viewer.studio.features.timeline.panel import draw_timeline
 

@@ -46,7 +46,7 @@ class TakeCommands:
         return next((name for name, audible_take in takes.items() if audible_take), "")
 
     def lacks(self) -> str:
-        """Returns why no alternative take can be chosen, with advice."""
+        """Returns why no alternative take can be chosen, with advice; empty if one can be chosen."""
         return "" if len(alternative_takes(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 
     def step(self, direction: int) -> None:

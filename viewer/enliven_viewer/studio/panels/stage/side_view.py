@@ -17,7 +17,7 @@ _MIN_HEIGHT = 104.0
 _MAX_HEIGHT = 400.0
 """Maximum height in pixels: a larger image shows no more detail."""
 _ASPECT = 1.2
-"""Aspect ratio, like that of the inset in the other corner."""
+"""Aspect ratio, the same as for the inset in the other corner."""
 _MARGIN = 14.0
 """Distance in pixels from the border of the view."""
 _TEXT_SIZE = 13.0

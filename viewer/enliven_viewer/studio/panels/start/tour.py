@@ -212,7 +212,7 @@ def _draw_sentence(tour: Tour) -> None:
 
 
 def _draw_dots(tour: Tour) -> None:
-    """Draws a dot for each step; those of finished steps are filled."""
+    """Draws a dot for each step. The dots of finished steps are filled."""
     draw_list, position = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     for number in range(len(TOUR_STEPS)):
         middle = ImVec2(position.x + _DOT_RADIUS + number * 4 * _DOT_RADIUS, position.y + _DOT_RADIUS + 2)
