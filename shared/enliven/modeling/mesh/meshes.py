@@ -44,11 +44,11 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
     return shape.with_changes(mesh=piece.mesh, skin=renumber_bones(piece.skin, numbers))
 
 
-def matching_bone_numbers(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or the bone
+def matching_bone_numbers(old_shape: Shape, shape: Shape, otherwise: str) -> Int:
+    """Returns (N,) for each bone of ``old_shape`` the bone of ``shape`` with the same name, or the bone
     ``otherwise`` if no bone has this name."""
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
-    return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
+    return np.array([number.get(name, number[otherwise]) for name in old_shape.skeleton.names], np.int64)
 
 
 def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
