@@ -145,10 +145,10 @@ class CharacterUploads:
 
     def restore(self, order: PutCharacter, actor: Actor) -> None:
         """Puts a character on the stage that a client had sent before a restart of the edge."""
-        self._stage.put(actor)
+        self._stage.place_actor(actor)
         self._on_stage[order.id] = order
 
-    def put(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
+    def announce(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
         """Handles the announcement of a character, or a question about its progress.
 
         Args:
@@ -170,7 +170,7 @@ class CharacterUploads:
             return Awaited(order.size)
         return Awaited(self._find_or_add(order, peer, where).received)
 
-    def take(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
+    def add_part(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
         """Adds the next part of an announced character.
 
         Raises:
@@ -244,7 +244,7 @@ class CharacterUploads:
             for oldest in list(self._refused)[:-_MAX_REFUSALS]:
                 del self._refused[oldest]
         elif current is None or current.revision < order.revision:
-            self._stage.put(preparation.actor, preparation.carried, preparation.peer)
+            self._stage.place_actor(preparation.actor, preparation.carried, preparation.peer)
             self._on_stage[order.id] = order
             if self.on_shown is not None:
                 self.on_shown(order, preparation.data)

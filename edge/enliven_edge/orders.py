@@ -69,13 +69,15 @@ def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
         Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
         Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _SINGLE_SUBJECT),
         LearnRoom: Handler(lambda order: _learn_room(edge), lambda order: _SINGLE_SUBJECT),
-        PutCharacter: Handler(lambda order, peer: edge.uploads.put(order, peer), takes_peer=True),
-        CharacterPart: Handler(lambda order, peer: edge.uploads.take(order, peer), takes_peer=True),
+        PutCharacter: Handler(lambda order, peer: edge.uploads.announce(order, peer), takes_peer=True),
+        CharacterPart: Handler(lambda order, peer: edge.uploads.add_part(order, peer), takes_peer=True),
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
         Resize: Handler(lambda order: edge.sizing.handle(order)),
-        Scan: Handler(lambda order: edge.scans.ask(order)),
+        Scan: Handler(lambda order: edge.scans.execute_order(order)),
         Listen: Handler(lambda order: edge.controls.listen(order.on), lambda order: _SINGLE_SUBJECT),
-        PlayPhysics: Handler(lambda order: edge.physics.ask(order.world), lambda order: _SINGLE_SUBJECT),
+        PlayPhysics: Handler(
+            lambda order: edge.physics.switch_to(order.world), lambda order: _SINGLE_SUBJECT
+        ),
     }
 
 

@@ -75,7 +75,7 @@ class Scans:
         is_running = self._scan is not None and self._scan.phase in ("scanning", "paused", "failed")
         return is_running or self._beginning is not None
 
-    def ask(self, order: Scan) -> None:
+    def execute_order(self, order: Scan) -> None:
         """Carries out a viewer's order.
 
         Raises:
@@ -91,9 +91,9 @@ class Scans:
             self.close()
             self._is_ending = True
         elif self._scan is not None:
-            self._scan.ask(order)
+            self._scan.queue_order(order)
 
-    def take(self, frame: Frame, *, waits: bool = False) -> bool:
+    def offer_frame(self, frame: Frame, *, waits: bool = False) -> bool:
         """Passes a frame to the scan. Returns False if the scan is busy and the caller must pass it again."""
         if self._scan is None or not isinstance(frame, DepthFrame):
             return True
@@ -118,7 +118,7 @@ class Scans:
             return
         actor, scan.actor = scan.actor, None
         if actor is not None:
-            self._stage.put(actor)
+            self._stage.place_actor(actor)
             sink.forget("scan piece")
         for message in scan.messages():
             sink.send(message, getattr(message, "time_ns", 0))

@@ -154,7 +154,7 @@ class Edge:
         self._show_characters()
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
         bodies = [] if self.scans.is_active else round_to_wire(self.tracker.track(frame))
-        while not self.scans.take(frame, waits=self.sensor.recorded):
+        while not self.scans.offer_frame(frame, waits=self.sensor.recorded):
             self._poll_requests()
         self.sizing.follow(bodies, frame.time_ns)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
@@ -291,8 +291,8 @@ class Edge:
         """Returns the patterns of the controls' lamps, from the state of the stage and the health states."""
         health_states = self.outlet.publisher.status.health
         return lamps_from_state(
-            is_performer_present=self.stage.occupied,
+            is_performer_present=self.stage.has_performer,
             is_character_held=bool(self.stage.holders),
-            locked=self.tracker.locked,
+            locked=self.tracker.is_locked,
             highest_severity=max((state.severity for state in health_states), default=Severity.NOTE),
         )

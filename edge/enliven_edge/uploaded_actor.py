@@ -140,7 +140,7 @@ def _rig_actor(upload: Upload) -> Actor:
 
 def _puppet_actor(upload: Upload) -> Actor:
     """Returns the actor of an example-driven character. Without examples, performers possess its surface."""
-    if upload.character.possessable:
+    if upload.character.is_possessable:
         return _surface_actor(upload, fit=True)
     from enliven_edge.stage.puppet.puppet_setup import create_actor_from_project
 

@@ -278,8 +278,8 @@ def open_file(path: Path) -> BinaryIO:
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
-def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
-    """Reads the bytes of a regular file of at most ``most`` bytes.
+def read_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> bytes:
+    """Reads the bytes of a regular file of at most ``max_bytes`` bytes.
 
     Raises:
         InputError: as :func:`open_file`, and if the file is larger.
@@ -287,8 +287,8 @@ def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
     """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
-        if size > most:
-            problem = f"it has {size} bytes, and no more than {most} are read"
+        if size > max_bytes:
+            problem = f"it has {size} bytes, and no more than {max_bytes} are read"
             raise InputError(problem, where=str(path), remedy="Use a smaller file.")
         return file.read(size)
 
@@ -578,10 +578,10 @@ def _remove_leftovers(target: Path) -> None:
                 part.unlink()
 
 
-def _replace_target(part: Path, target: Path, before: os.stat_result | None, durable: bool) -> None:
+def _replace_target(part: Path, target: Path, old_attributes: os.stat_result | None, durable: bool) -> None:
     """Replaces a file by a finished one, and preserves its attributes."""
     with part.open("r+b") as file:
-        has_attributes = before is None or _copy_attributes(file.fileno(), target, before)
+        has_attributes = old_attributes is None or _copy_attributes(file.fileno(), target, old_attributes)
         if durable:
             os.fsync(file.fileno())
     if has_attributes:
@@ -590,7 +590,7 @@ def _replace_target(part: Path, target: Path, before: os.stat_result | None, dur
         _overwrite_target(part, target)
 
 
-def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> bool:
+def _copy_attributes(descriptor: int, target: Path, old_attributes: os.stat_result) -> bool:
     """Gives a new file the owner, mode and extended attributes of the existing file.
 
     Returns:
@@ -600,9 +600,9 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
         # On Windows, a new file inherits the permissions of its folder, so there is nothing to copy.
         return True
     current = os.fstat(descriptor)
-    if (current.st_uid, current.st_gid) != (before.st_uid, before.st_gid):
+    if (current.st_uid, current.st_gid) != (old_attributes.st_uid, old_attributes.st_gid):
         try:
-            os.fchown(descriptor, before.st_uid, before.st_gid)
+            os.fchown(descriptor, old_attributes.st_uid, old_attributes.st_gid)
         except OSError:
             return False
     if hasattr(os, "listxattr"):
@@ -611,7 +611,7 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
                 with contextlib.suppress(OSError):
                     # Some attributes are reserved for the system and cannot be set.
                     os.setxattr(descriptor, name, os.getxattr(target, name))
-    os.fchmod(descriptor, stat.S_IMODE(before.st_mode))
+    os.fchmod(descriptor, stat.S_IMODE(old_attributes.st_mode))
     return True
 
 
@@ -652,11 +652,11 @@ class ReferencedFiles:
 
     Args:
         path: path of the file that refers to the others.
-        most: maximum bytes of all reads together. A file named a thousand times counts a thousand times.
+        max_bytes: maximum bytes of all reads together. A file named a thousand times counts a thousand times.
     """
 
-    def __init__(self, path: Path, most: int = MAX_FILE_BYTES) -> None:
-        self._path, self._left = path, most
+    def __init__(self, path: Path, max_bytes: int = MAX_FILE_BYTES) -> None:
+        self._path, self._left = path, max_bytes
 
     def uri(self, uri: str) -> bytes:
         """Returns the bytes of a data URI, or of the file at a percent-encoded relative URI.

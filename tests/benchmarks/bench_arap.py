@@ -193,9 +193,9 @@ def _puppets() -> Iterator[Figure]:
             peer = (PEER, theirs / ours)
         yield Figure(f"arap.frame_ms_{size}", ours, "ms", *peer)
         yield Figure(f"arap.prepare_s_{size}", prepared, "s")
-        yield Figure(f"arap.settle_ms_{size}", min(_each(surface.settle, path[:4])), "ms")
+        yield Figure(f"arap.settle_ms_{size}", min(_each(surface.solve_from_rest, path[:4])), "ms")
         start = time.perf_counter()
-        surface.hold([*held.tolist(), 4321])
+        surface.set_control_points([*held.tolist(), 4321])
         yield Figure(f"arap.hold_s_{size}", time.perf_counter() - start, "s")
 
 

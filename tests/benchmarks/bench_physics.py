@@ -64,7 +64,7 @@ def _towers() -> World:
     n = np.arange(BOXES)
     stack = n // 5
     places = np.stack([stack // 2 * 1.1 * SIDE, (n % 5 + 0.5) * SIDE, stack % 2 * 1.1 * SIDE], 1)
-    world.put(slice(None), places)
+    world.set_state(slice(None), places)
     return world
 
 
@@ -115,7 +115,7 @@ def _depth(k: int, box: float) -> float:
 def _our_blow() -> float:
     """Returns the penetration depth of a sphere in one box that it hits, metres."""
     world, deepest = World(_boxes(1), SETTINGS), 0.0
-    world.put(slice(None), np.array([[0.0, SIDE / 2, 0.0]]))
+    world.set_state(slice(None), np.array([[0.0, SIDE / 2, 0.0]]))
     for k in range(round(0.5 / MAX_SUBSTEP_S)):
         deepest = max(deepest, _depth(k, float(world.positions[0, 0])))
         world.move(np.array([_blow_at(k + 1)]), np.array([0.06]))

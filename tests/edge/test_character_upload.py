@@ -54,12 +54,12 @@ def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
 def send(uploads: CharacterUploads, data: bytes, order: PutCharacter, step=MAX_PART_BYTES) -> int:
     """Does what a client does until the character is on the stage; returns the number of parts sent."""
     parts, deadline = 0, time.monotonic() + COMPILED_WITHIN
-    while (answer := uploads.put(order)) != Done():
+    while (answer := uploads.announce(order)) != Done():
         assert isinstance(answer, Awaited) and time.monotonic() < deadline
         at = answer.received
         while at < len(data):
             part = CharacterPart(order.id, order.digest, at, data[at : at + step])
-            at, parts = uploads.take(part).received, parts + 1
+            at, parts = uploads.add_part(part).received, parts + 1
         uploads.poll()
         time.sleep(0.001)
     return parts
@@ -159,7 +159,7 @@ def test_no_message_sequence_harms_the_stage(data):
     parts = st.builds(CharacterPart, names, digests, st.integers(0, 6), st.binary(max_size=6))
     for message in data.draw(st.lists(puts | parts, max_size=25)):
         try:
-            (uploads.put if isinstance(message, PutCharacter) else uploads.take)(message)
+            (uploads.announce if isinstance(message, PutCharacter) else uploads.add_part)(message)
         except InputError as error:
             assert error.remedy
         assert sum(each.order.size for each in uploads._waiting.values()) <= MAX_UPLOAD_BYTES
@@ -182,7 +182,7 @@ def test_data_that_is_cut_or_changed_is_refused_in_a_sentence(at, by, cut):
     except InputError as error:
         assert error.what and not stage.actors
         with pytest.raises(InputError):
-            uploads.put(order_of(data or b"x"))
+            uploads.announce(order_of(data or b"x"))
     else:
         vertices = stage.characters["chair"].vertices
         np.testing.assert_allclose(vertices, MESH.vertices, atol=1e-6)  # a byte that no reader uses
@@ -250,20 +250,20 @@ def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monke
     send(uploads, CHAIR, order_of(CHAIR, revision=4))
     other = CHAIR + b"x"
     with pytest.raises(InputError, match="Send revision 5"):
-        uploads.put(order_of(other, revision=4))
-    assert uploads.put(order_of(other, revision=5)) == Awaited(0)
-    assert uploads.put(order_of(CHAIR + b"y", revision=6)) == Awaited(0), "a later one takes its place"
+        uploads.announce(order_of(other, revision=4))
+    assert uploads.announce(order_of(other, revision=5)) == Awaited(0)
+    assert uploads.announce(order_of(CHAIR + b"y", revision=6)) == Awaited(0), "a later one takes its place"
     with pytest.raises(InputError, match="not expected"):
-        uploads.take(CharacterPart("chair", order_of(other).digest, 0, b"x"))
+        uploads.add_part(CharacterPart("chair", order_of(other).digest, 0, b"x"))
     with pytest.raises(InputError, match="more than the"):
         late = order_of(CHAIR + b"y")
-        uploads.take(CharacterPart("chair", late.digest, 0, bytes(late.size + 1)))
+        uploads.add_part(CharacterPart("chair", late.digest, 0, bytes(late.size + 1)))
     for name in "abcd":
-        assert uploads.put(order_of(CHAIR, name)) == Awaited(0)
+        assert uploads.announce(order_of(CHAIR, name)) == Awaited(0)
     with pytest.raises(InputError, match="too many"):
-        uploads.put(order_of(CHAIR, "e"))
+        uploads.announce(order_of(CHAIR, "e"))
     monkeypatch.setattr(module, "_TIMEOUT_S", -1.0)
-    assert uploads.put(order_of(CHAIR, "e")) == Awaited(0)
+    assert uploads.announce(order_of(CHAIR, "e")) == Awaited(0)
 
 
 def test_person_search_is_not_repeated_after_moving_vertices(monkeypatch):

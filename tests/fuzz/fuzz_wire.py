@@ -171,7 +171,7 @@ def _zmtp(data: bytes, folder: Path) -> None:
 
 
 def _take_all(session: ZmtpSession) -> None:
-    while (parts := session.take()) is not None:
+    while (parts := session.read_message()) is not None:
         assert len(parts) <= 8 and sum(map(len, parts)) <= 2 * MAX_FRAME_BYTES
         session.answers.clear()
 
@@ -233,7 +233,7 @@ def _curve(data: bytes, folder: Path) -> None:
         elif kind == HELLO:
             session.feed(make_frame(client.hello(content), COMMAND))
             session.answers.clear()
-            session.take()
+            session.read_message()
             welcome = bytes(session.answers[2:]) if session.answers[2:10] == b"\x07WELCOME" else welcome
         elif kind == INITIATE and welcome:
             # After a "!" the content stands for the proof, too. Otherwise a correct proof precedes it.
@@ -242,7 +242,7 @@ def _curve(data: bytes, folder: Path) -> None:
         elif kind == MESSAGE:
             session.feed(make_frame(client.message(content[1:], content[0] if content else 0)))
     _take_all(session)
-    if not session.ready:
+    if not session.is_ready:
         raise ZmtpError("not admitted")
 
 
@@ -331,7 +331,7 @@ def _osc(data: bytes, folder: Path) -> None:
     """Gives a packet to both sensors, as their port does."""
     messages = unpack_osc(data)
     for sensor in _sensors():
-        if sensor._take(messages):
+        if sensor._store_motion(messages):
             for body in sensor._bodies():
                 assert np.isfinite(body.joints).all()
 
@@ -372,7 +372,7 @@ def _rokoko_tree(data: bytes, other: bytes, dice: Random) -> bytes:
 def _rokoko(data: bytes, folder: Path) -> None:
     """Gives a packet to the sensor, as its port does."""
     sensor = _rokoko_sensor()
-    if sensor._take(unpack_rokoko(data)):
+    if sensor._store_motion(unpack_rokoko(data)):
         for body in sensor._bodies():
             assert np.isfinite(body.joints).all()
 

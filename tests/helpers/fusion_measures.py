@@ -90,7 +90,7 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
     ):
         place = space.sensors[name]
         fuser.update(name, transform_bodies(frame.bodies, place.level), time_ns)
-        if rhythm.due(name, time_ns):
+        if rhythm.is_due(name, time_ns):
             yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
 
 

@@ -90,7 +90,7 @@ def test_files_elsewhere_are_not_read(folder, read, uri, words):
 
 def test_all_that_a_file_names_together_is_bounded(tmp_path):
     (tmp_path / "a").write_bytes(bytes(60))
-    beside = ReferencedFiles(tmp_path / "model.obj", most=100)
+    beside = ReferencedFiles(tmp_path / "model.obj", max_bytes=100)
     assert len(beside.file("a")) == 60
     with pytest.raises(InputError, match="no more than 40"):
         beside.file("a")

@@ -104,7 +104,7 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     judgement = rate_solution(board, solution)
     _print_quality(judgement)
     calibration = solution.calibration
-    if calibration is None or not (judgement.usable or accept_doubt):
+    if calibration is None or not (judgement.is_usable or accept_doubt):
         unchanged_note = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
             f"the calibration is not good enough{unchanged_note}",

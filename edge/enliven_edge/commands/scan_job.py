@@ -68,7 +68,7 @@ def parse_box(box: str) -> tuple[Float, Float] | None:
 
 
 def select_kept_part(
-    whole: bool, corners: tuple[Float, Float] | None, before: Path | None, within: float | None
+    keeps_all: bool, corners: tuple[Float, Float] | None, empty_recording: Path | None, within: float | None
 ) -> Keep:
     """Returns the part of a scan to keep, as chosen by the options.
 
@@ -76,27 +76,35 @@ def select_kept_part(
         InputError: if the options contradict each other.
     """
     options = [
-        name for name, is_given in (("--whole", whole), ("--box", corners), ("--before", before)) if is_given
+        name
+        for name, is_given in (("--whole", keeps_all), ("--box", corners), ("--before", empty_recording))
+        if is_given
     ]
     if len(options) > 1:
         problem = f"{' and '.join(options)} cannot be used together"
         raise InputError(problem, where="scan", remedy="Give one of them.")
     if corners is not None:
         return Keep("box", *corners)
-    if before is not None:
+    if empty_recording is not None:
         return Keep("new")
-    return Keep("all" if whole else "thing" if within is None else "alone")
+    return Keep("all" if keeps_all else "thing" if within is None else "alone")
 
 
 def refuse_combination(
-    name: str, whole: bool, box: str, before: Path | None, add: Path | None, within: float | None
+    name: str, keeps_all: bool, box: str, empty_recording: Path | None, add: Path | None, within: float | None
 ) -> None:
     """Refuses the options that cannot be combined with ``name``: --moved, --turned or --person.
 
     Raises:
         InputError: if one of these options is given.
     """
-    options = ("--whole", whole), ("--box", box), ("--before", before), ("--add", add), ("--within", within)
+    options = (
+        ("--whole", keeps_all),
+        ("--box", box),
+        ("--before", empty_recording),
+        ("--add", add),
+        ("--within", within),
+    )
     for other, given in options:
         if given:
             remedy = "Leave one of them out."
@@ -141,7 +149,7 @@ class ScanJob:
         earlier_count = self._scan()
         try:
             self.scan_log.refuse(self._where, self.scanner)
-            kept_part = replace(keep, before=earlier_count) if keep.what == "new" else keep
+            kept_part = replace(keep, first_object_image=earlier_count) if keep.what == "new" else keep
             scan_result = finish_scan(self.scanner, kept_part, triangles, output.stem)
             self._notes += describe_objects(self.scanner) if keep.what == "thing" else []
         except InputError as error:
@@ -159,7 +167,9 @@ class ScanJob:
         low, high = scan_result.mesh.bounds
         size = " x ".join(f"{100 * side:.0f}" for side in high - low)
         reduction_note = (
-            f" (within {1e3 * scan_result.most:.1f} mm of the full scan)" if scan_result.most else ""
+            f" (within {1e3 * scan_result.max_distance:.1f} mm of the full scan)"
+            if scan_result.max_distance
+            else ""
         )
         summary = f"{len(scan_result.mesh.faces)} triangles{reduction_note}, {size} cm, "
         summary += f"of {self.scan_log.frames} frames"
@@ -183,7 +193,7 @@ class ScanJob:
                 progress.update(
                     task, count=self.scan_log.frames, description=f"Scanning, {self.scan_log.now}"
                 )
-                if self.scanner.full:
+                if self.scanner.is_full:
                     break
         if self.first is not None:
             check_registered(self.scan_log.counts[ScanState.SCANNING], self.first)

@@ -170,7 +170,7 @@ class Debouncer:
         self._seconds = seconds
         self._last: dict[str, float] = {}
 
-    def counts(self, key: str, now: float) -> bool:
+    def is_new_press(self, key: str, now: float) -> bool:
         """Returns True if this event is a new press.
 
         Args:
@@ -207,7 +207,7 @@ class ControlReader:
         self._thread.start()
 
     @property
-    def there(self) -> bool:
+    def is_present(self) -> bool:
         """True if the device is present and being read. Presses before that are lost."""
         return self._is_present
 
@@ -238,9 +238,9 @@ class ControlReader:
 
     def poll(self) -> list[Command]:
         """Returns the commands since the last call, the oldest first. Never blocks."""
-        return [press.command for press in self.take() if press.command]
+        return [press.command for press in self.read_presses() if press.command]
 
-    def take(self) -> list[Press]:
+    def read_presses(self) -> list[Press]:
         """Returns the presses since the last call, and speech that matches no phrase. Never blocks."""
         presses = []
         while self._queue:
@@ -289,7 +289,7 @@ class ControlReader:
                 log.info("control %s is there", self.name)
                 self._is_present = True
             for key in self._device.read():
-                if self._debouncer.counts(key, time.monotonic()):
+                if self._debouncer.is_new_press(key, time.monotonic()):
                     self._queue_press(key)
             self._queue.extend(map(Press, self._device.take_not_understood()))
 

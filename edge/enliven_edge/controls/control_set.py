@@ -95,7 +95,7 @@ class Controls(Closeable):
         """
         self._finish_start()
         for control in self._controls:
-            for press in control.take():
+            for press in control.read_presses():
                 refusal = self._apply(control, press, stage, carry_out, send_call) if press.command else ""
                 if control.name in self._voices:
                     send_message(self._utterance_message(control, press, refusal))
@@ -161,7 +161,7 @@ class Controls(Closeable):
         } or PHRASES
         phrases = [phrase[:_MAX_MESSAGE_LENGTH] for phrase in commands_by_phrase][:MAX_PHRASES]
         actions = [word[:_MAX_MESSAGE_LENGTH] for word in commands_by_phrase.values()][:MAX_PHRASES]
-        if any(control.there for control in voices):
+        if any(control.is_present for control in voices):
             return VoiceMessage("listening", phrases=phrases, actions=actions)
         error = self._failure or next((voice.why for voice in voices if voice.why is not None), None)
         if self._start is None and error is None and all(voice.is_paused for voice in voices):
@@ -182,7 +182,7 @@ class Controls(Closeable):
     @property
     def missing(self) -> list[str]:
         """The names of the controls without a device."""
-        return [control.name for control in self._controls if not control.there]
+        return [control.name for control in self._controls if not control.is_present]
 
     def forget(self) -> None:
         """Drops the queued commands, because the stage was not ready."""

@@ -95,18 +95,18 @@ def _group_moments(values: Float, is_chosen: Bool, tick: float) -> list[Skeleton
     return moments
 
 
-def _choose_device(devices: Counter[str], wanted: str | None, path: Path) -> str:
+def _choose_device(devices: Counter[str], requested_device: str | None, path: Path) -> str:
     """Returns the Kinect to read. If several Kinects have the same number of rows, the first in the file is
     used.
     """
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))
-    if wanted is None:
+    if requested_device is None:
         return devices.most_common(1)[0][0]
-    if wanted not in devices:
+    if requested_device not in devices:
         raise InputError(
-            f"the Kinect {wanted!r} does not exist",
+            f"the Kinect {requested_device!r} does not exist",
             where=str(path),
             remedy=f"Known: {', '.join(sorted(devices))}.",
         )
-    return wanted
+    return requested_device

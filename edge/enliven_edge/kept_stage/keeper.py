@@ -216,7 +216,7 @@ class StageKeeper(Closeable):
         initial = self._settings.physics.world
         if state.initial_world == initial and state.world != edge.physics.world:
             try:
-                edge.physics.ask(state.world)
+                edge.physics.switch_to(state.world)
             except EnlivenError as error:
                 log.warning("the physics objects cannot be restored (%s)", error)
 

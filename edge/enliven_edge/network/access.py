@@ -58,7 +58,7 @@ class Access:
         self.curve = CurveServer(keys, lambda public: self.viewer_role(public) is not None)
         self.desk = PairingDesk(_log_code)
         self.open_s = open_s
-        self.refresh(now=True)
+        self.refresh(immediately=True)
 
     def begin(self) -> None:
         """Accepts pairings for the first minutes after the start of the edge."""
@@ -75,16 +75,16 @@ class Access:
         viewer = self._viewers.get(public)
         return None if viewer is None else viewer.role
 
-    def refresh(self, *, now: bool = False) -> bool:
+    def refresh(self, *, immediately: bool = False) -> bool:
         """Reads the paired viewers again if a file was added or removed. Returns True if it did.
 
         Files that cannot be used are logged once, and their viewers are not admitted.
         """
-        if not now and time.monotonic() - self._refreshed_at < _REFRESH_INTERVAL_S:
+        if not immediately and time.monotonic() - self._refreshed_at < _REFRESH_INTERVAL_S:
             return False
         self._refreshed_at = time.monotonic()
         stamp = self._store.stamp()
-        if not now and stamp == self._stamp:
+        if not immediately and stamp == self._stamp:
             return False
         problems: list[str] = []
         self._stamp, self._viewers = stamp, self._store.viewers(problems)
@@ -94,7 +94,7 @@ class Access:
                 self._logged_problems.add(problem)
         return True
 
-    def keep(self, servers: Iterable[ZmtpServer]) -> None:
+    def enforce_pairing(self, servers: Iterable[ZmtpServer]) -> None:
         """Renews the pairing code when it is due, and disconnects viewers that are not paired any more."""
         self.desk.poll()
         if not self.refresh():
@@ -102,7 +102,7 @@ class Access:
         for server in servers:
             for peer in list(server.connections):
                 channel = peer.session.channel
-                if channel is not None and channel.ready and self.viewer_role(channel.client) is None:
+                if channel is not None and channel.is_ready and self.viewer_role(channel.client) is None:
                     server.drop(peer)
 
     def answer(self, request: PairingRequest, peer: Connection) -> PairingAnswer:
@@ -136,7 +136,7 @@ class Access:
         except EnlivenError as error:
             raise PairingError(str(error)) from None
         self.desk.finish_pairing()
-        self.refresh(now=True)
+        self.refresh(immediately=True)
         log.info("%s is paired, with the role %s: %s", viewer.name, role, fingerprint(viewer.public))
         return Paired(exchange.introduce(Introduction(self._keys.public, self._name, role)))
 

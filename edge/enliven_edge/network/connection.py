@@ -42,7 +42,7 @@ class Connection:
         pairing: the pairing that the peer has begun, or None.
     """
 
-    def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
+    def __init__(self, peer_socket: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
         self.opened = self.last_message_at = self.last_read_at = self.last_progress_at = time.monotonic()
         self.introduced = self.buffered = self.streaming = False
@@ -50,7 +50,7 @@ class Connection:
         self.pending = 0
         self.state: Any = None
         self.pairing: Any = None
-        self._socket: socket.socket | None = own
+        self._socket: socket.socket | None = peer_socket
         self._outbox: deque[memoryview | Future[bytes]] = deque()
         self.unsent_bytes = 0
         self._cost, self._weighed = 0.0, self.opened
@@ -68,7 +68,7 @@ class Connection:
         return max(self.last_message_at, self.last_progress_at) - self.opened
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """True if nothing is read from the peer now, because it does not accept replies, or many of its
         orders are pending.
         """
@@ -87,7 +87,7 @@ class Connection:
         """Returns the file descriptor, -1 once closed."""
         return self._socket.fileno() if self._socket is not None else -1
 
-    def read(self, most: int) -> bytes | None:
+    def read(self, max_bytes: int) -> bytes | None:
         """Returns received bytes, ``b""`` at the end, None if nothing has arrived.
 
         Raises:
@@ -96,7 +96,7 @@ class Connection:
         if self._socket is None:
             return b""
         try:
-            data, self.arrived_ns = receive_stamped(self._socket, most)
+            data, self.arrived_ns = receive_stamped(self._socket, max_bytes)
         except BlockingIOError:
             return None
         return data

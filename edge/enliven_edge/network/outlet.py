@@ -126,9 +126,9 @@ class Outlet(Closeable):
             if self._take is not None:
                 self._take.remove(name)
 
-    def introduce(self, character: Character, least: int = 1) -> None:
+    def introduce(self, character: Character, min_revision: int = 1) -> None:
         """Announces a new character, or a new revision of one. Viewers then fetch it."""
-        revision = self._publisher.set_character(character, least)
+        revision = self._publisher.set_character(character, min_revision)
         self._stage_told = False
         self._shown[character.id] = character
         if self._take is not None:

@@ -146,11 +146,11 @@ class Publisher(Closeable):
         """Returns the content of the next heartbeat."""
         return self._status
 
-    def set_character(self, character: Character, least: int = 1) -> int:
+    def set_character(self, character: Character, min_revision: int = 1) -> int:
         """Sets a new character, or a new version of the one with its id. Viewers then fetch it.
 
         Args:
-            least: the minimum revision.
+            min_revision: the minimum revision.
 
         Returns:
             its revision: 1, 2, ... A new character gets a higher revision than all removed ones, since it may
@@ -163,7 +163,7 @@ class Publisher(Closeable):
         # Encode and decode once now. The first use compiles the codec, which must not happen during a
         # performance.
         codec.decode(codec.encode(character.rest_pose()).data)
-        revision = max(self.last_revision(character.id) + 1, least)
+        revision = max(self.last_revision(character.id) + 1, min_revision)
         if revision > MAX_REVISION:
             revision = 1  # Restart at 1. Viewers fetch any revision that differs from theirs.
         self._packed[character.id] = pack_payload(character_to_message(character, revision))
@@ -263,7 +263,7 @@ class Publisher(Closeable):
     def poll(self) -> list[Command]:
         """Answers viewers and sends a heartbeat that is due. Returns the commands for the caller."""
         if self._access is not None:
-            self._access.keep((self._server, self._streams.server))
+            self._access.enforce_pairing((self._server, self._streams.server))
         if time.monotonic() - self._last_heartbeat_at >= 1 / STATUS.rate_hz:
             self.send_heartbeat()
         self._streams.poll()

@@ -79,7 +79,7 @@ class ZmtpServer:
         host, port, option: as for :func:`~enliven_edge.network.tcp_listener.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: maximum bytes of a frame from a peer.
-        most: maximum number of connections. Fewer if the process may not open that number.
+        max_connections: maximum number of connections. Fewer if the process may not open that number.
         curve: the edge's keys, and the peers that it admits. None: without keys.
 
     Attributes:
@@ -96,14 +96,14 @@ class ZmtpServer:
         option: str,
         kind: Literal["ROUTER", "PUB"],
         most_bytes: int,
-        most: int = MAX_CONNECTIONS,
+        max_connections: int = MAX_CONNECTIONS,
         curve: CurveServer | None = None,
     ) -> None:
         self._curve = curve
         self._listener = listen(host, port, option)
         self.port: int = self._listener.getsockname()[1]
         self._kind: Literal["ROUTER", "PUB"] = kind
-        self._most_bytes, self._most = most_bytes, limit_connections(most)
+        self._most_bytes, self._most = most_bytes, limit_connections(max_connections)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._open: dict[Connection, int] = {}
@@ -132,7 +132,7 @@ class ZmtpServer:
 
     def _read(self, readable: set[Any], until: float) -> Iterator[tuple[Connection, list[bytes]]]:
         """Yields the messages of the connected peers, a little of each in turn."""
-        ready = [c for c in self._open if not c.busy and (c.buffered or c in readable)]
+        ready = [c for c in self._open if not c.is_busy and (c.buffered or c in readable)]
         while ready:
             unfinished = []
             for connection in _order_by_turn(ready):
@@ -140,7 +140,7 @@ class ZmtpServer:
                     return
                 yield from self._read_turn(connection, until)
                 has_more = connection.buffered or connection.streaming
-                if connection.is_open and not connection.busy and has_more:
+                if connection.is_open and not connection.is_busy and has_more:
                     unfinished.append(connection)
             ready = unfinished
 
@@ -200,7 +200,7 @@ class ZmtpServer:
                 connection.last_read_at = time.monotonic()
                 connection.buffered = True
             for _ in range(_FRAMES_PER_TURN):
-                parts = session.take()
+                parts = session.read_message()
                 if parts is None:
                     connection.buffered = False
                     connection.streaming &= max(requested_count, session.missing) > _READ_BYTES
@@ -210,7 +210,7 @@ class ZmtpServer:
                 if session.answers and connection.is_open:
                     connection.queue(bytes(session.answers))
                     session.answers.clear()
-                if connection.busy or time.monotonic() >= until:
+                if connection.is_busy or time.monotonic() >= until:
                     break
             self._queue_answers(connection)
             self._push(connection, until)
@@ -314,7 +314,7 @@ class ZmtpServer:
             crowd = Counter(c.address for c in idle)
             return max(idle, key=lambda c: (crowd[c.address], -c.opened))
         if self._curve is not None:
-            strangers = [c for c in self._open if c.session.channel is None or not c.session.ready]
+            strangers = [c for c in self._open if c.session.channel is None or not c.session.is_ready]
             if strangers:
                 return min(strangers, key=lambda c: c.opened)
         if self._kind == "ROUTER":

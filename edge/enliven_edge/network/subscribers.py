@@ -34,9 +34,11 @@ class Subscribers:
         port: int,
         option: str,
         curve: CurveServer | None = None,
-        most: int = MAX_CONNECTIONS,
+        max_connections: int = MAX_CONNECTIONS,
     ) -> None:
-        self._server = server = ZmtpServer(host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES, most, curve)
+        self._server = server = ZmtpServer(
+            host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES, max_connections, curve
+        )
         self.port, self.drain, self.close = server.port, server.drain, server.close
 
     @property

@@ -41,8 +41,8 @@ def raise_descriptor_limit() -> int:
     return soft if soft != resource.RLIM_INFINITY else target
 
 
-def limit_connections(most: int) -> int:
-    """Returns the number of connections for one of two servers, at most ``most``.
+def limit_connections(max_count: int) -> int:
+    """Returns the number of connections for one of two servers, at most ``max_count``.
 
     Some descriptors stay reserved.
     """
@@ -53,8 +53,8 @@ def limit_connections(most: int) -> int:
 
         limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         if limit == resource.RLIM_INFINITY:
-            return most
-    return max(_MIN_CONNECTIONS, min(most, (limit - _RESERVED_DESCRIPTORS) // 2))
+            return max_count
+    return max(_MIN_CONNECTIONS, min(max_count, (limit - _RESERVED_DESCRIPTORS) // 2))
 
 
 _BACKLOG = 4096
@@ -152,7 +152,7 @@ def configure_socket(connection: socket.socket) -> None:
                 connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
-def receive_stamped(connection: socket.socket, most: int) -> tuple[bytes, int]:
+def receive_stamped(connection: socket.socket, max_bytes: int) -> tuple[bytes, int]:
     """Returns received bytes, and the wall clock when the last of them arrived, in nanoseconds. 0 if not
     known.
 
@@ -163,8 +163,8 @@ def receive_stamped(connection: socket.socket, most: int) -> tuple[bytes, int]:
         OSError: if the connection is broken.
     """
     if not _CAN_STAMP:
-        return connection.recv(most), 0
-    data, notes, _, _ = connection.recvmsg(most, socket.CMSG_SPACE(_TIMESPEC.size))
+        return connection.recv(max_bytes), 0
+    data, notes, _, _ = connection.recvmsg(max_bytes, socket.CMSG_SPACE(_TIMESPEC.size))
     for level, kind, value in notes:
         if (level, kind, len(value)) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS, _TIMESPEC.size):
             seconds, nanoseconds = _TIMESPEC.unpack(value)

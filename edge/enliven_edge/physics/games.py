@@ -135,7 +135,7 @@ class Towers:
         local_centres = ground.from_world(spheres[is_finite])
         self._stand = ground.to_world(find_clear_places(self.settings, local_centres, radii[is_finite]))
         self._turns = np.tile(ground.turn, (len(self._stand), 1))
-        world.put(slice(None), self._stand, self._turns)
+        world.set_state(slice(None), self._stand, self._turns)
         self._still_seconds = 0.0
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
@@ -146,7 +146,7 @@ class Towers:
         is_still = bool((np.abs(world.velocities[:, :3]) < _STILL_SPEED).all())
         self._still_seconds = self._still_seconds + seconds if is_still and is_fallen.any() else 0.0
         if self.settings.rebuild and self._still_seconds > self.settings.rebuild and self._is_free(spheres):
-            world.put(slice(None), self._stand, self._turns)
+            world.set_state(slice(None), self._stand, self._turns)
             self._still_seconds = 0.0
         return f"{int(is_fallen.sum())} of {len(is_fallen)} boxes down" if is_fallen.any() else ""
 
@@ -206,7 +206,7 @@ class Dodgeball:
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius
         places = np.column_stack(np.broadcast_arrays(row, settings.radius, settings.distance))
-        world.put(slice(None), ground.to_world(places))
+        world.set_state(slice(None), ground.to_world(places))
         self._target = [""] * settings.balls
         self._wait = 0.0
 
@@ -261,7 +261,7 @@ class Dodgeball:
         start[1] = _RELEASE_HEIGHT_M
         flight = self.settings.flight
         speed = (aim - start) / flight - 0.5 * self._gravity * flight
-        world.put(slice(self._next, self._next + 1), start[None], None, speed[None])
+        world.set_state(slice(self._next, self._next + 1), start[None], None, speed[None])
         self._target[self._next] = target
         self._next = (self._next + 1) % self.settings.balls
         self._turn += 1

@@ -87,7 +87,7 @@ class PhysicsSwitch:
         """The objects that are on the stage, or are being prepared."""
         return self._state.world if self._state.state in ("on", "preparing") else "none"
 
-    def ask(self, world: Literal["none", "boxes", "dodgeball"]) -> None:
+    def switch_to(self, world: Literal["none", "boxes", "dodgeball"]) -> None:
         """Switches to other objects; "none" removes them.
 
         Raises:

@@ -102,7 +102,7 @@ class World:
         """
         return self._data.qvel.reshape(-1, 6)
 
-    def put(
+    def set_state(
         self, which: Int | slice, positions: Float, turns: Float | None = None, speeds: Any = 0.0
     ) -> None:
         """Sets positions, rotations and speeds of props.

@@ -96,7 +96,7 @@ class Relay(Closeable):
         try:
             self._server = ZmtpServer(
                 *(wire.host, wire.control_port, "--control-port", "ROUTER", REQUEST.max_bytes + 64),
-                most=viewers,
+                max_connections=viewers,
                 curve=curve,
             )
         except BaseException:
@@ -139,7 +139,7 @@ class Relay(Closeable):
         for command in self._control.poll():
             command.reply(Refused(self._watch_only))
         if self._access is not None:
-            self._access.keep((self._server, self._streams.server))
+            self._access.enforce_pairing((self._server, self._streams.server))
 
     def close(self) -> None:
         """Releases the ports, and ends the connection to the edge."""

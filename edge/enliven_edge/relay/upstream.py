@@ -107,7 +107,7 @@ class Upstream:
                 break
             if self._receive(data):
                 messages.append(data)
-        self._ask()
+        self._request_missing_state()
         return messages
 
     def close(self) -> None:
@@ -183,7 +183,7 @@ class Upstream:
             self._hello_at = -math.inf
         self.state.status = status
 
-    def _ask(self) -> None:
+    def _request_missing_state(self) -> None:
         """Requests the state if it has changed, and characters that are missing."""
         now = time.monotonic()
         for number in [n for n, pending in self._pending.items() if pending.deadline < now]:

@@ -59,7 +59,7 @@ def _draw_view(mesh: Mesh, angle: float, up: float) -> UInt8:
     light = -(mesh.face_normals()[at] @ rotation.unit(-distance + 0.3 * pose[:3, 0] + 0.4 * pose[:3, 1]))
     colour = np.broadcast_to(_MESH_COLOUR.astype(float), (len(at), 3))
     if mesh.colours is not None:
-        colour = (mesh.colours[mesh.faces[at]] * drawn_mesh.shares[is_covered][..., None]).sum(1)
+        colour = (mesh.colours[mesh.faces[at]] * drawn_mesh.barycentric[is_covered][..., None]).sum(1)
     front = (mesh.face_normals()[at] @ distance > 0)[:, None]
     shade = (_AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, 1))[:, None]
     picture = np.broadcast_to(_BACKGROUND_COLOUR, (_SIDE_PX, _SIDE_PX, 3)).astype(np.uint8)

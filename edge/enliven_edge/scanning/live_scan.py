@@ -122,7 +122,7 @@ class LiveScan(threading.Thread):
             self._wake.notify_all()
         return True
 
-    def ask(self, order: Scan) -> None:
+    def queue_order(self, order: Scan) -> None:
         """Queues a viewer's order.
 
         Raises:
@@ -194,7 +194,7 @@ class LiveScan(threading.Thread):
     def _update_moved_object(self, added: MovedStep, time_ns: int) -> ScanStep:
         """Updates the state of a moved object. Returns the result of the image."""
         moved_object, places = self._run.thing, self._run.thing.places
-        moved_object.take(added, time_ns)
+        moved_object.update(added, time_ns)
         if moved_object.places != places:
             # The camera is now in another room frame, so its placement must be sent at once.
             self._last_preview_at = 0.0
@@ -209,7 +209,7 @@ class LiveScan(threading.Thread):
         if order.do == "undo":
             checkpoint = self._checkpoints.restore(self._now_ns)
             self._run = checkpoint or self._run
-            room = create_scan_view(self._run.scanner).room
+            room = create_scan_view(self._run.scanner).room_scanner
             self._camera = room.poses[-1][1] if room is not None and room.poses else None
         elif order.do == "done":
             self._finish(order)
@@ -273,8 +273,8 @@ class LiveScan(threading.Thread):
             tracking=self._tracking,
             time_ns=self._now_ns,
             fused=scan_log.counts[ScanState.SCANNING],
-            way=scan_log.way,
-            full=scanner.full,
+            way=scan_log.path_length_m,
+            full=scanner.is_full,
             undoable=self._checkpoints.seconds(self._now_ns),
             missing=missing,
             stage_from_scan=placement.rows(),

@@ -25,7 +25,7 @@ class ScanLog:
 
     def __init__(self) -> None:
         self.counts: Counter[ScanState] = Counter()
-        self.way = 0.0
+        self.path_length_m = 0.0
         self.full = False
         self._fast_frames = 0
         self._last: tuple[int, Float] | None = None
@@ -38,14 +38,14 @@ class ScanLog:
     def add(self, step: ScanStep, time_ns: int) -> None:
         """Adds the result of one frame."""
         self.counts[step.state] += 1
-        self.full = self.full or not step.room
+        self.full = self.full or not step.has_memory
         if step.state is not ScanState.SCANNING:
             self._last = None
             return
         place = step.world_from_camera[:3, 3]
         if self._last is not None:
             moved_m = float(np.linalg.norm(place - self._last[1]))
-            self.way += moved_m
+            self.path_length_m += moved_m
             self._fast_frames += moved_m > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
         self._last = time_ns, place
 
@@ -53,7 +53,7 @@ class ScanLog:
     def now(self) -> str:
         """One line of text for a progress bar."""
         lost = self.counts[ScanState.LOST]
-        return f"{self.way:.1f} m moved" + (f", lost in {lost}" if lost else "")
+        return f"{self.path_length_m:.1f} m moved" + (f", lost in {lost}" if lost else "")
 
     def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
         """Raises an error that says why no mesh can be made.
@@ -71,15 +71,15 @@ class ScanLog:
                 problem, where=where, remedy="Go nearer, or scan something that does not reflect."
             )
         unsure_count, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
-        if self.way < _MIN_PATH_M and 2 * unsure_count > self.frames:
+        if self.path_length_m < _MIN_PATH_M and 2 * unsure_count > self.frames:
             problem = "only a blank surface was seen, so the camera could not be located"
             raise InputError(problem, where=where, remedy="Keep corners, edges and objects in view, too.")
-        if self.way < _MIN_PATH_M and 2 * lost > self.frames:
+        if self.path_length_m < _MIN_PATH_M and 2 * lost > self.frames:
             problem = f"the camera was lost in {lost} of {self.frames} frames, starting with the first ones"
             remedy = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
             raise InputError(problem, where=where, remedy=remedy)
-        if self.way < _MIN_PATH_M:
-            problem = f"the camera moved {100 * self.way:.0f} cm only"
+        if self.path_length_m < _MIN_PATH_M:
+            problem = f"the camera moved {100 * self.path_length_m:.0f} cm only"
             raise InputError(problem, where=where, remedy="Carry it round the object.")
 
     def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
@@ -96,7 +96,7 @@ class ScanLog:
             sentences.append("Often only a blank surface was seen, so the camera could not be located.")
         if self._fast_frames > _MIN_PROBLEM_FRACTION * total:
             sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
-        if self.full or (scanner is not None and scanner.full):
+        if self.full or (scanner is not None and scanner.is_full):
             sentence = "The memory for voxels was full: later images were not added to the scan."
             sentences.append(f"{sentence} Use larger voxels (--voxel), or more memory (--memory).")
         return sentences

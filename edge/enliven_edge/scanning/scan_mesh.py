@@ -59,14 +59,14 @@ class Keep:
             show.
         low, high: (3,) metres, the corners of the box in the scan's upright frame.
         upright_from_world: (4, 4) pose of that frame. None for the frame of the finished scan.
-        before: for "new": images with a smaller number show the place without the object.
+        first_object_image: for "new": images with a smaller number show the place without the object.
     """
 
     what: Literal["thing", "alone", "all", "box", "new"] = "thing"
     low: Float | None = None
     high: Float | None = None
     upright_from_world: Float | None = None
-    before: int = 0
+    first_object_image: int = 0
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,13 @@ class ScannedMesh:
 
     Attributes:
         mesh: upright, on y = 0, metres.
-        most: maximum distance in metres to the full scan. 0 if it was not decimated.
+        max_distance: maximum distance in metres to the full scan. 0 if it was not decimated.
         cut_note: describes the cut for users. Empty if there is nothing to describe.
         person: the scanned person, if a person was scanned.
     """
 
     mesh: Mesh
-    most: float
+    max_distance: float
     cut_note: str = ""
     person: ScannedPerson | None = None
 
@@ -96,7 +96,7 @@ def finish_scan(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, nam
     person = scanner.person() if isinstance(scanner, PersonScanner) else None
     mesh, note = _cut_out(scanner, keep) if person is None else (person.mesh, "")
     decimation = decimate(replace(mesh, name=name), triangles or len(mesh.faces))
-    return ScannedMesh(decimation.mesh, decimation.most, note, person)
+    return ScannedMesh(decimation.mesh, decimation.distance_99_percentile, note, person)
 
 
 def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
@@ -112,7 +112,7 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     if isinstance(scanner, MovedScanner) and keep.what == "box":
         mesh = scanner.joined() if has_several else scanner.surface()
     else:
-        mesh = scanner.surface(keep.before)
+        mesh = scanner.surface(keep.first_object_image)
     if not len(mesh.faces):
         advice = "Scan for longer, and nearer."
         raise InputError("no surface was seen often enough", where="scan", remedy=advice)
@@ -122,7 +122,9 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh)
     if keep.what == "new":
-        cut_out = cut_new_object(mesh, list(_empty_place_images(scanner, keep.before)), ground, cut)
+        cut_out = cut_new_object(
+            mesh, list(_empty_place_images(scanner, keep.first_object_image)), ground, cut
+        )
         return cut_out.mesh, _describe_parts(cut_out, mesh, "new")
     frame = np.eye(4) if ground is None else upright_frame(ground, find_focus([p for _, p in scanner.poses]))
     if keep.what == "box" and keep.low is not None and keep.high is not None:
@@ -134,15 +136,15 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), note
 
 
-def _describe_parts(out: CutOut, whole: Mesh, where: str) -> str:
+def _describe_parts(out: CutOut, whole_mesh: Mesh, where: str) -> str:
     """Returns a description of the cut-out part for users."""
     parts = "1 part" if out.parts == 1 else f"{out.parts} parts"
-    return f"{where}: {parts}, {out.area:.2f} of {whole.area:.2f} square metres"
+    return f"{where}: {parts}, {out.area:.2f} of {whole_mesh.area:.2f} square metres"
 
 
-def _empty_place_images(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
+def _empty_place_images(scanner: Scanner | MovedScanner, first_object_image: int) -> Iterator[KnownImage]:
     """Yields images of the empty place, at most :data:`_MAX_EMPTY_IMAGES`."""
-    numbers = [number for number in scanner.history.numbers if number < before]
+    numbers = [number for number in scanner.history.numbers if number < first_object_image]
     chosen_numbers = numbers[:: max(len(numbers) // _MAX_EMPTY_IMAGES, 1)]
     for number, frame in scanner.history.frames(chosen_numbers):
         depth = np.asarray(frame.depth, np.float32)

@@ -46,7 +46,7 @@ class ScanPlacement:
 
     def update(self, shown: ScanView) -> None:
         """Updates floor, centre and next best view if the last update is old enough."""
-        now, scanner = time.monotonic(), shown.room
+        now, scanner = time.monotonic(), shown.room_scanner
         is_changed = shown.places != self._places
         if (
             scanner is None

@@ -29,7 +29,7 @@ class ScanView:
     Attributes:
         volume: TSDF volume of the growing surface.
         coarse: the same volume with voxels four times as large.
-        room: the scan of the current room. None while the pose of the object in it is not known.
+        room_scanner: the scan of the current room. None while the pose of the object in it is not known.
         shown_from_room: (4, 4) from that room to the frame of the surface.
         alone: whether the surface shows the object only, without a floor.
         places: the number of places in which the object was found.
@@ -38,7 +38,7 @@ class ScanView:
 
     volume: TsdfVolume
     coarse: TsdfVolume
-    room: Scanner | None
+    room_scanner: Scanner | None
     shown_from_room: Float
     alone: bool
     places: int
@@ -81,7 +81,7 @@ class MovedObjectState:
         self._still_ns: int | None = None
         self._found_ns: int | None = None
 
-    def take(self, step: MovedStep, time_ns: int) -> None:
+    def update(self, step: MovedStep, time_ns: int) -> None:
         """Updates the state from the result of one image."""
         if step.rests > self.places:
             self.places, self._found_ns = step.rests, time_ns

@@ -34,8 +34,8 @@ class SurfacePreview:
         """Sends every piece again, because another surface replaces the current one."""
         self._sent = dict.fromkeys(self._sent, (0, 0.0))
 
-    def changes(self, volume: TsdfVolume, most: int) -> list[ScanPieceMessage]:
-        """Returns the pieces that changed most since they were last returned, of about ``most`` bytes in
+    def changes(self, volume: TsdfVolume, max_bytes: int) -> list[ScanPieceMessage]:
+        """Returns the pieces that changed most since they were last returned, of about ``max_bytes`` bytes in
         total."""
         sums = sum_pieces(volume)
         places = [_place(row) for row in sums.places]
@@ -45,7 +45,7 @@ class SurfacePreview:
         amounts = self._measure_change(places, sums)
         for k in np.argsort(-amounts, kind="stable"):
             place = places[k]
-            if most <= 0 or amounts[k] < _MIN_CHANGE:
+            if max_bytes <= 0 or amounts[k] < _MIN_CHANGE:
                 break
             if place not in self._sent and len(self._sent) >= _MAX_PIECES:
                 continue
@@ -53,7 +53,7 @@ class SurfacePreview:
             message = message_from_piece(
                 extract_piece(volume, place, sums.blocks[sums.piece == k]), self._number
             )
-            most -= len(message.vertices) + len(message.seen) + len(message.faces) + len(message.colours)
+            max_bytes -= len(message.vertices) + len(message.seen) + len(message.faces) + len(message.colours)
             messages.append(message)
         return messages
 

@@ -37,7 +37,7 @@ class CameraKind:
             devices.
         sensor: the driver's name in enliven. Empty if there is none.
         package: its library on PyPI.
-        pip: argument of pip install, if the library cannot be part of an extra.
+        requirement: argument of pip install, if the library cannot be part of an extra.
         bad: versions of the library that do not work, regular expressions, each with the reason.
         boots: True if it has these ids only until its firmware is loaded; that link is always slow.
     """
@@ -48,7 +48,7 @@ class CameraKind:
     title: str = ""
     sensor: str = ""
     package: str = ""
-    pip: str = ""
+    requirement: str = ""
     bad: tuple[tuple[str, str], ...] = ()
     boots: bool = False
 
@@ -64,7 +64,9 @@ KINDS = (
     CameraKind(
         "RealSense", "8086", title="RealSense", sensor="realsense", package="pyrealsense2", bad=_REALSENSE_BAD
     ),
-    CameraKind("Orbbec", "2bc5", sensor="orbbec", package="pyorbbecsdk2", pip="--no-deps pyorbbecsdk2"),
+    CameraKind(
+        "Orbbec", "2bc5", sensor="orbbec", package="pyorbbecsdk2", requirement="--no-deps pyorbbecsdk2"
+    ),
     CameraKind("Kinect v1", "045e", "02ae|02bf"),
     CameraKind("Kinect v2", "045e", "02c4|02d8|02d9"),
     CameraKind("Azure Kinect", "045e", "097[a-e]"),
@@ -100,9 +102,9 @@ class AttachedCamera:
         try:
             installed = version(kind.package)
         except PackageNotFoundError:
-            return f"{kind.package} is not installed", install_advice(kind.sensor, kind.pip)
+            return f"{kind.package} is not installed", install_advice(kind.sensor, kind.requirement)
         reason = explain_unsupported(kind.package, installed)
-        return (reason, install_advice(kind.sensor, kind.pip)) if reason else None
+        return (reason, install_advice(kind.sensor, kind.requirement)) if reason else None
 
     def _permission(self) -> tuple[str, str] | None:
         return None if os.access(self.node, os.R_OK | os.W_OK) else (FORBIDDEN, ALLOW)
@@ -113,13 +115,13 @@ class AttachedCamera:
         return "it is on USB 2", "Use a USB 3 port and a USB 3 cable."
 
 
-def install_advice(sensor: str, pip: str = "") -> str:
+def install_advice(sensor: str, requirement: str = "") -> str:
     """Returns the advice that installs the library of a sensor in a working version.
 
-    ``pip`` replaces the extra.
+    ``requirement`` replaces the extra.
     """
-    if pip:
-        return f"Type: pip install {pip}"
+    if requirement:
+        return f"Type: pip install {requirement}"
     return f'Type: pip install "enliven-edge[{sensor}]"; in a checkout: pip install "./edge[{sensor}]"'
 
 
@@ -162,16 +164,16 @@ def _read_attribute(device: Path, part: str) -> str:
         return ""
 
 
-def import_library(module: str, sensor: str, pip: str = "") -> Any:
+def import_library(module: str, sensor: str, requirement: str = "") -> Any:
     """Imports a camera's library.
 
     Args:
-        pip: argument of pip install, if the library cannot be part of an extra.
+        requirement: argument of pip install, if the library cannot be part of an extra.
 
     Raises:
         ResourceError: if it is not installed, its version does not work, or it does not load on this machine.
     """
-    where, remedy = f"sensor {sensor}", install_advice(sensor, pip)
+    where, remedy = f"sensor {sensor}", install_advice(sensor, requirement)
     try:
         reason = explain_unsupported(module, version(module))
     except PackageNotFoundError:

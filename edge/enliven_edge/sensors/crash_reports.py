@@ -93,13 +93,13 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
             f"sensor {sensor}, signal {signal}\n{versions}\nseen {count} times\n\n{text}"
         )
 
-    _keep(path, write)
+    _write_report(path, write)
 
 
 def keep_dump(device: str, write: Callable[[Path], None]) -> None:
     """Stores the firmware dump of an OAK, a .tar.gz that ``write`` creates at the given path."""
     now = time.strftime("%Y%m%d-%H%M%S")
-    _keep(reports_folder() / f"oak-firmware-{_to_file_name(device)}-{now}.tar.gz", write)
+    _write_report(reports_folder() / f"oak-firmware-{_to_file_name(device)}-{now}.tar.gz", write)
 
 
 def remove_old_reports() -> None:
@@ -112,7 +112,7 @@ def remove_old_reports() -> None:
                 path.unlink()
 
 
-def _keep(path: Path, write: Callable[[Path], None]) -> None:
+def _write_report(path: Path, write: Callable[[Path], None]) -> None:
     """Writes a report completely or not at all. Disk errors are logged and otherwise ignored."""
     temporary_path = path.with_name(f".{os.getpid()}-{path.name}")
     try:

@@ -97,12 +97,12 @@ class ReopeningSensor(Sensor):
         deadline = None if timeout is None else time.monotonic() + timeout
         while not self._closed:
             left = None if deadline is None else max(0.0, deadline - time.monotonic())
-            if not self._errands.busy:
+            if not self._errands.is_busy:
                 self._start_call(left)
             try:
                 answer = self._errands.answer(_READ_TIMEOUT_S if left is None else min(left, _READ_TIMEOUT_S))
             except Exception as error:
-                if isinstance(error, TimeoutError) and (self._errands.busy or self._doing == "read"):
+                if isinstance(error, TimeoutError) and (self._errands.is_busy or self._doing == "read"):
                     self._abandon_hanging_call()
                     if deadline is not None and time.monotonic() >= deadline:
                         raise
@@ -123,11 +123,11 @@ class ReopeningSensor(Sensor):
 
         False as long as a call of the driver hangs: then a restart of the process may help.
         """
-        if any(thread.alive for thread in self._left):
+        if any(thread.is_alive for thread in self._left):
             return False
         if self._device is None:
             return True
-        if self._errands.busy and self._errands.waited > 2.0 * _READ_TIMEOUT_S:
+        if self._errands.is_busy and self._errands.waited > 2.0 * _READ_TIMEOUT_S:
             return False
         if self._device.may_be_silent:
             return True
@@ -158,14 +158,14 @@ class ReopeningSensor(Sensor):
         """
         if self._device is not None:
             turn = _READ_TIMEOUT_S if timeout is None else min(timeout, _READ_TIMEOUT_S)
-            self._ask("read", functools.partial(self._device.read, turn))
+            self._start_errand("read", functools.partial(self._device.read, turn))
             return
         wait = self._due - time.monotonic()
         if timeout is not None and wait > timeout:
             time.sleep(timeout)
             raise TimeoutError(f"{self.name} is opened again in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
-        self._ask(
+        self._start_errand(
             "open", self._reset_and_open if self._power is not None and self._power.is_due else self._open
         )
 
@@ -183,9 +183,9 @@ class ReopeningSensor(Sensor):
         if not self._known:
             self.name, self._known = device.name, True
 
-    def _ask(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
+    def _start_errand(self, what: Literal["read", "open", "close"], call: Callable[[], Any]) -> None:
         self._doing = what
-        self._errands.ask(call)
+        self._errands.start_call(call)
 
     def _adjust_time(self, frame: Frame | None) -> Frame | None:
         """Returns a frame of the device, with its time in the stream's clock."""
@@ -230,7 +230,7 @@ class ReopeningSensor(Sensor):
         device, self._device = self._device, None
         self._schedule()
         if device is not None:
-            self._ask("close", device.close)
+            self._start_errand("close", device.close)
         message = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
         remedy = getattr(error, "remedy", "") or CHECK_IT
         return SensorFault(message, where=self.name, remedy=remedy)
@@ -242,7 +242,7 @@ class ReopeningSensor(Sensor):
             SensorFault: if a call was abandoned.
         """
         limit = _CALL_TIMEOUTS_S[self._doing]
-        self._left = [errands for errands in self._left if errands.alive]
+        self._left = [errands for errands in self._left if errands.is_alive]
         if self._errands.waited < limit or len(self._left) >= _MAX_HANGING_THREADS:
             return
         self._errands.finish(functools.partial(_close_devices, self._device))

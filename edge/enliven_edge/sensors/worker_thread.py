@@ -26,12 +26,12 @@ class WorkerThread:
         self._thread.start()
 
     @property
-    def busy(self) -> bool:
+    def is_busy(self) -> bool:
         """True if a call was started and its answer was not taken yet."""
         return self._since is not None
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """True while the thread runs."""
         return self._thread.is_alive()
 
@@ -40,7 +40,7 @@ class WorkerThread:
         """Seconds since the current call was started. 0 if no call is running."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
-    def ask(self, call: Callable[[], Any]) -> None:
+    def start_call(self, call: Callable[[], Any]) -> None:
         """Starts a call. The answer of the previous call must have been taken."""
         self._since = time.monotonic()
         self._calls.put(call)

@@ -72,7 +72,7 @@ class HoldLog:
         """Logs that a character left the stage."""
         self._events.append(HoldMessage(actor.character.id, self.time_ns, "remove"))
 
-    def take(self) -> list[HoldMessage]:
+    def drain(self) -> list[HoldMessage]:
         """Returns and clears the events since the last call."""
         events, self._events = self._events, []
         return events

@@ -43,7 +43,7 @@ class HoldMemory:
         if bodies and character not in self._first_performers:
             self._first_performers[character] = bodies[0]
 
-    def take(self, character: str, body: Body, parts: str, mode: Mode) -> None:
+    def remember(self, character: str, body: Body, parts: str, mode: Mode) -> None:
         """Remembers that a performer possessed the character."""
         earlier = self._starts.get(character, ()) if mode != "alone" else ()
         earlier = tuple(hold for hold in earlier if mode == "extend" or hold.body.id != body.id)

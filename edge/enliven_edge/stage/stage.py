@@ -52,14 +52,14 @@ class Stage:
         self._view: ScreenView | None = None
         self._log = HoldLog()
         for actor in actors:
-            self.put(actor)
+            self.place_actor(actor)
 
     @property
     def characters(self) -> dict[str, Character]:
         """Returns the characters by id. Safe to call from other threads."""
         return {name: actor.character for name, actor in self.actors.copy().items()}
 
-    def put(self, actor: Actor, carried: HoldStarts | None = None, owner: Peer | None = None) -> None:
+    def place_actor(self, actor: Actor, carried: HoldStarts | None = None, owner: Peer | None = None) -> None:
         """Puts a character on the stage, or replaces the character with the same id.
 
         The performers that possess the replaced character possess the new one. The caller must have warmed up
@@ -138,11 +138,11 @@ class Stage:
 
     def tick(self, frame: Frame, poses: list[Pose], read_ns: int = 0) -> Tick:
         """Returns the complete result of the last performed frame."""
-        holders, changes = self.holders, self._log.take()
+        holders, changes = self.holders, self._log.drain()
         return Tick(frame, self._bodies, poses, read_ns, self.cues(), self.boards(), holders, changes)
 
     @property
-    def occupied(self) -> bool:
+    def has_performer(self) -> bool:
         """Returns True if a performer is in view."""
         return bool(self._bodies)
 
@@ -212,7 +212,7 @@ class Stage:
             )
         possession = (actor.next_performer(present) if mode == "join" else None) or present[0]
         self._log.possess(actor, possession, parts, mode)
-        self._memory.take(character, possession, parts, mode)
+        self._memory.remember(character, possession, parts, mode)
 
     def idle(self, character: str) -> Body | None:
         """Returns the idle performer in view that would possess the character next, or None."""

@@ -113,7 +113,7 @@ class Tracker:
             return None
         age = self._room.age if self._room is not None else 0.0
         moved = self._mounting.is_moving or (self._mounting.has_new_pose and not self._mounting.is_new_camera)
-        return TrackerState(self._mounting.floor_known, age, moved)
+        return TrackerState(self._mounting.is_floor_known, age, moved)
 
     @property
     def background(self) -> Float | None:
@@ -160,7 +160,7 @@ class Tracker:
         self._people.track_manager.lock_to(ids)
 
     @property
-    def locked(self) -> bool:
+    def is_locked(self) -> bool:
         """Returns True if new people are bystanders."""
         return self._people.track_manager.lock.is_closed
 
@@ -224,14 +224,14 @@ class Tracker:
         if self._mounting.is_moving:
             self._view = None
             return []
-        self._fitter.has_floor = self._mounting.height_known
-        if not self._mounting.height_known and not self._people.people:
+        self._fitter.has_floor = self._mounting.is_height_known
+        if not self._mounting.is_height_known and not self._people.people:
             view = self._mounting.raise_guess(view, self._guessed_floor.before_search(view, room))
         scene = self.settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
         segments = self._people.follow(view, kind)
         hold = self._people.finder.find(view, kind, segments, room, believe=not self._mounting.may_be_moving)
-        if not self._mounting.height_known:
+        if not self._mounting.is_height_known:
             view = self._raise_world(view)
         self._owner, self._view = segments.owner, view
         room.guard(segments.owner, self._people.moved_ids(), view.z)
@@ -252,25 +252,27 @@ class Tracker:
             person.raise_by(step)
         return self._mounting.raise_guess(view, step)
 
-    def _remove_learnt_people(self, room: BackgroundModel, view: FrameView) -> None:
+    def _remove_learnt_people(self, background: BackgroundModel, view: FrameView) -> None:
         """Removes parts of people from the background model that it learnt in the first frames.
 
         An example is a leg below a hole in the depth.
         """
         people = [p.follower.posture for p in self._people.people if not p.has_moved]
-        if people and room.age < _YOUNG_AGE_S:
-            room.forget(pixels_near_bodies(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M))
+        if people and background.age < _YOUNG_AGE_S:
+            background.forget(
+                pixels_near_bodies(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M)
+            )
 
-    def _absorb_furniture(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
+    def _absorb_furniture(self, background: BackgroundModel, view: FrameView, kind: UInt8) -> None:
         """Adds furniture next to people to the background model: pixels that touch people and never move.
         This is furniture that stood there when the people were first detected.
         """
         people = [p.follower.posture for p in self._people.people]
-        if people and self._owner is not None and round(room.age * _FURNITURE_RATE_HZ) != self._gave_up:
-            self._gave_up = round(room.age * _FURNITURE_RATE_HZ)
+        if people and self._owner is not None and round(background.age * _FURNITURE_RATE_HZ) != self._gave_up:
+            self._gave_up = round(background.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
-            still = room.still_pixels(view.z) & (kind == UNSEEN)
-            room.absorb(find_furniture(view, still, self._owner, people, floor))
+            still = background.still_pixels(view.z) & (kind == UNSEEN)
+            background.absorb(find_furniture(view, still, self._owner, people, floor))
 
     def _background_for(self, view: FrameView) -> BackgroundModel:
         """Returns the background model.
@@ -298,9 +300,9 @@ class Tracker:
             age_ns: nanoseconds since the person was found.
         """
         ramp = min(max(age_ns / _CONFIDENCE_RAMP_NS, 0.0), 1.0)
-        if ramp == 1.0 and self._mounting.floor_known:
+        if ramp == 1.0 and self._mounting.is_floor_known:
             return sure
-        legs = 1.0 if self._mounting.floor_known else _MAX_LEG_CONFIDENCE
+        legs = 1.0 if self._mounting.is_floor_known else _MAX_LEG_CONFIDENCE
         most = np.minimum(_FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * ramp, np.where(_IS_LEG, legs, 1.0))
         return np.minimum(sure, most)
 

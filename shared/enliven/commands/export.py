@@ -119,8 +119,8 @@ def _write_with_progress(
     with progress_lines("{task.description}", "{task.percentage:>3.0f} %", bar=True) as display:
         task = display.add_task(f"writing {output.name}", total=1.0)
 
-        def show(share: float) -> None:
-            display.update(task, completed=share)
+        def show(fraction: float) -> None:
+            display.update(task, completed=fraction)
 
         exporter.save(output, performances, title, progress=show, **options)
 

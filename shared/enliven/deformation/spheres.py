@@ -181,21 +181,21 @@ def _barycentric_grid(count: int) -> Float:
     return np.asarray(grid[(grid < count).all(1)] / count)
 
 
-def _interpolated_values(values: Float, rows: Int, shares: Float) -> Float:
+def _interpolated_values(values: Float, rows: Int, weights: Float) -> Float:
     """Returns the values (P, 3) at points inside triangles, interpolated from ``values`` (V, 3) of the
     corners.
     """
-    return np.asarray(sum(shares[:, c, None] * values[rows[:, c]] for c in range(3)))
+    return np.asarray(sum(weights[:, c, None] * values[rows[:, c]] for c in range(3)))
 
 
-def _strongest_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:
+def _strongest_nodes(nodes: Int, weights: Float, rows: Int, barycentric: Float) -> tuple[UInt16, Float]:
     """Returns (S, 4) nodes and weights of points between vertices: the four with the largest weights of up to
     twelve."""
     indices = np.zeros((len(rows), 4), np.uint16)
     largest = np.zeros((len(rows), 4))
     for sphere in range(len(rows)):
         total: dict[int, float] = {}
-        for corner, share in zip(rows[sphere], shares[sphere], strict=True):
+        for corner, share in zip(rows[sphere], barycentric[sphere], strict=True):
             for node, weight in zip(nodes[corner], weights[corner], strict=True):
                 total[int(node)] = total.get(int(node), 0.0) + float(share * weight)
         best = sorted(total.items(), key=lambda item: (-item[1], item[0]))[:4]

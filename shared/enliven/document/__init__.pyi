@@ -56,7 +56,7 @@ from .project import (
     DisplayState as DisplayState,
     Marker as Marker,
     Project as Project,
-    same as same,
+    are_identical as are_identical,
 )
 from .naming import unused as unused
 from .props import BALL as BALL, BOX as BOX, Props as Props

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.document.rig import RigBase
 from enliven.errors import InputError
 from enliven.settings import parameter
@@ -169,13 +169,13 @@ class History:
             self._at -= 1
 
 
-def share_equal_parts(project: Project, before: Project) -> Project:
-    """Returns the project, with all parts that are bit-identical to those of ``before`` replaced by the
+def share_equal_parts(project: Project, old_project: Project) -> Project:
+    """Returns the project, with all parts that are bit-identical to those of ``old_project`` replaced by the
     latter, to save memory.
     """
     maps = {}
     for part in fields(project):
-        old: Mapping[str, Any] = getattr(before, part.name)
+        old: Mapping[str, Any] = getattr(old_project, part.name)
         maps[part.name] = {
             k: _reuse_equal_parts(new, old.get(k)) for k, new in getattr(project, part.name).items()
         }
@@ -188,11 +188,11 @@ def _reuse_equal_parts(new: Any, old: Any) -> Any:
     """
     if old is None or new is old:
         return new
-    if same(new, old):
+    if are_identical(new, old):
         return old
     if isinstance(new, RigBase) and type(new) is type(old):
         parts = {part.name: (getattr(new, part.name), getattr(old, part.name)) for part in fields(new)}
-        return type(new)(**{name: b if same(a, b) else a for name, (a, b) in parts.items()})
+        return type(new)(**{name: b if are_identical(a, b) else a for name, (a, b) in parts.items()})
     return new
 
 

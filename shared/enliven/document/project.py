@@ -239,7 +239,7 @@ class Project:
         return max((layer.end(self.length_of(layer)) for layer in heard), default=0.0)
 
 
-def same(a: object, b: object) -> bool:
+def are_identical(a: object, b: object) -> bool:
     """Returns True if two projects, or two parts of them, are equal bit for bit.
 
     Arrays are equal if type, shape and bytes are; so -0.0 differs from 0.0, and a NaN equals itself.
@@ -251,11 +251,11 @@ def same(a: object, b: object) -> bool:
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     if is_dataclass(a):
-        return all(same(getattr(a, part.name), getattr(b, part.name)) for part in fields(a))
+        return all(are_identical(getattr(a, part.name), getattr(b, part.name)) for part in fields(a))
     if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return list(a) == list(b) and all(same(a[key], b[key]) for key in a)
+        return list(a) == list(b) and all(are_identical(a[key], b[key]) for key in a)
     if isinstance(a, tuple) and isinstance(b, tuple):
-        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+        return len(a) == len(b) and all(are_identical(x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, float) and isinstance(b, float):
         return a.hex() == b.hex()
     return bool(a == b)

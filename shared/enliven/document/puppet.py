@@ -167,7 +167,7 @@ class Puppet(RigBase):
         return tuple(point.name for point in self.points)
 
     @property
-    def possessable(self) -> bool:
+    def is_possessable(self) -> bool:
         """True if performers can attach to its surface: it has a mesh, but fewer example poses than its
         solver needs.
         """

@@ -86,7 +86,7 @@ class RigBase:
         return np.full(len(self.handles), -1, np.int32)
 
     @property
-    def possessable(self) -> bool:
+    def is_possessable(self) -> bool:
         """True if the character can be moved on a stage only by performers that attach to its surface,
         because it has no bones and too few examples.
         """

@@ -341,29 +341,32 @@ class LayerBase(TimeMap):
         return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]
 
 
-def closing_time(rounds: Sequence[float], least: float) -> float:
-    """Returns the time, at least ``least``, at which loops of these lengths all start together again, or
+def closing_time(loop_lengths: Sequence[float], min_time: float) -> float:
+    """Returns the time, at least ``min_time``, at which loops of these lengths all start together again, or
     nearly.
 
-    It returns ``least`` without loops, or if this would take more than four times ``least``. All times are in
-    seconds.
+    It returns ``min_time`` without loops, or if this would take more than four times ``min_time``. All times
+    are in seconds.
     """
-    rounds = [seconds for seconds in rounds if seconds > _SHORTEST_ROUND]
-    if not rounds:
-        return least
-    longest = max(rounds)
+    loop_lengths = [seconds for seconds in loop_lengths if seconds > _SHORTEST_ROUND]
+    if not loop_lengths:
+        return min_time
+    longest = max(loop_lengths)
     for count in range(
-        math.ceil(least / longest - _MAX_LOOP_MISMATCH), math.ceil(_MAX_LOOP_TIME_RATIO * least / longest) + 1
+        math.ceil(min_time / longest - _MAX_LOOP_MISMATCH),
+        math.ceil(_MAX_LOOP_TIME_RATIO * min_time / longest) + 1,
     ):
         length = count * longest
-        if all(abs(length / seconds - round(length / seconds)) < _MAX_LOOP_MISMATCH for seconds in rounds):
+        if all(
+            abs(length / seconds - round(length / seconds)) < _MAX_LOOP_MISMATCH for seconds in loop_lengths
+        ):
             return length
-    return least
+    return min_time
 
 
-def ease_in_out(share: float) -> float:
+def ease_in_out(fraction: float) -> float:
     """Returns the progress of a blend that starts and ends with zero speed (smoothstep): 3 s^2 - 2 s^3."""
-    return share * share * (3.0 - 2.0 * share)
+    return fraction * fraction * (3.0 - 2.0 * fraction)
 
 
 def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:

@@ -41,7 +41,7 @@ class SessionFile:
         if "mesh" not in self._found:
             raise InputError("it has no [mesh]", where=str(path), remedy='Add [mesh] file = "...".')
 
-    def has(self, name: str) -> bool:
+    def has_table(self, name: str) -> bool:
         """Returns True if the file has a table of that name."""
         return name in self._found
 

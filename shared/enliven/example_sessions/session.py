@@ -111,7 +111,7 @@ class _Reader:
             file.locate_errors(table_name, self._read_point, file.parse_table(table_name, PointTable, point))
         for table_name, pose in file.read_tables("pose"):
             file.locate_errors(table_name, self._read_pose, file.parse_table(table_name, PoseTable, pose))
-        if file.has("symmetry"):
+        if file.has_table("symmetry"):
             file.locate_errors("[symmetry]", self._read_symmetry, file.read_table("symmetry", SymmetryTable))
         self._read_settings()
         for table_name, layer in file.read_tables("layer"):

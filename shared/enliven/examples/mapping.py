@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.document import Constraint, ExampleSettings, names_in
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime.bounded import Nodes
+from enliven.examples.spacetime.bounded import BoundedQuadratics
 from enliven.examples.spacetime.constraints import Conditions, convert_constraints
 from enliven.examples.spacetime.nearest import Nearest
 from enliven.examples.spacetime.spacetime import Solution, solve
@@ -89,7 +89,7 @@ class ExampleMap:
             )
         return poses
 
-    def nodes(self, poses: Float) -> Nodes:
+    def nodes(self, poses: Float) -> BoundedQuadratics:
         """Returns the nodes of all control points at each frame of poses (F, P, 3)."""
         return Nearest(self.examples, self.settings, poses).nodes(range(len(self.examples.points)))
 

@@ -89,12 +89,12 @@ class JointMotion:
 
     Attributes:
         still: names of the joints that do not move, including the hips.
-        shares: for each joint name, the variance of the joint's position divided by the largest variance of
-            all joints, 0 to 1. A joint and its mirror image share the larger of their two values.
+        relative_variances: for each joint name, the variance of the joint's position divided by the largest
+            variance of all joints, 0 to 1. A joint and its mirror image share the larger of their two values.
     """
 
     still: frozenset[str]
-    shares: Mapping[str, float]
+    relative_variances: Mapping[str, float]
 
 
 def measure_joint_motion(clip: Clip) -> JointMotion:
@@ -123,7 +123,7 @@ def guess_joints(
     skeleton: Skeleton,
     rest: Float,
     taken: Collection[str] = (),
-    wanted: Sequence[int] | None = None,
+    requested_points: Sequence[int] | None = None,
     motion: JointMotion | None = None,
     partners: Sequence[int] | None = None,
 ) -> tuple[str, ...]:
@@ -133,8 +133,8 @@ def guess_joints(
 
     Args:
         taken: joints that other control points already follow.
-        wanted: numbers of the control points that need a joint; None for all. The other control points only
-            define the size of the mesh.
+        requested_points: numbers of the control points that need a joint; None for all. The other control
+            points only define the size of the mesh.
         motion: how much the joints move in the take. Joints that move more are preferred. A still joint is
             suggested only for the base of a mesh that stands on one foot. With ``partners``, it is also
             suggested if its mirror image moves, or if too few middle joints or pairs move.
@@ -161,7 +161,7 @@ def guess_joints(
         if skeleton.names[candidate.joint] not in taken
     ]
     candidates = candidates or _joint_costs(anatomy, skeleton)
-    rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
+    rows_wanted = list(range(len(rest))) if requested_points is None else list(requested_points)
     immobile = {skeleton.index(name) for name in {*still_joints} - {root}}
     candidates = _usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
     bounds_points, ours = level, _normalize_points(rest, rest[rows_wanted])
@@ -185,7 +185,7 @@ def guess_joints(
     base_mismatch = (ours[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
         skeleton.names[joint] in feet for joint in joints
     ]
-    acting = 1.0 if motion is None else max((motion.shares[name] for name in feet), default=0.0)
+    acting = 1.0 if motion is None else max((motion.relative_variances[name] for name in feet), default=0.0)
     cost = (
         distances
         + [candidate.cost for candidate in candidates]
@@ -193,7 +193,9 @@ def guess_joints(
         + _WRONG_GROUND_COST * acting * base_mismatch
     )
     if motion is not None:
-        quiet = [_STILL_JOINT_COST * (1.0 - motion.shares[skeleton.names[joint]]) for joint in joints]
+        quiet = [
+            _STILL_JOINT_COST * (1.0 - motion.relative_variances[skeleton.names[joint]]) for joint in joints
+        ]
         cost += np.where(base[:, None], 0.0, quiet)
     for column, joint in enumerate(joints):
         if skeleton.names[joint] in still_joints:
@@ -258,7 +260,7 @@ def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) 
 def _usable_candidates(
     candidates: list[_Candidate],
     still: Collection[int],
-    wanted: Sequence[int],
+    requested_points: Sequence[int],
     partners: Sequence[int] | None,
     skeleton: Skeleton,
 ) -> list[_Candidate]:
@@ -273,11 +275,11 @@ def _usable_candidates(
     anatomy, joints = find_anatomy(skeleton), {candidate.joint for candidate in candidates}
     images, side = _mirror_images(anatomy, len(skeleton)), _side_joints(anatomy, skeleton)
     usable = {joint for joint in joints if not {joint, int(images[joint])} <= set(still)}
-    points_on_plane = sum(partners[point] == point for point in wanted)
+    points_on_plane = sum(partners[point] == point for point in requested_points)
     if len(usable - side) < points_on_plane:
         usable |= joints - side
     paired = {joint for joint in side if images[joint] != joint}
-    if len(usable & paired) < len(wanted) - points_on_plane:
+    if len(usable & paired) < len(requested_points) - points_on_plane:
         usable |= joints & paired
     return [candidate for candidate in candidates if candidate.joint in usable]
 
@@ -297,11 +299,11 @@ def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int
     return float(cost[row, cheapest].sum()) + _CROSSED_SIDES_COST, cheapest
 
 
-def _point_units(wanted: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
+def _point_units(requested_points: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
     """Returns the rows of the requested control points. Two mirror images form a pair if both are
     requested.
     """
-    row = {point: number for number, point in enumerate(wanted)}
+    row = {point: number for number, point in enumerate(requested_points)}
     units = list[_Unit]()
     for point, number in row.items():
         partner_row = row.get(point if partners is None else partners[point], number)

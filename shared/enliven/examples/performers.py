@@ -55,12 +55,12 @@ class Role:
 
 
 def match_performer(
-    reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer"
+    reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], take_name: str = "performer"
 ) -> Role:
     """Finds the joints of a skeleton that correspond to the reference's joints, and their scale.
 
     Args:
-        who: the take's name, for messages.
+        take_name: the take's name, for messages.
 
     Raises:
         InputError: if the skeleton has neither the joint nor a corresponding one. The message lists its
@@ -68,7 +68,7 @@ def match_performer(
     """
     if reference is skeleton or _is_same_performer(reference, skeleton):
         for name in joints:
-            _check_joint(skeleton, name, who)
+            _check_joint(skeleton, name, take_name)
         return Role(tuple(joints), np.ones(len(joints)), 0.0)
     own_joints, notes = list[str](), list[str]()
     parts: tuple[Anatomy, Anatomy] | None = None
@@ -76,14 +76,14 @@ def match_performer(
         if name in skeleton.names:
             own_joints.append(name)
             continue
-        _check_joint(reference, name, who)
+        _check_joint(reference, name, take_name)
         parts = parts or (find_anatomy(reference), find_anatomy(skeleton))
         counterpart = _counterpart_joint(reference, skeleton, *parts, reference.names.index(name))
         if counterpart is None:
-            _check_joint(skeleton, name, who)
+            _check_joint(skeleton, name, take_name)
         else:
             own_joints.append(skeleton.names[counterpart])
-            notes.append(f"{who}: {name!r} is taken to be {own_joints[-1]!r}")
+            notes.append(f"{take_name}: {name!r} is taken to be {own_joints[-1]!r}")
     factors = np.ones(len(joints))
     for k, (name, mine) in enumerate(zip(joints, own_joints, strict=True)):
         if name in reference.names:
@@ -127,12 +127,12 @@ def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
     return float(np.mean(legs)) if legs else 0.0
 
 
-def _check_joint(skeleton: Skeleton, name: str, who: str) -> None:
+def _check_joint(skeleton: Skeleton, name: str, take_name: str) -> None:
     """Raises an error if a skeleton lacks a joint."""
     if name not in skeleton.names:
         advice = f"Known: {', '.join(skeleton.names)}."
         raise InputError(
-            f"neither the joint {name!r} nor a similar one exists", where=f"take {who!r}", remedy=advice
+            f"neither the joint {name!r} nor a similar one exists", where=f"take {take_name!r}", remedy=advice
         )
 
 

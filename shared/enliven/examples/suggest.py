@@ -114,13 +114,15 @@ def distance_to(poses: Float, known: Float) -> Float:
     return np.asarray(np.min([_pose_distance(poses, pose) for pose in known], axis=0))
 
 
-def _is_outlier(poses: Float, far: float) -> Bool:
+def _is_outlier(poses: Float, min_distance: float) -> Bool:
     """Returns (F,) True for frames that are far from both neighbours (tracking outliers).
 
     If at least half of the frames would be outliers, returns False for all.
     """
     steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))
-    is_alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)
+    is_alone = (np.concatenate([[np.inf], steps]) > min_distance) & (
+        np.concatenate([steps, [np.inf]]) > min_distance
+    )
     return is_alone if is_alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)
 
 

@@ -252,10 +252,10 @@ def _fitted_stride(
     return size + step_confidence * (cross_product / max(performer_square, 1e-12) - size)
 
 
-def _path_displacements(way: Complex, step: float) -> Complex:
+def _path_displacements(path: Complex, step: float) -> Complex:
     """Returns the displacements (N,) of a path (F,) over :data:`_COMPARED_PATH_S`, starting at each frame."""
-    frame_offset = max(min(round(_COMPARED_PATH_S / step), len(way) - 1), 1)
-    return np.asarray(way[frame_offset:] - way[:-frame_offset])
+    frame_offset = max(min(round(_COMPARED_PATH_S / step), len(path) - 1), 1)
+    return np.asarray(path[frame_offset:] - path[:-frame_offset])
 
 
 def _resample_take(took: PerformerClip) -> PerformerClip:

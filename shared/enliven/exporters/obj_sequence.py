@@ -128,18 +128,18 @@ def _vertex_lines(vertices: Float32, colours: list[str]) -> str:
 
 
 def _part_from_character(
-    name: str, mesh: Mesh, before: int, corners: int, materials: _MaterialFile
+    name: str, mesh: Mesh, vertex_offset: int, corner_offset: int, materials: _MaterialFile
 ) -> tuple[_Part, int]:
     """Returns the constant text of a character, and its number of texture coordinates.
 
     Args:
-        before, corners: number of vertices and of texture coordinates of the previous characters in the same
-            file.
+        vertex_offset, corner_offset: number of vertices and of texture coordinates of the previous characters
+            in the same file.
     """
     colours, own = list[str](), mesh.materials
     if mesh.colours is not None:
         colours = [f" {r:.4f} {g:.4f} {b:.4f}" for r, g, b in (mesh.colours / 255.0).tolist()]
-    faces = mesh.faces.astype(np.int64) + before + 1
+    faces = mesh.faces.astype(np.int64) + vertex_offset + 1
     head = f"o {'_'.join(name.split()) or 'character'}\n"
     if own is None:
         return _Part(head, colours, "s 1\n" + _face_lines(faces, None), len(mesh.vertices)), 0
@@ -150,7 +150,7 @@ def _part_from_character(
         # OBJ counts texture rows from the bottom of the image, glTF from its top.
         flat = own.uvs[:, :, 0].reshape(-1, 2) * [1.0, -1.0] + [0.0, 1.0]
         unique, of = np.unique(flat, axis=0, return_inverse=True)
-        numbers, count = of.reshape(-1, 3) + corners + 1, len(unique)
+        numbers, count = of.reshape(-1, 3) + corner_offset + 1, len(unique)
         lines.append(("vt %.6f %.6f\n" * count) % tuple(unique.ravel().tolist()))
     lines.append("s 1\n")
     for number in np.unique(own.of):

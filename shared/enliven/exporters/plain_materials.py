@@ -120,7 +120,7 @@ def _nested_object(value: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _bounded_numbers(
-    value: dict[str, Any], name: str, usual: tuple[float, ...], least: float = 0.0, most: float = 1.0
+    value: dict[str, Any], name: str, usual: tuple[float, ...], minimum: float = 0.0, maximum: float = 1.0
 ) -> tuple[float, ...]:
     """Returns a number or a list of numbers within bounds. The list has the same length as ``usual``."""
     value_in_file = value.get(name)
@@ -128,4 +128,8 @@ def _bounded_numbers(
     if not isinstance(values, list) or len(values) != len(usual):
         return usual
     numbers = [float(number) for number in values if type(number) in (int, float)]
-    return tuple(min(max(number, least), most) for number in numbers) if len(numbers) == len(usual) else usual
+    return (
+        tuple(min(max(number, minimum), maximum) for number in numbers)
+        if len(numbers) == len(usual)
+        else usual
+    )

@@ -72,15 +72,15 @@ class InstallPlan:
     Attributes:
         files: all files and links, in the order in which they are written.
         units: systemd units to enable and start.
-        before: commands to run before the units are enabled.
-        after: commands that apply the files without a restart of the computer. They may fail.
+        setup_commands: commands to run before the units are enabled.
+        apply_commands: commands that apply the files without a restart of the computer. They may fail.
         recordings: folder of recordings, which is created for the kiosk's user. None if nothing is recorded.
     """
 
     files: tuple[PlannedFile, ...]
     units: tuple[str, ...]
-    before: tuple[tuple[str, ...], ...]
-    after: tuple[tuple[str, ...], ...]
+    setup_commands: tuple[tuple[str, ...], ...]
+    apply_commands: tuple[tuple[str, ...], ...]
     recordings: Path | None
 
 

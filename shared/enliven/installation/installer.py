@@ -117,14 +117,14 @@ class Installer:
         write_file(self._target_path(_RECORD_FILE), msgspec.json.encode(manifest))
         for file in plan.files:
             self._write(file)
-        for words in plan.before:
+        for words in plan.setup_commands:
             self._run(self._command_in_root(words))
         self._give_to_user(plan)
-        for words in self._all_commands(plan)[len(plan.before) :]:
+        for words in self._all_commands(plan)[len(plan.setup_commands) :]:
             try:
                 self._run(words)
             except ResourceError as error:
-                if words not in plan.after:
+                if words not in plan.apply_commands:
                     raise
                 # These commands apply new rules and limits at once. A restart applies them anyway.
                 self._say(f"not done: {error.what}. Restart the computer.")
@@ -167,10 +167,10 @@ class Installer:
 
     def _all_commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
         """Returns all commands of an installation in order."""
-        commands = [self._command_in_root(words) for words in plan.before]
+        commands = [self._command_in_root(words) for words in plan.setup_commands]
         if not self._is_running:
             return [*commands, ("systemctl", f"--root={self._root}", "enable", *plan.units)]
-        commands += [("systemctl", "daemon-reload"), *plan.after]
+        commands += [("systemctl", "daemon-reload"), *plan.apply_commands]
         commands.append(("systemctl", "enable", *plan.units))
         # Do not wait for the units, because the first start of an edge compiles for some minutes.
         return [*commands, ("systemctl", "restart", "--no-block", *plan.units)]

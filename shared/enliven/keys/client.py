@@ -34,17 +34,17 @@ class ClientKeys:
 
     Attributes:
         server: the edge's public key. Another edge at the same address cannot answer.
-        own: the viewer's key pair.
+        key_pair: the viewer's key pair.
     """
 
     server: bytes
-    own: KeyPair
+    key_pair: KeyPair
 
     def apply(self, socket: zmq.Socket[Any]) -> None:
         """Makes a socket encrypt, and accept only the edge with the expected key. Call before it connects."""
         socket.curve_serverkey = z85.encode(self.server)
-        socket.curve_publickey = z85.encode(self.own.public)
-        socket.curve_secretkey = z85.encode(self.own.secret)
+        socket.curve_publickey = z85.encode(self.key_pair.public)
+        socket.curve_secretkey = z85.encode(self.key_pair.secret)
 
 
 def find_client_keys(host: str, control_port: int, folder: Path | None = None) -> ClientKeys | None:

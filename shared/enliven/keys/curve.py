@@ -82,7 +82,7 @@ class CurveChannel:
         self._received = self._sent = 0
 
     @property
-    def ready(self) -> bool:
+    def is_ready(self) -> bool:
         """True once the handshake is complete."""
         return self.client is not None
 

@@ -90,14 +90,14 @@ class ViewerExchange:
         self.message: bytes = self._spake.start()
         self._key = b""
 
-    def introduce(self, answer: bytes, own: Introduction) -> bytes:
+    def introduce(self, answer: bytes, introduction: Introduction) -> bytes:
         """Returns the box with the viewer's introduction, after the edge's SPAKE2 message.
 
         Raises:
             PairingError: if the edge's message is not one.
         """
         self._key = _agree_on_key(self._spake, answer)
-        return _encrypt_box(self._key, _VIEWER, own)
+        return _encrypt_box(self._key, _VIEWER, introduction)
 
     def read(self, box: bytes) -> Introduction:
         """Returns the edge's introduction.
@@ -126,9 +126,9 @@ class EdgeExchange:
         """
         return _open(self._key, _VIEWER, box)
 
-    def introduce(self, own: Introduction) -> bytes:
+    def introduce(self, introduction: Introduction) -> bytes:
         """Returns the box with the edge's introduction."""
-        return _encrypt_box(self._key, _EDGE, own)
+        return _encrypt_box(self._key, _EDGE, introduction)
 
 
 class PairingDesk:
@@ -224,10 +224,10 @@ def _agree_on_key(spake: Any, message: bytes) -> bytes:
     return key
 
 
-def _encrypt_box(key: bytes, sender: bytes, own: Introduction) -> bytes:
+def _encrypt_box(key: bytes, sender: bytes, introduction: Introduction) -> bytes:
     from nacl.secret import SecretBox
 
-    data = msgspec.msgpack.encode((own.public, clean_name(own.name), own.role))
+    data = msgspec.msgpack.encode((introduction.public, clean_name(introduction.name), introduction.role))
     return bytes(SecretBox(_side_key(key, sender)).encrypt(data))
 
 

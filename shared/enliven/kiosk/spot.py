@@ -182,7 +182,7 @@ class Spot:
             self.ring, self.visit = 0.0, candidate.number if candidate else None
             return
         self._fill(frame, candidate)
-        self._ask(frame)
+        self._request_character(frame)
         if self.phase is Phase.CHOOSE and frame.now - self._changed_s > CHOICE_S:
             self._apply(Event.CHOICE_OVER, frame.now)
 
@@ -217,7 +217,7 @@ class Spot:
                 self.visit = None
                 self._apply(Event.OFF_SPOT, frame.now)
 
-    def _ask(self, frame: Surroundings) -> None:
+    def _request_character(self, frame: Surroundings) -> None:
         """Asks for the character if the ring is full, and waits for the edge's answer."""
         served = frame.attendance.find(self.visit)
         if self._requested_s is None:

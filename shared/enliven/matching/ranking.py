@@ -114,7 +114,7 @@ class Matcher:
             self._first,
             self._seen_branches(source_points, source_first, source_view or view),
             plan.first,
-            plan.whole,
+            plan.is_complete,
             _MISSING_BRANCH_SCORE,
         )
         order = _best_indices(scores, settings.most, settings.tie)
@@ -143,23 +143,23 @@ class _Plan:
 
     Attributes:
         first: (C + 1,) index of each candidate's first row.
-        whole: (C,) 1 if a candidate's rows are all its matches, 0 if only the best.
+        is_complete: (C,) 1 if a candidate's rows are all its matches, 0 if only the best.
         total: number of all matches.
     """
 
     first: Int
-    whole: Int
+    is_complete: Int
     total: int
 
 
 @lru_cache(maxsize=64)
-def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
+def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, max_count: int) -> _Plan:
     rows, are_complete, total = [0], [], 0
     for n in sizes:
         few, many = min(m, n), max(m, n)
         choices = comb(many, few)
         is_complete = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
-        rows.append(choices if is_complete else min(choices, most))
+        rows.append(choices if is_complete else min(choices, max_count))
         are_complete.append(is_complete)
         total += choices
     return _Plan(np.cumsum(rows), np.array(are_complete, np.int64), total)
@@ -175,12 +175,12 @@ def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.
     return scipy.sparse.csr_matrix((values, columns, starts), shape=(len(weights), joints))
 
 
-def _best_indices(scores: Float, most: int, tie: float) -> Int:
-    """Returns the indices of the ``most`` highest scores, the highest first. Ties keep their order."""
+def _best_indices(scores: Float, max_count: int, tie: float) -> Int:
+    """Returns the indices of the ``max_count`` highest scores, the highest first. Ties keep their order."""
     rounded = np.round(scores / tie) if tie > 0.0 else scores
-    if len(rounded) > most:
-        min_score = np.partition(rounded, len(rounded) - most)[len(rounded) - most]
+    if len(rounded) > max_count:
+        min_score = np.partition(rounded, len(rounded) - max_count)[len(rounded) - max_count]
         candidates = np.flatnonzero(rounded >= min_score)
     else:
         candidates = np.arange(len(rounded))
-    return np.asarray(candidates[np.argsort(-rounded[candidates], kind="stable")[:most]])
+    return np.asarray(candidates[np.argsort(-rounded[candidates], kind="stable")[:max_count]])

@@ -104,12 +104,12 @@ class MeshMaterials:
             tints = np.where(which[:, None, None], tints[:, ::-1], tints)
         return replace(self, uvs=uvs, tints=tints)
 
-    def within(self, faces: Int, shares: Float) -> MeshMaterials:
+    def within(self, faces: Int, barycentric: Float) -> MeshMaterials:
         """Returns the materials of K new faces that lie within old faces.
 
         Args:
             faces: (K,) the old face that contains each new face. -1 for none: the new face gets no material.
-            shares: (K, 3, 3) barycentric coordinates of each new corner in the old face.
+            barycentric: (K, 3, 3) barycentric coordinates of each new corner in the old face.
         """
         if not len(self.of):
             none = join_materials([(self, 0), (None, len(faces))])
@@ -118,7 +118,7 @@ class MeshMaterials:
         inside = faces >= 0
 
         def spread(old: Float32) -> Float32:
-            blended = np.einsum("kab,kb...->ka...", shares, old[faces].astype(np.float64))
+            blended = np.einsum("kab,kb...->ka...", barycentric, old[faces].astype(np.float64))
             return np.asarray(np.where(inside.reshape(-1, *[1] * (old.ndim - 1)), blended, 0.0), np.float32)
 
         tints = None if self.tints is None else spread(self.tints)
@@ -223,7 +223,7 @@ def barycentric(points: Float, corners: Float) -> Float:
 
 
 def materials_within(
-    own: MeshMaterials | None, old: AnyArray, corners: Float, faces: Int
+    materials: MeshMaterials | None, old: AnyArray, corners: Float, faces: Int
 ) -> MeshMaterials | None:
     """Interpolates materials at the corners of new faces that lie within old faces. Returns None if there are
     no materials.
@@ -233,8 +233,8 @@ def materials_within(
         corners: (K, 3, 3) corners of the new faces, metres.
         faces: (K,) the old face that contains each new face, or -1.
     """
-    if own is None:
+    if materials is None:
         return None
     old_corners = np.repeat(old[faces] if len(old) else np.zeros((len(faces), 3, 3)), 3, 0)
     coordinates = barycentric(corners.reshape(-1, 3), old_corners)
-    return own.within(faces, coordinates.reshape(-1, 3, 3))
+    return materials.within(faces, coordinates.reshape(-1, 3, 3))

@@ -205,13 +205,13 @@ def _materials_by_line(block: bytes, lines: _Lines, faces: _Faces) -> Int:
     return np.repeat(np.array(values, np.int64), lengths)
 
 
-def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
+def _read_polygons(chunk: bytes, offsets: Int, element_counts: Int) -> tuple[Int, Int]:
     """Returns (C, 3) corners and (P,) sizes of the face lines in ``chunk``.
 
     Args:
         offsets: (P,) byte offset in the file of each line.
-        before: (P, 3) number of vertices, texture coordinates and normals above each line, for negative
-            indices.
+        element_counts: (P, 3) number of vertices, texture coordinates and normals above each line, for
+            negative indices.
     """
     if b"/" in chunk:
         # Write an omitted index as 0, which is never a valid index.
@@ -229,7 +229,9 @@ def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     for column in range(3):
         has = np.flatnonzero(part_counts > column)
         indices = numbers[first_parts[has] + column]
-        corners[has, column] = np.where(indices < 0, before[polygon[has], column] + indices, indices - 1)
+        corners[has, column] = np.where(
+            indices < 0, element_counts[polygon[has], column] + indices, indices - 1
+        )
         wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
         if wrong.any():
             wrong_corner = int(np.argmax(wrong))

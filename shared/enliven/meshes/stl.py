@@ -60,7 +60,7 @@ def _read_ascii_text(data: bytes) -> bytes | None:
 
 def _read_ascii(text: bytes) -> Float:
     """Reads an ASCII file. Returns the coordinates (3F, 3) after each word "vertex"."""
-    parts = [_corner_numbers(_VERTEX_LINE.findall(block)) for _, block in split_into_blocks(text, b"endloop")]
+    parts = [_parse_corners(_VERTEX_LINE.findall(block)) for _, block in split_into_blocks(text, b"endloop")]
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(
         text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED_BYTES)
@@ -72,6 +72,6 @@ def _read_ascii(text: bytes) -> Float:
     return corners
 
 
-def _corner_numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
+def _parse_corners(words: list[tuple[bytes, bytes, bytes]]) -> Float:
     """Parses the words of N corners to coordinates (N, 3)."""
     return parse_numbers(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

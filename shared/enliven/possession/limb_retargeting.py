@@ -170,19 +170,19 @@ def _hip_heading(joints: Float) -> float:
     return float(np.arctan2(-left[2], left[0]))
 
 
-def _pose_like_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
+def _pose_like_mesh(likeness: BodyInMesh, current_joints: Float, yaw: float, turn: Float) -> Float:
     """Returns joints (20, 3), metres: the performer, upright on the floor, with limbs in the directions of
     the mesh's limbs at rest.
 
     Args:
-        now: (20, 3) current joints of the performer, metres.
+        current_joints: (20, 3) current joints of the performer, metres.
         yaw: radians about +Y, the direction that the returned figure faces.
         turn: (3, 3) rotation from that direction to the mesh's front.
     """
     figure = standing_figure() @ rotation_about_y(yaw).T
     mesh = likeness.joints @ turn
     upright = np.empty((J, 3))
-    upright[_HIP_JOINT] = now[_HIP_JOINT]
+    upright[_HIP_JOINT] = current_joints[_HIP_JOINT]
     for joint in list(Joint)[1:]:
         parent = PARENTS[joint]
         direction = figure[joint] - figure[parent]
@@ -196,6 +196,8 @@ def _pose_like_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -
                 ),
                 direction,
             )
-        upright[joint] = upright[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(direction)
-    upright[:, 1] += now[:, 1].min() - upright[:, 1].min()
+        upright[joint] = upright[parent] + float(
+            np.linalg.norm(current_joints[joint] - current_joints[parent])
+        ) * unit(direction)
+    upright[:, 1] += current_joints[:, 1].min() - upright[:, 1].min()
     return upright

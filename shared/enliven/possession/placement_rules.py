@@ -77,7 +77,7 @@ class PlacementRules:
         if settings.how == "mapped":
             return find_body_in_mesh(mesh, self._graph, ends)
         person = find_person_in_mesh(mesh, ends) if self._person is None else self._person()
-        return person if person is not None and (person.certain or settings.ends) else None
+        return person if person is not None and (person.is_certain or settings.ends) else None
 
     @cached_property
     def stand(self) -> Float:

@@ -109,7 +109,7 @@ def prepare_mesh(
             person = BodyInMesh.known(apply_vertex_motion(joints, vertices, mesh.vertices))
         else:
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
-        if person is not None and (person.certain or len(ends)):
+        if person is not None and (person.is_certain or len(ends)):
             mesh = _align_with_figure(mesh, person)
             log.info("%s: moved so that the back of a standing person is in its back", mesh.name)
         else:
@@ -118,11 +118,11 @@ def prepare_mesh(
     return refine(mesh, _MAX_EDGE_M), size
 
 
-def apply_vertex_motion(points: Float, before: Float, after: Float) -> Float:
-    """Applies to points (N, 3) the similarity transform that maps the vertices ``before`` (V, 3) to
-    ``after``.
+def apply_vertex_motion(points: Float, old_vertices: Float, new_vertices: Float) -> Float:
+    """Applies to points (N, 3) the similarity transform that maps ``old_vertices`` (V, 3) to
+    ``new_vertices``.
     """
-    return fit_similarity(before, after).transform(points)
+    return fit_similarity(old_vertices, new_vertices).transform(points)
 
 
 def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:

@@ -106,14 +106,17 @@ def _decompressed_chunk(chunk: Any) -> bytes:
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
 
 
-def _chunk_contents(content: bytes, most: int) -> list[Any]:
-    """Returns the messages, schemas and channels in the content of a chunk of at most ``most`` records."""
+def _chunk_contents(content: bytes, max_records: int) -> list[Any]:
+    """Returns the messages, schemas and channels in the content of a chunk of at most ``max_records``
+    records."""
     contents: list[Any] = []
     at = count = 0
     while at < len(content):
         count += 1
-        if count > most:
-            raise _DecompressionBombError(f"a part has more than {most} records in {len(content)} bytes")
+        if count > max_records:
+            raise _DecompressionBombError(
+                f"a part has more than {max_records} records in {len(content)} bytes"
+            )
         opcode, length = RECORD.unpack_from(content, at)
         start = at + RECORD.size
         at = start + length

@@ -54,7 +54,7 @@ class BlockTable:
         if capacity > _MAX_LOAD_FACTOR * len(self.keys):
             self._rebuild_hash_table(2 * len(self.keys))
 
-    def keep(self, numbers: Int) -> None:
+    def retain(self, numbers: Int) -> None:
         """Keeps only the blocks (K,) with these numbers, and renumbers them from 0 to K - 1."""
         self.places[: len(numbers)] = self.places[numbers]
         self.count = len(numbers)

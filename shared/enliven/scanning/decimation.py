@@ -28,12 +28,12 @@ class DecimatedMesh:
 
     Attributes:
         mean: mean distance from the full mesh's vertices to the surface of the decimated mesh, metres.
-        most: 99th percentile of these distances, metres.
+        distance_99_percentile: 99th percentile of these distances, metres.
     """
 
     mesh: Mesh
     mean: float
-    most: float
+    distance_99_percentile: float
 
 
 def decimate(mesh: Mesh, faces: int) -> DecimatedMesh:

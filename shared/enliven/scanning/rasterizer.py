@@ -24,12 +24,12 @@ class RenderedMesh(NamedTuple):
     Attributes:
         depth: (H, W) metres along the optical axis, inf if the pixel shows no face.
         face: (H, W) int32 index of the face, -1 if there is none.
-        shares: (H, W, 3) barycentric coordinates at the pixel's centre.
+        barycentric: (H, W, 3) barycentric coordinates at the pixel's centre.
     """
 
     depth: Float
     face: Int32
-    shares: Float
+    barycentric: Float
 
 
 def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> RenderedMesh:
@@ -45,7 +45,7 @@ def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> R
     size = (intrinsics.height, intrinsics.width)
     drawing = RenderedMesh(np.full(size, np.inf), np.full(size, -1, np.int32), np.zeros((*size, 3)))
     lens = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
-    _draw_faces(local, mesh.faces, lens, drawing.depth, drawing.face, drawing.shares)
+    _draw_faces(local, mesh.faces, lens, drawing.depth, drawing.face, drawing.barycentric)
     return drawing
 
 

@@ -92,13 +92,14 @@ class ScanStep:
         world_from_camera: (4, 4) the camera's pose. If the camera was not found, the last known pose. If the
             pose is unsure, the most likely pose.
         alignment: the fitted pose and its quality. None for the first frame, and for an empty frame.
-        room: False if new blocks did not fit into memory. After the first failure, no more images are fused.
+        has_memory: False if new blocks did not fit into memory. After the first failure, no more images are
+            fused.
     """
 
     state: ScanState
     world_from_camera: Float
     alignment: Alignment | None = None
-    room: bool = True
+    has_memory: bool = True
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ class Scanner:
     assumed level, at the origin.
 
     Attributes:
-        full: True if the memory is full. Images are then only tracked, and the fused surface is kept.
+        is_full: True if the memory is full. Images are then only tracked, and the fused surface is kept.
 
     Raises:
         InputError: if a frame comes from a different camera than the first.
@@ -148,7 +149,7 @@ class Scanner:
         self._prepared: tuple[DepthFrame, DepthView] | None = None
         self._pose, self._before = np.eye(4), np.eye(4)
         self._state = ScanState.EMPTY
-        self.full = False
+        self.is_full = False
 
     @property
     def megabytes(self) -> float:
@@ -356,9 +357,9 @@ class Scanner:
     ) -> ScanStep:
         """Fuses an image at a pose."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
-        if self.full:
-            return ScanStep(ScanState.SCANNING, pose, alignment, room=False)
-        self.full = not all([volume.integrate(view, pose).room for volume in self.volumes])
+        if self.is_full:
+            return ScanStep(ScanState.SCANNING, pose, alignment, has_memory=False)
+        self.is_full = not all([volume.integrate(view, pose).has_memory for volume in self.volumes])
         self.history.add(len(self.poses), frame)
         self.poses.append((frame.time_ns, pose))
         self._ups.append(up)
@@ -366,7 +367,7 @@ class Scanner:
         if len(self.poses) % _CLEANING_INTERVAL == 0:
             for volume in self.volumes:
                 volume.clean()
-        return ScanStep(ScanState.SCANNING, pose, alignment, not self.full)
+        return ScanStep(ScanState.SCANNING, pose, alignment, not self.is_full)
 
 
 def _without_pixels(frame: DepthFrame, excluded: Bool) -> DepthFrame:

@@ -40,7 +40,7 @@ class FusionResult:
 
     changed: int
     new: int
-    room: bool
+    has_memory: bool
 
 
 class TsdfVolume:
@@ -186,7 +186,7 @@ class TsdfVolume:
         """Empties the volume, but keeps the allocated memory for reuse."""
         for array in (self.distance, self.weight, self.solid, self.hue):
             array[: self.blocks.count] = 0
-        self.blocks.keep(np.empty(0, np.int64))
+        self.blocks.retain(np.empty(0, np.int64))
         self._images = 0
 
     def clean(self) -> int:
@@ -203,5 +203,5 @@ class TsdfVolume:
         for array in (self.distance, self.weight, self.solid, *([self.hue] if len(self.hue) else [])):
             array[: len(kept_blocks)] = array[kept_blocks]
             array[len(kept_blocks) : count] = 0
-        self.blocks.keep(kept_blocks)
+        self.blocks.retain(kept_blocks)
         return count - len(kept_blocks)

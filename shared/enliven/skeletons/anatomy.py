@@ -216,9 +216,9 @@ def _hip_joints(human: HumanJoints) -> tuple[int, ...]:
     return tuple(leg.knots[0] for leg in human.legs)
 
 
-def _points_up(way: Float) -> bool:
+def _points_up(vector: Float) -> bool:
     """Returns True if a vector (3,) points up."""
-    return bool(float(way[1]) > _MIN_UPRIGHT_COSINE * float(np.linalg.norm(way)))
+    return bool(float(vector[1]) > _MIN_UPRIGHT_COSINE * float(np.linalg.norm(vector)))
 
 
 def _anatomy_from_names(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:

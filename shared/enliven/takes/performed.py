@@ -208,7 +208,7 @@ def _add_node_motion(project: Project, shape: GraphShape, motion: PerformedChara
     span = motion.span(project)
     # Muted alternatives may be enabled again, so they must be kept.
     has_muted = any(layer.muted for layer in shape.playing)
-    if motion.replaces and not has_muted and not span.leaves(project, shape.playing):
+    if motion.replaces and not has_muted and not span.moves_outside(project, shape.playing):
         return None
     performed, punch = motion.performed, span if motion.replaces else None
     holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))
@@ -254,7 +254,7 @@ def _add_bone_layers(project: Project, shape: Shape, motion: PerformedCharacter)
     )
     project = project.with_takes(take)
     punch = PunchIn.of(project, float(grid[0]), float(grid[-1]))
-    keeps_some = replaces and punch.leaves(project, shape.layers)
+    keeps_some = replaces and punch.moves_outside(project, shape.layers)
     for chain in chains:
         if replaces:
             project = punch_bones(project, shape.id, chain, punch)
@@ -306,7 +306,7 @@ def _add_puppet_layer(project: Project, puppet: Puppet, motion: PerformedCharact
         remaining = [
             silenced for old_layer in puppet.layers if (silenced := punch(project, old_layer)) is not None
         ]
-        played = punch.played if punch.leaves(project, puppet.layers) else {}
+        played = punch.played if punch.moves_outside(project, puppet.layers) else {}
         layers = (*remaining, replace(layer, **played))
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
@@ -323,7 +323,9 @@ def _add_character(project: Project, motion: PerformedCharacter) -> tuple[Projec
         project, shape = play_clip(project, rest_shape, take)
         return project.with_characters(shape.later(offset)), shape.id
     holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))
-    other_characters = project.without(key[0]) if existing is not None and existing.possessable else project
+    other_characters = (
+        project.without(key[0]) if existing is not None and existing.is_possessable else project
+    )
     other_characters = add_character_motion(other_characters, key, character, poses, begin, [], holds)
     name = list(other_characters.characters)[-1]
     order = {

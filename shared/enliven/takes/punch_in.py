@@ -86,7 +86,7 @@ class PunchIn:
         changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
         return replace(silenced, **changes)  # type: ignore[type-var]
 
-    def leaves(self, project: Project, layers: Sequence[LayerBase]) -> bool:
+    def moves_outside(self, project: Project, layers: Sequence[LayerBase]) -> bool:
         """Returns True if the layers have any motion outside of the span."""
         return any(not layer.muted and self(project, layer) is not None for layer in layers)
 

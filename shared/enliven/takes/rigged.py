@@ -71,7 +71,7 @@ def skeleton_from_bones(character: Character) -> Skeleton:
     return Skeleton(names, parents.astype(np.int32), positions)
 
 
-def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> Float:
+def _limb_end(character: Character, bone: int, begin: Float, previous_joint: Float) -> Float:
     """Returns the end (3,) of a limb's last bone. It is twice as far from the bone's start as the centre of
     the bone's vertices. Without vertices, the bone continues the previous bone straight, with half of its
     length.
@@ -79,5 +79,7 @@ def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> F
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
     bone_vertices = character.vertices[strongest == bone]
     return np.asarray(
-        2 * bone_vertices.mean(0, np.float64) - begin if len(bone_vertices) else 1.5 * begin - 0.5 * before
+        2 * bone_vertices.mean(0, np.float64) - begin
+        if len(bone_vertices)
+        else 1.5 * begin - 0.5 * previous_joint
     )

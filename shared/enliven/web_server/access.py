@@ -44,12 +44,12 @@ _TOKEN = re.compile(r"[A-Za-z0-9_-]{22}")
 """Pattern of a token: 16 bytes in base64, without the characters that an address cannot contain."""
 
 
-def read_secret_file(path: Path, content: str, most: int) -> bytes:
+def read_secret_file(path: Path, content: str, max_bytes: int) -> bytes:
     """Returns the content of a file that only its owner may read.
 
     Args:
         content: the kind of file for messages, such as "password file".
-        most: maximum bytes.
+        max_bytes: maximum bytes.
 
     Raises:
         InputError: if it cannot be read, is too large, belongs to another user, or others may read it.
@@ -68,11 +68,13 @@ def read_secret_file(path: Path, content: str, most: int) -> bytes:
         if sys.platform != "win32":
             _refuse_other_users(path, content, state)
         with os.fdopen(os.dup(descriptor), "rb") as file:
-            data = file.read(most + 1)
+            data = file.read(max_bytes + 1)
     finally:
         os.close(descriptor)
-    if len(data) > most:
-        raise InputError(f"it has more than {most} bytes", where=str(path), remedy=f"Name the {content}.")
+    if len(data) > max_bytes:
+        raise InputError(
+            f"it has more than {max_bytes} bytes", where=str(path), remedy=f"Name the {content}."
+        )
     return data
 
 

@@ -59,9 +59,9 @@ def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: 
     with _Asker(endpoint) as asker:
         try:
             exchange = ViewerExchange(code)
-            pairing_started = asker.ask(StartPairing(exchange.message), PairingStarted)
+            pairing_started = asker.request(StartPairing(exchange.message), PairingStarted)
             box = exchange.introduce(pairing_started.message, Introduction(own_keys.public, name, role))
-            edge = exchange.read(asker.ask(FinishPairing(box), Paired).box)
+            edge = exchange.read(asker.request(FinishPairing(box), Paired).box)
         except PairingError as error:
             raise InputError(str(error), where=str(endpoint), remedy=_READ_AGAIN) from None
     paired_edge = PairedEdge(edge.public, edge.name, endpoint.host, endpoint.control_port, edge.role)
@@ -81,7 +81,7 @@ def show_pairing_code(endpoint: Endpoint) -> tuple[str, int]:
         ResourceError: if no edge answers.
     """
     with _Asker(endpoint, endpoint.find_keys()) as asker:
-        shown_code = asker.ask(ShowCode(), ShownCode)
+        shown_code = asker.request(ShowCode(), ShownCode)
     return shown_code.code, shown_code.seconds
 
 
@@ -93,7 +93,7 @@ def send_order(endpoint: Endpoint, order: Order) -> str:
         ResourceError: if no edge answers.
     """
     with _Asker(endpoint, endpoint.find_keys()) as asker:
-        return asker.ask(order, Done).note
+        return asker.request(order, Done).note
 
 
 _READ_AGAIN = "Read the code on the edge again: it changes after three tries and after five minutes."
@@ -114,7 +114,7 @@ class _Asker:
     def __exit__(self, *error: object) -> None:
         self._socket.close(linger=0)
 
-    def ask(self, body: Ask, kind: type[T]) -> T:
+    def request(self, body: Ask, kind: type[T]) -> T:
         """Sends a request and returns the answer, which must be a ``kind``."""
         self._number += 1
         self._socket.send(pack_control(Request(self._number, body)))

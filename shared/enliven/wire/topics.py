@@ -40,8 +40,8 @@ class Topic:
     Attributes:
         name: name on the wire, ASCII.
         type: the message class.
-        way: "stream" goes from the edge to every viewer, "state" to a viewer that requests it, "request" from
-            a viewer to its edge, "reply" back.
+        pattern: "stream" goes from the edge to every viewer, "state" to a viewer that requests it, "request"
+            from a viewer to its edge, "reply" back.
         max_bytes: maximum payload. A longer message is dropped without decoding.
         rate_hz: expected messages per second while the edge tracks. 0 if the rate is irregular.
         keep: the queued messages that a slow viewer gets: "every" one, or the "newest" of each key.
@@ -52,7 +52,7 @@ class Topic:
 
     name: str
     type: type[Any]
-    way: Literal["stream", "state", "request", "reply"]
+    pattern: Literal["stream", "state", "request", "reply"]
     max_bytes: int
     rate_hz: float
     keep: Literal["every", "newest"]
@@ -78,7 +78,7 @@ def register(topic: Topic) -> Topic:
     """Adds a topic to the table, and returns it. Call before the sockets are opened."""
     TOPICS.append(topic)
     BY_TYPE[topic.type] = topic
-    if topic.way == "stream":
+    if topic.pattern == "stream":
         STREAMS[topic.name] = topic
     return topic
 
@@ -88,9 +88,9 @@ def _character_id(message: Any) -> str:
     return str(message.character)
 
 
-def _register_stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
+def _register_stream(name: str, kind: type[Any], max_bytes: int, **how: Any) -> Topic:
     """Registers a topic with one message per frame. Takes store all of them."""
-    return register(Topic(name, kind, "stream", most, 30, "every", recorded=True, **how))
+    return register(Topic(name, kind, "stream", max_bytes, 30, "every", recorded=True, **how))
 
 
 POSE = _register_stream("pose", PoseMessage, 260 * 1024, latched=True, key=_character_id)

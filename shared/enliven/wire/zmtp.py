@@ -56,24 +56,26 @@ def frame_header(length: int, flags: int = 0) -> bytes:
 
 
 class ZmtpSession:
-    """The protocol state of one connection. Call ``feed``, then ``take`` until nothing is left.
+    """The protocol state of one connection. Call ``feed``, then ``read_message`` until nothing is left.
 
     Args:
         kind: kind of the listening socket. "ROUTER" accepts DEALER and REQ, "PUB" accepts SUB.
-        most: maximum bytes of an accepted frame.
+        max_frame_bytes: maximum bytes of an accepted frame.
         curve: the keys of the listener, and the peers that it admits. None for a listener without keys. A
             "ROUTER" with keys also accepts peers without keys, so that they can pair. They have no
             ``channel``.
 
     Attributes:
-        ready: True after the handshake.
+        is_ready: True after the handshake.
         channel: the encrypted channel of a peer with keys. None for a peer without keys.
         answers: bytes to send to the other side now. The caller empties it.
         missing: number of bytes missing until the end of the current frame, or of its header.
     """
 
-    def __init__(self, kind: Literal["ROUTER", "PUB"], most: int, curve: CurveServer | None = None) -> None:
-        self.ready, self.missing = False, 0
+    def __init__(
+        self, kind: Literal["ROUTER", "PUB"], max_frame_bytes: int, curve: CurveServer | None = None
+    ) -> None:
+        self.is_ready, self.missing = False, 0
         self.channel: CurveChannel | None = None
         self._curve = curve
         # A peer without keys is recognised by its greeting. So a ROUTER with keys sends the second part of
@@ -81,7 +83,7 @@ class ZmtpSession:
         self._greeting = GREETING if curve is None else CURVE_GREETING
         early = len(GREETING) if curve is None or kind == "PUB" else _VERSION_BYTES
         self.answers, self._unsent_from = bytearray(self._greeting[:early]), early
-        self._kind, self._most = kind, most
+        self._kind, self._most = kind, max_frame_bytes
         self._bytes, self._at, self._greeted = bytearray(), 0, False
         self._parts: list[bytes] = []
 
@@ -91,7 +93,7 @@ class ZmtpSession:
         self._at = 0
         self._bytes += data
 
-    def take(self) -> list[bytes] | None:
+    def read_message(self) -> list[bytes] | None:
         """Returns the next message's parts. Returns an empty list for a command, and None if bytes are
         missing.
 
@@ -107,12 +109,12 @@ class ZmtpSession:
             return None
         flags, data = frame
         if self.channel is not None:
-            if not self.ready:
+            if not self.is_ready:
                 return self._handle_curve(self.channel, data)
             flags, data = self._open_sealed(self.channel, data)
         if flags & _COMMAND_FLAG:
             return self._handle_command(data)
-        if not self.ready:
+        if not self.is_ready:
             raise ZmtpError("a message before the introduction")
         self._parts.append(data)
         if flags & _MORE_FLAG:
@@ -164,7 +166,7 @@ class ZmtpSession:
                 )
             raise ZmtpError(str(error)) from None
         self.answers += make_frame(answer, _COMMAND_FLAG)
-        self.ready = channel.ready
+        self.is_ready = channel.is_ready
         return []
 
     def _open_sealed(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
@@ -193,7 +195,7 @@ class ZmtpSession:
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
         most = self._most
         if self.channel is not None:
-            most = most + _SEALED_BYTES if self.ready else _MAX_HANDSHAKE_BYTES
+            most = most + _SEALED_BYTES if self.is_ready else _MAX_HANDSHAKE_BYTES
         if length > most:
             raise ZmtpError(f"a frame of {length} bytes, the limit is {most}")
         self.missing = max(start + length - len(self._bytes), 0)
@@ -205,9 +207,9 @@ class ZmtpSession:
     def _handle_command(self, data: bytes) -> list[bytes]:
         """Handles a handshake, a PING or a subscription. An unknown command is ignored."""
         name, rest = data[1 : 1 + data[0]] if data else b"", data[1 + data[0] :] if data else b""
-        if name == b"READY" and not self.ready:
-            self.ready = True
-        elif name == b"ERROR" or not self.ready:
+        if name == b"READY" and not self.is_ready:
+            self.is_ready = True
+        elif name == b"ERROR" or not self.is_ready:
             raise ZmtpError("no introduction")
         elif name == b"PING":
             context = rest[_TTL_BYTES : _TTL_BYTES + _MAX_CONTEXT_BYTES]

@@ -161,7 +161,7 @@ class HandheldScan:
         depth[is_mesh], material[is_mesh] = drawing.depth[is_mesh], 0
         image = self._noise.add_noise(depth, material, index) if self._noise else _to_millimetres(depth)
         colour = (
-            self._render_colours(scanned_mesh, drawing.face, drawing.shares, is_mesh, depth, pose)
+            self._render_colours(scanned_mesh, drawing.face, drawing.barycentric, is_mesh, depth, pose)
             if self._colour
             else None
         )

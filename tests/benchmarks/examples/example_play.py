@@ -92,7 +92,7 @@ class Play:
         for number, seconds in enumerate(self.times):
             state = state_of(self.project, self.puppet, seconds)
             begun = time.perf_counter()
-            local = surface.settle(state.places) if number == 0 else surface.solve(state.places)
+            local = surface.solve_from_rest(state.places) if number == 0 else surface.solve(state.places)
             took = 1000.0 * (time.perf_counter() - begun)
             vertices = in_world(self.puppet, state, local).astype(np.float32)
             yield Shot(

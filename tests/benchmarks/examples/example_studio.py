@@ -134,7 +134,7 @@ class Studio:
         surface = play.surface()
         size = self._thumb.size
         for key, pose in zip(play.act.keys, play.puppet.poses, strict=False):
-            vertices = surface.settle(pose.places).astype(np.float32)
+            vertices = surface.solve_from_rest(pose.places).astype(np.float32)
             actor = SceneCharacter(play.character, play.character.rest_pose(), vertices=vertices)
             texts = [(size[0] / 2, size[1] - 1.7 * self._small, key.sees, self._small, 0.5)]
             scene = Scene((actor,), (), SceneStyle(body=0.0, reveal=0.0, cues=0.0))

@@ -59,12 +59,12 @@ class Say:
     """A control that sends the commands that the test gives it."""
 
     name = "test"
-    there = True
+    is_present = True
 
     def __init__(self) -> None:
         self.words: list[str] = []
 
-    def take(self) -> list[Press]:
+    def read_presses(self) -> list[Press]:
         presses, self.words = [Press(word, word) for word in self.words], []
         return presses
 

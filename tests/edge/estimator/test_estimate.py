@@ -83,7 +83,7 @@ def test_parts_in_the_middle_of_a_cell_are_that_cells(seed):
 def test_the_surer_a_joint_the_more_it_weighs(seed):
     estimate = made_up(seed)
     landmarks = estimate.landmarks
-    order = np.argsort(estimate.spread)
+    order = np.argsort(estimate.expected_errors)
     assert landmarks.shape == (20, 5)
     assert np.array_equal(landmarks[:, :3], estimate.joints)
     weight = landmarks[:, 3] / JOINT_TRUST
@@ -126,7 +126,7 @@ def test_network_output_is_decoded_as_in_training(seed):
 @settings(max_examples=25, deadline=None)
 def test_a_landmark_is_weighed_by_its_spread(seed):
     estimate = made_up(seed)
-    sure = np.maximum(estimate.spread, 0.03)
+    sure = np.maximum(estimate.expected_errors, 0.03)
     columns = [JOINT_TRUST * (0.05 / sure) ** 2 / 20, np.clip(3.0 * sure, 0.12, 0.4)]
     np.testing.assert_allclose(estimate.landmarks, np.c_[estimate.joints, np.transpose(columns)], atol=1e-12)
 
@@ -138,7 +138,7 @@ def test_joint_counts_as_apart_beyond_its_expected_error(seed, joint):
     assert estimate.count_disagreeing(estimate.joints) == 0
     way = np.random.default_rng(seed).normal(size=3)
     way /= np.linalg.norm(way)
-    for metres, elsewhere in ((0.07, False), (1.4 * estimate.spread[joint], False), (1.0, True)):
+    for metres, elsewhere in ((0.07, False), (1.4 * estimate.expected_errors[joint], False), (1.0, True)):
         moved = estimate.joints.copy()
         moved[joint] += metres * way
         assert estimate.count_disagreeing(moved) == int(elsewhere)

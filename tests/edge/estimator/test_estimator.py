@@ -46,7 +46,7 @@ def judged(told: bool) -> tuple[np.ndarray, np.ndarray]:
     """Returns (60, 20) true and estimated errors of every joint, metres."""
     seen = [(fresh(n), fresh(n).estimate(told)) for n in range(PICTURES)]
     off = [np.linalg.norm(e.joints - f.picture.figure.joints, axis=1) for f, e in seen]
-    return np.stack(off), np.stack([e.spread for _, e in seen])
+    return np.stack(off), np.stack([e.expected_errors for _, e in seen])
 
 
 @pytest.mark.parametrize(("told", "least"), [(True, WITHIN_TOLD), (False, WITHIN_NOT_TOLD)])
@@ -140,7 +140,7 @@ def test_world_frame_changes_only_joint_positions():
             case.z, case.mask, case.picture.camera, moved @ case.picture.world_from_camera, case.facing
         )
         np.testing.assert_allclose(here.joints, there.joints @ moved[:3, :3].T + moved[:3, 3], atol=1e-3)
-        np.testing.assert_allclose(here.spread, there.spread, atol=1e-3)
+        np.testing.assert_allclose(here.expected_errors, there.expected_errors, atol=1e-3)
 
 
 def test_batched_facings_equal_single_ones():

@@ -117,7 +117,7 @@ def test_state_after_a_restart_equals_the_state_before(tmp_path_factory, orders)
 
 def test_scanned_character_comes_back(tmp_path) -> None:
     parts = start(tmp_path)
-    parts.stage.put(create_mesh_actor(MESHES[0.06], "scan", 16, SETTINGS.actor, fit=False))
+    parts.stage.place_actor(create_mesh_actor(MESHES[0.06], "scan", 16, SETTINGS.actor, fit=False))
     shape = parts.stage.characters["scan"]
     parts = restart(parts, tmp_path)
     again = parts.stage.characters["scan"]

@@ -45,7 +45,7 @@ def balls(count: int = 1, radius: float = 0.1, bounce: float = 0.0) -> PropSpecs
 def pushed(speed: float, way: tuple[float, float, float] = (1, 0, 0), frames: int = 30) -> World:
     """Returns a world in which one sphere was moved past a box, along ``way``."""
     world = World(boxes(), UNBOUND)
-    world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
+    world.set_state(slice(None), np.array([[0.0, 0.1, 0.0]]))
     along = np.array(way, float)
     for k in range(frames):
         centre = np.array([0.0, 0.12, 0.0]) + min(-0.4 + speed * k * FRAME, 0.1) * along

@@ -23,7 +23,7 @@ def test_boxes_come_and_go_while_the_edge_runs():
     pytest.importorskip("mujoco", reason="mujoco is not installed (the extra 'physics')")
     switch = PhysicsSwitch(PhysicsSettings(place="fixed"))
     assert switch.change() == PhysicsMessage("none", "off") and switch.change() is None
-    switch.ask("boxes")
+    switch.switch_to("boxes")
     assert switch.change() == PhysicsMessage("boxes", "preparing") and switch.step(tick(1)) is None
 
     def is_on() -> bool:
@@ -33,7 +33,7 @@ def test_boxes_come_and_go_while_the_edge_runs():
     until(is_on)
     props = switch.step(tick(2))
     assert props is not None and len(props.shapes) == 48
-    switch.ask("none")
+    switch.switch_to("none")
     empty = switch.step(tick(3))
     assert empty is not None and len(empty.shapes) == 0, "viewers remove the last boxes"
     assert switch.step(tick(4)) is None and switch.change() == PhysicsMessage("none", "off")
@@ -44,7 +44,7 @@ def test_missing_physics_library_is_reported_with_the_install_command(monkeypatc
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else find(name))
     switch = PhysicsSwitch()
     with pytest.raises(ResourceError, match="mujoco"):
-        switch.ask("dodgeball")
+        switch.switch_to("dodgeball")
     state = switch.change()
     assert state is not None and state.state == "missing"
     assert "mujoco" in state.what and "enliven-edge[physics]" in state.remedy

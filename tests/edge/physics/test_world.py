@@ -39,7 +39,7 @@ def energy_of(world: World) -> float:
 
 def tower(high: int = 5) -> World:
     world = World(boxes(high), UNBOUND)
-    world.put(slice(None), np.array([[0, 0.1 + 0.2 * k, 0] for k in range(high)]))
+    world.set_state(slice(None), np.array([[0, 0.1 + 0.2 * k, 0] for k in range(high)]))
     return world
 
 
@@ -68,7 +68,7 @@ def test_no_energy_comes_from_nowhere(height, turn):
     """Two boxes that fall on each other lose energy and come to rest, however long they rock and slide."""
     world = World(boxes(2), UNBOUND)
     spin = np.random.default_rng(turn).normal(size=(2, 4))
-    world.put(
+    world.set_state(
         slice(None),
         np.array([[0, height, 0], [0.05, height + 0.4, 0]]),
         spin / np.linalg.norm(spin, axis=1, keepdims=True),
@@ -105,7 +105,7 @@ def test_box_is_pushed_at_the_spheres_speed(speed):
     """Like a collision with a heavy body: the box leaves at the sphere's speed, or slightly faster."""
     fastest = 0.0
     world = World(boxes(), UNBOUND)
-    world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
+    world.set_state(slice(None), np.array([[0.0, 0.1, 0.0]]))
     for k in range(30):
         world.move(np.array([[min(-0.4 + speed * k * FRAME, 0.1), 0.12, 0.0]]), np.array([0.06]))
         world.advance(FRAME)
@@ -116,7 +116,7 @@ def test_box_is_pushed_at_the_spheres_speed(speed):
 def test_teleported_sphere_does_not_push_the_box_at_its_speed():
     """The reason for correcting contacts: the engine treats mocap bodies as having no velocity."""
     world = World(boxes(), UNBOUND)
-    world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
+    world.set_state(slice(None), np.array([[0.0, 0.1, 0.0]]))
     for k in range(12):
         world.move(np.array([[min(-0.4 + 6.0 * k * FRAME, 0.3), 0.12, 0.0]]), np.array([0.06]))
         world.mark_as_new(slice(0, 1))  # teleported in every frame, so it has no velocity
@@ -140,7 +140,7 @@ def test_character_appearing_inside_a_tower_does_not_explode_it():
 
 def test_a_ball_bounces_as_high_as_it_should_and_comes_to_rest():
     world = World(balls(bounce=0.7), UNBOUND)
-    world.put(slice(None), np.array([[0.0, 1.1, 0.0]]))
+    world.set_state(slice(None), np.array([[0.0, 1.1, 0.0]]))
     heights = []
     for _ in range(900):
         world.advance(0.005)
@@ -171,7 +171,7 @@ def test_five_minutes_of_rampage_stay_in_the_room():
     farthest = 0.0
     for k in range(9000):
         if k % 300 == 0:
-            world.put(slice(None), np.array([[0, 0.1 + 0.2 * j, 0] for j in range(4)]))
+            world.set_state(slice(None), np.array([[0, 0.1 + 0.2 * j, 0] for j in range(4)]))
         swing = 0.6 * np.sin(0.3 * k * np.array([1.0, 0.0, 0.73]))
         leap = rng.normal(size=3) if rng.random() < 0.02 else np.zeros(3)
         world.move(limb + swing + leap, np.full(6, 0.08))
@@ -187,7 +187,7 @@ def test_broken_world_is_reported_and_can_restart():
     world.velocities[1, 2] = np.nan
     assert "not a finite number" in world.advance(FRAME)
     world.restart()
-    world.put(slice(None), np.array([[0, 0.1 + 0.2 * k, 0] for k in range(5)]))
+    world.set_state(slice(None), np.array([[0, 0.1 + 0.2 * k, 0] for k in range(5)]))
     run(world, 0.5)
     world.positions[0] = (1e6, 1, 1)
     assert "flung" in world.advance(FRAME)
@@ -215,7 +215,7 @@ def test_the_same_pushes_give_the_same_places():
 
 def test_a_bounded_frame_leaves_time_out():
     world = World(boxes(), type(UNBOUND)(budget=1e-9))
-    world.put(slice(None), np.array([[0.0, 3.0, 0.0]]))
+    world.set_state(slice(None), np.array([[0.0, 3.0, 0.0]]))
     world.advance(FRAME)
     assert 0 < world.left_out < FRAME
 

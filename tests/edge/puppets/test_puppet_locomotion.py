@@ -52,7 +52,7 @@ def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tupl
     roots, anchors = [], []
     for f, at in enumerate(places):
         footing = Footing() if footings is None else footings[f]
-        roots.append(way.go(at, 0.0 if yaw is None else yaw[f], footing, size, 0j)[1])
+        roots.append(way.step(at, 0.0 if yaw is None else yaw[f], footing, size, 0j)[1])
         anchors.append(way.anchor)
     return np.array(roots), np.array(anchors)
 
@@ -102,7 +102,7 @@ def test_puppet_stays_near_its_performers_path(turn: float, feet: tuple[int, ...
     go = Locomotion(REST, FEET, STEP, how, [EITHER, EITHER], PuppetTravel(feet, 1.0 + 0.0j))
     go.begin(np.zeros(3), complex(path[0]))
     each = zip(places, path, strict=True)
-    roots = np.array([go.go(at, turn, Footing(), 1.0, complex(to))[1] for at, to in each])
+    roots = np.array([go.step(at, turn, Footing(), 1.0, complex(to))[1] for at, to in each])
     size = float(np.linalg.norm(np.ptp(REST, axis=0)))
     off = np.abs(roots[:, 0] + 1j * roots[:, 2] - (path - path[0]))
     own = np.linalg.norm(gone(places)[0][-1, [0, 2]]) / t[-1] if feet else 0.0
@@ -118,7 +118,7 @@ def test_a_foot_that_stands_stays_where_it_is_while_the_puppet_is_drawn_back() -
     world, anchors, roots = [], [], []
     own = gone(places)[0][:, 2] @ np.arange(120) / (np.arange(120) @ np.arange(120))
     for frame, at in enumerate(places):
-        at, root = go.go(at, 0.0, Footing(), 1.0, 0.95j * own * frame)
+        at, root = go.step(at, 0.0, Footing(), 1.0, 0.95j * own * frame)
         world.append(at + root)
         anchors.append(go.anchor)
         roots.append(root)
@@ -133,13 +133,13 @@ def test_fixed_root_stays_and_footless_puppet_follows() -> None:
     still = Locomotion(REST, (), STEP, LocomotionSettings())
     still.begin(np.array([1.0, 0.0, 2.0]), 0j)
     assert not still.can_step
-    at, root = still.go(REST + 1.0, 2.0, Footing(False, 1.0), 1.0, 3.0 + 0.0j)
+    at, root = still.step(REST + 1.0, 2.0, Footing(False, 1.0), 1.0, 3.0 + 0.0j)
     np.testing.assert_array_equal(root, [1.0, 0.0, 2.0])
     np.testing.assert_array_equal(at, REST + 1.0)
     swims = Locomotion(REST, (), STEP, LocomotionSettings(leash=0.0), travel=PuppetTravel((), 1.0 + 0.0j))
     swims.begin(np.array([1.0, 0.0, 2.0]), 5j)
     for _ in range(60):
-        at, root = swims.go(REST, 0.0, Footing(), 1.0, 3.0 + 5j)
+        at, root = swims.step(REST, 0.0, Footing(), 1.0, 3.0 + 5j)
     np.testing.assert_allclose(root, [4.0, 0.0, 2.0], atol=1e-6)
     assert_alike(swims.stands(State(at, 0.0, root)), root)
 

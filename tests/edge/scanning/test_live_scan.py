@@ -55,7 +55,7 @@ def test_pause_takes_effect_and_is_reported_while_scan_is_busy(busy):
     scan.offer(take.frame(0))
     assert looks.wait(PATIENCE)
     scan.messages()
-    scan.ask(Scan("pause"))
+    scan.queue_order(Scan("pause"))
     assert scan.phase == "paused" and phases(scan) == ["paused"]
     scan.offer(take.frame(2))
     fused = len(scan._run.scanner.poses)
@@ -69,19 +69,19 @@ def test_last_of_several_commands_wins(busy):
     scan, looks, free = busy
     assert looks.wait(PATIENCE)
     for word in ("pause", "go on", "pause", "pause", "go on"):
-        scan.ask(Scan(word))
+        scan.queue_order(Scan(word))
     assert phases(scan)[-4:] == ["paused", "scanning", "paused", "scanning"]
     free.set()
     threading.Event().wait(0.3)
     assert scan.phase == "scanning"
     with pytest.raises(InputError, match="nothing can be undone"):
-        scan.ask(Scan("undo"))
+        scan.queue_order(Scan("undo"))
 
 
 def test_done_is_refused_and_the_scan_can_continue(busy):
     scan, _, free = busy
     free.set()
-    scan.ask(Scan("done"))
+    scan.queue_order(Scan("done"))
     messages, end = list[ScanMessage](), threading.Event()
     for _ in range(round(PATIENCE / 0.05)):
         messages += [message for message in scan.messages() if isinstance(message, ScanMessage)]
@@ -89,7 +89,7 @@ def test_done_is_refused_and_the_scan_can_continue(busy):
             break
         end.wait(0.05)
     assert messages[-1].phase == "failed" and "no frame shows enough depth" in messages[-1].note
-    scan.ask(Scan("go on"))
+    scan.queue_order(Scan("go on"))
     assert scan.phase == "scanning"
     assert phases(scan)[-1] == "scanning" and scan._note == ("", "")
 
@@ -113,7 +113,7 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
             while not scan.offer(take.frame(index), waits=True):
                 pass
         until(lambda said: said.fused == 15 and said.view)
-        scan.ask(Scan("pause"))
+        scan.queue_order(Scan("pause"))
         place = np.array(messages[-1].stage_from_scan).reshape(3, 4)
         # The box is 0.5 m high and stands about the origin of the made-up world, by the first camera.
         world = take.pose(0) @ np.linalg.inv(LEVEL_WORLD_FROM_CAMERA)
@@ -121,7 +121,7 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
         assert abs(at[1] - 0.25) < 0.02, "the floor is y = 0 on the stage"
         wide = np.array([0.4, 0.0, 0.4])
         corners = [float(x) for x in (*((at - wide) * [1, 0, 1]), *(at + wide))]
-        scan.ask(Scan("done", box=corners, stage_from_scan=messages[-1].stage_from_scan))
+        scan.queue_order(Scan("done", box=corners, stage_from_scan=messages[-1].stage_from_scan))
         until(lambda said: said.phase == "done")
         mesh = scan.actor
         assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.025), "its lower half"

@@ -91,12 +91,12 @@ def test_scan_log_measures_the_path_and_gives_advice():
     scan_log = ScanLog()
     for n in range(10):
         scan_log.add(step(ScanState.SCANNING, 0.02 * n), n * 33_000_000)
-    assert scan_log.way == pytest.approx(0.18) and not scan_log.advice()
+    assert scan_log.path_length_m == pytest.approx(0.18) and not scan_log.advice()
     for n in range(10):
         scan_log.add(step(ScanState.LOST), (10 + n) * 33_000_000)
     scan_log.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
     # the gap between losing and re-finding the camera adds no path length
-    assert scan_log.way == pytest.approx(0.18)
+    assert scan_log.path_length_m == pytest.approx(0.18)
     advice = " ".join(scan_log.advice())
     assert "10 of 21 frames" in advice and "memory" in advice and "1 m/s" not in advice
     quick = ScanLog()

@@ -171,7 +171,7 @@ def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, mo
     os.kill(helper_of(other), signal.SIGSTOP)
     reader = threading.Thread(target=read_to_the_end, args=(other,), daemon=True)
     reader.start()
-    until(lambda: other._errands.busy)
+    until(lambda: other._errands.is_busy)
     other.close()
     reader.join(PATIENCE)
     assert not reader.is_alive() and other.read(TURN) is None

@@ -189,11 +189,11 @@ def test_characters_come_change_and_go_while_others_continue(graph):
     after(stage, [body], 0)
     stage.possess("a", parts="legs")
     first = after(stage, [body], 1)
-    stage.put(chair(graph, "b"))
+    stage.place_actor(chair(graph, "b"))
     both = after(stage, [body], 2)
     assert list(both) == ["a", "b"] and held(stage) == {"a": [1], "b": []}
     np.testing.assert_allclose(both["a"].positions, first["a"].positions, atol=0.01)
-    stage.put(chair(graph, "a"))
+    stage.place_actor(chair(graph, "a"))
     assert held(stage)["a"] == [1], "the performer goes on in the new one"
     assert [grip.parts for grip in stage.actors["a"].holds[0].attachments] == ["legs"]
     again = after(stage, [body], 3)
@@ -249,14 +249,14 @@ def test_all_are_published_and_recorded_and_each_is_read_by_its_own_character(gr
         edge = Edge(People(), Tracker(), stage, outlet)
         frames = iter(BodyFrame([person(id=1)], k * FRAME, "people") for k in range(1, 100))
         edge.step(next(frames))
-        stage.put(chair(graph, "b"))
+        stage.place_actor(chair(graph, "b"))
         edge.step(next(frames))
-        stage.put(chair(graph, "b"))
+        stage.place_actor(chair(graph, "b"))
         edge.step(next(frames))
         stage.remove("b")
         edge.step(next(frames))
         assert outlet.publisher.revision("b") == 0
-        stage.put(chair(graph, "b"))
+        stage.place_actor(chair(graph, "b"))
         edge.step(next(frames))
         assert outlet.publisher.revision("b") == 3, "a viewer sees that it is not the one before"
     take = Recording(tmp_path / "two.mcap")

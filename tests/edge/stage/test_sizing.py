@@ -118,7 +118,7 @@ def test_resizing_keeps_the_attachment():
     assert np.ptp(grown.frames(person(), 30).positions[:, 1]) > 0.8 * tall
     grown.stage.possess("chair", 1)
     assert np.ptp(grown.frames(person(), 30).positions[:, 1]) > 0.8 * tall
-    grown.stage.put(EmbeddedActor(CHAIR, GRAPH, ActorSettings(fade=0.1, fade_pace=100.0)))
+    grown.stage.place_actor(EmbeddedActor(CHAIR, GRAPH, ActorSettings(fade=0.1, fade_pace=100.0)))
     assert grown.growth == 2.0
     assert np.ptp(grown.frames(person(), 30).positions[:, 1]) > 0.8 * tall
 
@@ -143,7 +143,7 @@ def test_exaggeration_is_published_kept_by_revisions_and_reset():
     actor = play.stage.actors["chair"]
     assert actor.exaggeration == 2.5 and [message.exaggeration for message in play.told] == [2.5]
     later = EmbeddedActor(CHAIR, GRAPH, ActorSettings(exaggeration=0.5))
-    play.stage.put(later)
+    play.stage.place_actor(later)
     play.frames(person())
     assert later.exaggeration == 2.5 and later._swing._exaggeration == 2.5
     play.sizing.handle(Resize("exaggerate", "chair"))
@@ -156,7 +156,7 @@ def test_rigid_mesh_refuses_follow_through():
         exaggerate = Actor.exaggerate  # like characters with bones, and puppets
 
     play = Play()
-    play.stage.put(Stiff(CHAIR, GRAPH, ActorSettings()))
+    play.stage.place_actor(Stiff(CHAIR, GRAPH, ActorSettings()))
     with pytest.raises(InputError, match=r"exaggerating 'chair': no part of it can swing\. Choose a mesh"):
         play.sizing.handle(Resize("exaggerate", "chair", exaggeration=2.0))
 

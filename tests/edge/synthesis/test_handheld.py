@@ -32,7 +32,7 @@ def test_a_drawn_box_is_the_cast_one():
         assert (np.isfinite(cast) != np.isfinite(drawn.depth)).sum() < 20 and both.sum() > 500
         np.testing.assert_allclose(drawn.depth[both], cast[both], atol=1e-9)
         mesh, at = box_mesh(box), drawn.face[both]
-        points = (mesh.vertices[mesh.faces[at]] * drawn.shares[both][..., None]).sum(1)
+        points = (mesh.vertices[mesh.faces[at]] * drawn.barycentric[both][..., None]).sum(1)
         local = (points - pose[:3, 3]) @ pose[:3, :3]
         np.testing.assert_allclose(local[:, 2], cast[both], atol=1e-9)
 

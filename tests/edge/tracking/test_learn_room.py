@@ -90,7 +90,7 @@ def test_another_floor_is_found_again_only_on_request():
     low, high, mounting = Camera(0.9), Camera(1.3), Mounting(SceneSettings())
     for _ in range(3):
         mounting.view(low.frame(), no_people=True)
-    assert mounting.floor_known
+    assert mounting.is_floor_known
     new_places = []
     for number in range(12 * HALF_SECOND):
         if number == 6 * HALF_SECOND:

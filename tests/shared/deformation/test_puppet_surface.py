@@ -166,7 +166,7 @@ def test_a_rigid_motion_of_the_control_points_is_the_meshs(seed):
     turn = rotation.to_matrix(rotation.normalized(rng.normal(size=4)))
     moved = mesh.vertices @ turn.T + rng.normal(0, 1, 3)
     assert np.abs(surface.solve(moved[held]) - moved).max() < 1e-7
-    assert np.abs(surface.settle(moved[held]) - moved).max() < 1e-7
+    assert np.abs(surface.solve_from_rest(moved[held]) - moved).max() < 1e-7
     # So it is from a pose that is bent, warm: the same bend, turned.
     places = bent(mesh, held)
     for _ in range(60):
@@ -197,8 +197,8 @@ def test_detail_is_carried_along():
     smooth, rough = tube(), tube(bumps=0.012)
     handles = ends(smooth)
     places = bent(smooth, handles)
-    plain = PuppetSurface(smooth, handles, settings=COARSE).settle(places)
-    solved = PuppetSurface(rough, handles, settings=COARSE).settle(bent(rough, handles))
+    plain = PuppetSurface(smooth, handles, settings=COARSE).solve_from_rest(places)
+    solved = PuppetSurface(rough, handles, settings=COARSE).solve_from_rest(bent(rough, handles))
     # How high the detail stands over the smooth surface, before and after.
     before = ((rough.vertices - smooth.vertices) * smooth.vertex_normals()).sum(1)
     after = ((solved - plain) * normals(smooth, plain)).sum(1)
@@ -212,8 +212,8 @@ def test_the_carried_surface_has_no_facets():
     mesh = tube(48, 120)
     count = len(mesh.vertices)
     handles = [count - 2, count - 1, 144, 160, 176, count - 150, count - 166, count - 182]
-    solved = PuppetSurface(mesh, handles, settings=COARSE).settle(bent(mesh, handles))
-    fine = PuppetSurface(mesh, handles, settings=replace(COARSE, coarse_above=10**6)).settle(
+    solved = PuppetSurface(mesh, handles, settings=COARSE).solve_from_rest(bent(mesh, handles))
+    fine = PuppetSurface(mesh, handles, settings=replace(COARSE, coarse_above=10**6)).solve_from_rest(
         bent(mesh, handles)
     )
 
@@ -235,12 +235,12 @@ def test_settling_is_the_same_whatever_came_before():
     places = bent(mesh, held)
     for kind in (COARSE, replace(COARSE, coarse_above=10**6), ArapSettings(guide_vertices=10**6)):
         surface, fresh = PuppetSurface(mesh, held, settings=kind), PuppetSurface(mesh, held, settings=kind)
-        first = surface.settle(places)
+        first = surface.solve_from_rest(places)
         for by in (0.3, -0.9, 2.0):
             surface.solve(bent(mesh, held, by))
-        surface.settle(bent(mesh, held, -1.0))
-        assert alike(surface.settle(places), first, SOLVED)
-        assert alike(fresh.settle(places), first, SOLVED)
+        surface.solve_from_rest(bent(mesh, held, -1.0))
+        assert alike(surface.solve_from_rest(places), first, SOLVED)
+        assert alike(fresh.solve_from_rest(places), first, SOLVED)
         # A drag goes on from it without a jump.
         assert np.abs(surface.solve(places) - first).max() < 0.01
 
@@ -249,7 +249,7 @@ def test_a_limb_that_is_turned_far_is_not_turned_inside_out():
     mesh = tube()
     handles = ends(mesh)
     for kind in (COARSE, replace(COARSE, coarse_above=10**6)):
-        solved = PuppetSurface(mesh, handles, settings=kind).settle(bent(mesh, handles, 2.2))
+        solved = PuppetSurface(mesh, handles, settings=kind).solve_from_rest(bent(mesh, handles, 2.2))
         a, b, c = (solved[mesh.faces[:, k]] for k in range(3))
         assert (a * np.cross(b, c)).sum() > 0
         # Each end is still a tube's end that looks outward.
@@ -266,7 +266,9 @@ def test_a_drag_arrives_where_settling_does():
     for guide in (100, 10**6):
         kind = ArapSettings(guide_vertices=guide)
         surface = PuppetSurface(mesh, handles, settings=kind)
-        settled = PuppetSurface(mesh, handles, settings=replace(kind, guide_vertices=100)).settle(places)
+        settled = PuppetSurface(mesh, handles, settings=replace(kind, guide_vertices=100)).solve_from_rest(
+            places
+        )
         for frame in range(20):
             solved = surface.solve(bent(mesh, handles, (frame + 1) / 20))
         errors.append(np.linalg.norm(solved - settled, axis=1).mean())
@@ -282,7 +284,7 @@ def test_sampling_another_time_does_not_disturb_a_drag():
         second.solve(bent(mesh, handles, by))
     posed = first.settle_separately(bent(mesh, handles, -1.0))
     assert alike(first.solve(bent(mesh, handles, 0.6)), second.solve(bent(mesh, handles, 0.6)), SOLVED)
-    assert alike(posed, second.settle(bent(mesh, handles, -1.0)), SOLVED)
+    assert alike(posed, second.solve_from_rest(bent(mesh, handles, -1.0)), SOLVED)
 
 
 @pytest.mark.parametrize("kind", [COARSE, ArapSettings()], ids=["coarse", "plain"])
@@ -291,13 +293,13 @@ def test_other_control_points_are_as_a_new_surface(kind):
     surface = PuppetSurface(mesh, [0, 500], settings=kind)
     surface.solve(mesh.vertices[[0, 500]] + 0.1)
     handles = [*ends(mesh), 500]
-    surface.hold(handles)
+    surface.set_control_points(handles)
     assert np.array_equal(surface.pose, mesh.vertices)
     places = bent(mesh, handles)
     solved = surface.solve(places)
     assert np.array_equal(solved[handles], places)
     assert alike(solved, PuppetSurface(mesh, handles, settings=kind).solve(places), SOLVED)
-    surface.hold([])
+    surface.set_control_points([])
     assert np.array_equal(surface.solve(np.empty((0, 3))), mesh.vertices)
 
 
@@ -312,7 +314,7 @@ def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
     handles = ends(body)
     surface = PuppetSurface(mesh, handles, settings=COARSE)
     assert any("tiny shells" in note for note in surface.notes)
-    solved = surface.settle(bent(mesh, handles))
+    solved = surface.solve_from_rest(bent(mesh, handles))
     riders = np.arange(len(body.vertices), len(mesh.vertices))
     hosts = np.linalg.norm(body.vertices[None] - mesh.vertices[riders][:, None], axis=2).argmin(1)
     before = np.linalg.norm(mesh.vertices[riders] - mesh.vertices[hosts], axis=1)
@@ -321,7 +323,7 @@ def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
     assert (after < 1.5 * before + 0.01).all()
     # One that is held is solved like the others.
     tip = len(body.vertices)
-    surface.hold([*handles, tip])
+    surface.set_control_points([*handles, tip])
     places = np.concatenate([bent(mesh, handles), [[0.4, 0.4, 0.0]]])
     assert np.array_equal(surface.solve(places)[tip], places[-1])
 
@@ -339,14 +341,14 @@ def test_bad_input_is_named_and_last_good_pose_stays(kind):
         (np.full((8, 3), 1e9), "units"),
         (np.zeros((3, 3)), r"\(3, 3\)"),
     ):
-        for ask in (surface.solve, surface.settle):
+        for ask in (surface.solve, surface.solve_from_rest):
             with pytest.raises(InputError, match=says):
                 ask(places)
     for wrong, says in (([0, 99_999], "99999"), ([len(tubes.vertices)], "belongs to no face")):
         with pytest.raises(InputError, match=says):
-            surface.hold(wrong)
+            surface.set_control_points(wrong)
     with pytest.raises(InputError, match="2 weights"):
-        surface.hold(held, [1.0, None])
+        surface.set_control_points(held, [1.0, None])
     assert surface.pose is good and np.array_equal(surface._solver.shape(), shape)
     assert np.isfinite(surface.solve(bent(mesh, held, 0.5))).all()
 

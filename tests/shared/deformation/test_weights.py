@@ -161,7 +161,7 @@ def test_carriers_are_apart_and_near_to_every_node(seed, count):
     rng = np.random.default_rng(seed)
     positions = rng.random((count, 3))
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    chosen = choose_carriers(positions, straight, 0.5, least=1)
+    chosen = choose_carriers(positions, straight, 0.5, min_count=1)
     apart = straight[np.ix_(chosen, chosen)] + 9 * np.eye(len(chosen))
     assert apart.min() >= 0.6 * 0.5
     assert straight[:, chosen].min(1).max() < 0.6 * 0.5

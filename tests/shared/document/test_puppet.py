@@ -10,7 +10,7 @@ from enliven.document.clip import Clip
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.history import History
 from enliven.document.locomotion import Switch
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_from_puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
@@ -45,7 +45,7 @@ def project():
 
 def test_a_project_file_keeps_a_puppet_bit_for_bit():
     data = project_bytes(project())
-    assert same(project(), project_of(data))
+    assert are_identical(project(), project_of(data))
     assert project_bytes(project_of(data)) == data
 
 

@@ -8,7 +8,7 @@ import pytest
 from puppet_worlds import full_session, stool, walker
 
 from enliven.cli import run
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.example_sessions.session import read_session
 from enliven.examples.coverage import describe_unposed, measure_coverage
 from enliven.examples.performer import performed
@@ -79,7 +79,7 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
 def test_the_project_that_is_made_is_the_session(folder):
     full_session(folder / "full.toml")
     assert examples(folder, "fit", "full.toml", "-o", "full2.enliven") == 0
-    assert same(read_project(folder / "full2.enliven"), read_session(folder / "full.toml").project)
+    assert are_identical(read_project(folder / "full2.enliven"), read_session(folder / "full.toml").project)
     # And a project is as good as a session.
     assert examples(folder, "fit", "full2.enliven", "-o", "a.glb", "--puppet", "stool", "--end", 0.5) == 0
     assert examples(folder, "fit", "full.toml", "-o", "b.glb", "--end", 0.5) == 0

@@ -133,7 +133,7 @@ def test_fins_follow_hands_when_only_hands_act_and_feet_when_only_feet_do(seed, 
         fins = tuple(joints[order.index(k)] for k in (3, 4))
         assert fins == ends
         # A wrist, knee or ankle may move a little more than the end.
-        assert max(motion.shares[name] for name in ends) > 0.8
+        assert max(motion.relative_variances[name] for name in ends) > 0.8
 
 
 @settings(max_examples=15, deadline=None)

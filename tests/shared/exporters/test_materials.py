@@ -10,7 +10,7 @@ from gltf_builder import GltfBuilder
 from PIL import Image
 from strict_gltf import checked_glb
 
-from enliven.document import Project, same
+from enliven.document import Project, are_identical
 from enliven.example_sessions.mesh import load_session_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.exporters import performance_of
@@ -127,7 +127,7 @@ def test_materials_and_images_are_the_same_after_project_file_and_export(tmp_pat
     project = Project().with_characters(rig.shape)
     write_project(tmp_path / "square.enliven", project)
     again = read_project(tmp_path / "square.enliven")
-    assert same(again, project)
+    assert are_identical(again, project)
     data = glb_of([performance_of(again, rig.shape.id)])
     checked_glb(data)
     document, image = opened(data)
@@ -163,8 +163,10 @@ def test_a_file_that_is_read_and_written_again_and_again_stays_the_same(tmp_path
         project = Project().with_characters(rig.shape)
         write_gltf(tmp_path / f"{turn + 1}.glb", [performance_of(project, "square")])
         turns.append(read_gltf(tmp_path / f"{turn + 1}.glb").shape.mesh.materials)
-    assert same(turns[1], turns[2])
-    assert turns[0].definitions == turns[1].definitions and same(turns[0].textures, turns[1].textures)
+    assert are_identical(turns[1], turns[2])
+    assert turns[0].definitions == turns[1].definitions and are_identical(
+        turns[0].textures, turns[1].textures
+    )
 
 
 def test_two_characters_with_one_material_share_it(tmp_path):
@@ -199,7 +201,7 @@ def test_a_session_has_the_materials_of_its_mesh(tmp_path):
     made_file(tmp_path / "square.gltf")
     mesh = load_session_mesh(MeshTable("square.gltf"), tmp_path / "square.gltf").mesh
     own = read_gltf(tmp_path / "square.gltf").shape.mesh
-    assert same(mesh.materials, own.materials) and len(mesh.faces) == len(own.faces)
+    assert are_identical(mesh.materials, own.materials) and len(mesh.faces) == len(own.faces)
 
 
 def test_images_outside_of_the_folder_are_not_taken(tmp_path):

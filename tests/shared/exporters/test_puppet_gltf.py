@@ -32,7 +32,7 @@ def solved(project, times):
     out = []
     for number, time in enumerate(times):
         state = state_of(project, puppet, time)
-        moved = surface.solve(state.places) if number else surface.settle(state.places)
+        moved = surface.solve(state.places) if number else surface.solve_from_rest(state.places)
         out.append(in_world(puppet, state, moved))
     return np.array(out)
 

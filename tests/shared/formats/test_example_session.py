@@ -16,7 +16,7 @@ from puppet_worlds import full_project, places_for, puppet_project, stool, walke
 from enliven.document import MotionKey, RootLayer, clip_from_keys
 from enliven.document.constraints import Position
 from enliven.document.locomotion import Switch
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.document.puppet import PuppetLayer
 from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
@@ -126,8 +126,8 @@ def test_session_survives_writing_and_reading_bit_for_bit(tmp_path_factory, seed
     project = full_project(seed)
     write_session(path, project, "stool")
     read = read_session(path)
-    assert same(read.project.puppets["stool"], project.puppets["stool"])
-    assert same(read.project, project)
+    assert are_identical(read.project.puppets["stool"], project.puppets["stool"])
+    assert are_identical(read.project, project)
     text = path.read_text()
     write_session(path, read.project, "stool", read.mesh, read.takes)
     assert path.read_text() == text
@@ -159,7 +159,7 @@ def test_layer_survives_writing_and_reading(tmp_path_factory, made):
     project = puppet_project(poses=0, play=False).with_takes(walker(1, "short"))
     project = project.with_characters(project.puppets["stool"].with_changes(layers=made))
     write_session(path, project, "stool")
-    assert same(read_session(path).project.puppets["stool"], project.puppets["stool"])
+    assert are_identical(read_session(path).project.puppets["stool"], project.puppets["stool"])
 
 
 def test_a_session_can_say_all_that_a_layer_has():
@@ -200,9 +200,9 @@ def test_root_layers_survive_writing_and_reading(tmp_path_factory, made, second)
     project = project.with_characters(project.puppets["stool"].with_changes(root_layers=tuple(made)))
     write_session(path, project, "stool")
     read = read_session(path).project
-    assert same(read.puppets["stool"], project.puppets["stool"])
+    assert are_identical(read.puppets["stool"], project.puppets["stool"])
     for layer in made:
-        assert same(read.takes[layer.take], project.takes[layer.take])
+        assert are_identical(read.takes[layer.take], project.takes[layer.take])
 
 
 def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
@@ -229,10 +229,10 @@ def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
     takes = {name: TakeTable("moves.enliven", animation=name) for name in ("walk", "short")}
     write_session(folder / "made.toml", project, "stool", mesh, takes)
     assert not (folder / "made.enliven").exists()
-    assert same(read_session(folder / "made.toml").project.puppets["stool"], puppet)
+    assert are_identical(read_session(folder / "made.toml").project.puppets["stool"], puppet)
     # A take without a file is saved next to the session.
     write_session(folder / "part.toml", project, "stool", mesh, {"walk": takes["walk"]})
-    assert same(read_session(folder / "part.toml").project, project)
+    assert are_identical(read_session(folder / "part.toml").project, project)
 
 
 def test_unposed_point_is_written_without_offset(folder):
@@ -358,4 +358,4 @@ def test_file_path_may_start_with_environment_variable(folder, monkeypatch):
     assert read.mesh.file == "$MODELS/stool.ply" and list(read.project.takes) == ["walk"]
     write_session(path.parent / "again.toml", read.project, "stool", read.mesh, read.takes)
     assert 'file = "$MODELS/stool.ply"' in (path.parent / "again.toml").read_text()
-    assert same(read_session(path.parent / "again.toml").project, read.project)
+    assert are_identical(read_session(path.parent / "again.toml").project, read.project)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.layers import Span
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError, LaterVersionError, ResourceError
 from enliven.examples.puppet_motion import in_world, state_of
 from enliven.formats.project.file import (
@@ -68,13 +68,13 @@ def test_a_project_comes_back_bit_for_bit(seed):
     project = project.with_streams(stream).with_characters(graph)
     data = project_bytes(project)
     again = project_of(data)
-    assert same(project, again)
+    assert are_identical(project, again)
     assert project_bytes(again) == data
 
 
 def test_the_empty_project(tmp_path):
     write_project(tmp_path / "new" / "a.enliven", Project())
-    assert same(read_project(tmp_path / "new" / "a.enliven"), Project())
+    assert are_identical(read_project(tmp_path / "new" / "a.enliven"), Project())
 
 
 def test_the_first_file_that_ever_was_is_read():
@@ -114,7 +114,7 @@ def test_stored_characters_of_every_kind_move_as_they_did(file):
                 seen, stored = control_points_of(project, name, float(time)), np.array(places)
                 np.testing.assert_allclose(seen - seen[0], stored - stored[0], atol=2e-6)
                 assert np.abs(seen[0] - stored[0]).max() < TRAVEL_CHANGED
-    assert same(project_of(project_bytes(project)), project)
+    assert are_identical(project_of(project_bytes(project)), project)
 
 
 def control_points_of(project, name, time):
@@ -195,7 +195,7 @@ def test_other_files_are_replaced_as_the_caller_decided(tmp_path, content):
     path = tmp_path / "other.enliven"
     path.write_bytes(content)
     write_project(path, Project())
-    assert same(read_project(path), Project())
+    assert are_identical(read_project(path), Project())
 
 
 def first_shape(header):
@@ -255,7 +255,7 @@ def test_a_bit_that_is_turned_over_is_noticed_or_does_not_matter(seed):
         again = project_of(bytes(data))
     except InputError:
         return
-    assert same(project, again)
+    assert are_identical(project, again)
 
 
 def test_files_that_are_none(tmp_path):
@@ -281,7 +281,7 @@ def test_the_file_from_before_stays_where_a_new_one_cannot_be_written(tmp_path, 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ResourceError, match="cannot be written"):
         write_project(path, Project())
-    assert same(read_project(path), project)
+    assert are_identical(read_project(path), project)
 
 
 @settings(max_examples=60, deadline=None)
@@ -289,7 +289,7 @@ def test_the_file_from_before_stays_where_a_new_one_cannot_be_written(tmp_path, 
 def test_plain_values_come_back_as_they_are(number, whole, text, flag):
     for hint, value in ((float, number), (int, whole), (str, text), (bool, flag)):
         again = unpack(hint, json.loads(json.dumps(pack(value, {}))), {}, "here")
-        assert same(value, again)
+        assert are_identical(value, again)
 
 
 def test_equal_arrays_are_kept_once_and_others_apart():

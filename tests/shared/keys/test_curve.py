@@ -30,7 +30,7 @@ def connected(client: Client, server: CurveServer = SERVER) -> CurveChannel:
 def test_messages_are_sealed_both_ways() -> None:
     client = Client()
     channel = connected(client)
-    assert channel.ready and channel.client == VIEWER.public
+    assert channel.is_ready and channel.client == VIEWER.public
     assert channel.open(client.message(b"hello", 2)) == (2, b"hello")
     sealed = channel.seal(b"poses", 1)
     assert len(sealed) == len(b"poses") + OVERHEAD and b"poses" not in sealed
@@ -55,7 +55,7 @@ def test_strangers_and_viewers_of_another_edge_get_a_status(client: Client, stat
     channel = CurveChannel(SERVER)
     with pytest.raises(CurveError) as error:
         channel.answer(client.initiate(channel.answer(client.hello(), b"")), b"")
-    assert error.value.status == status and not channel.ready
+    assert error.value.status == status and not channel.is_ready
 
 
 def test_a_vouch_for_another_connection_is_refused() -> None:
@@ -97,7 +97,7 @@ def test_every_changed_byte_of_initiate_is_noticed(data: st.DataObject) -> None:
     initiate[data.draw(st.integers(0, len(initiate) - 1))] ^= data.draw(st.integers(1, 255))
     with pytest.raises(CurveError):
         channel.answer(bytes(initiate), b"")
-    assert not channel.ready
+    assert not channel.is_ready
 
 
 def session_of(client: Client, kind: str = "ROUTER", most: int = 100) -> ZmtpSession:
@@ -107,7 +107,7 @@ def session_of(client: Client, kind: str = "ROUTER", most: int = 100) -> ZmtpSes
     answers = bytes(session.answers)
     welcome = answers[answers.index(b"\x07WELCOME") :]
     take(session, make_frame(client.initiate(welcome), COMMAND))
-    assert session.ready
+    assert session.is_ready
     session.answers.clear()
     return session
 
@@ -116,7 +116,7 @@ def take(session: ZmtpSession, *chunks: bytes) -> list[list[bytes]]:
     messages = []
     for chunk in chunks:
         session.feed(chunk)
-        while (parts := session.take()) is not None:
+        while (parts := session.read_message()) is not None:
             if parts:
                 messages.append(parts)
     return messages
@@ -178,4 +178,4 @@ def test_noise_after_the_greeting_is_refused_or_waited_for(noise: bytes, hello: 
     before = make_frame(Client().hello(), COMMAND) if hello else b""
     with contextlib.suppress(ZmtpError):
         assert take(session, CURVE_GREETING + before + noise) == []
-    assert not session.ready
+    assert not session.is_ready

@@ -11,7 +11,7 @@ from surgery_worlds import random_turns, tube
 
 from enliven.document.history import History
 from enliven.document.naming import unused
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import in_world
 from enliven.exporters import performance_of
@@ -122,7 +122,7 @@ def test_muted_layer_has_no_effect(rig, time, later):
     near(vertices_of(silent, name, time), vertices_of(silent, name, later), 1e-12)
     assert silent.end_of(silent.characters[name]) == 0.0
     heard = change_layers(silent, name, range(count), muted=False)
-    assert same(heard, project)
+    assert are_identical(heard, project)
 
 
 @rigs
@@ -146,12 +146,12 @@ def test_copy_moves_alike_and_deleting_restores_project(rig, seed, time):
     offset = np.random.default_rng(seed).normal(size=3)
     copied, copy = copy_character(project, name, offset=offset)
     near(vertices_of(copied, copy, time), vertices_of(project, name, time) + offset)
-    assert copy != name and same(copied.characters[name], project.characters[name])
-    assert same(delete_character(copied, copy), project)
+    assert copy != name and are_identical(copied.characters[name], project.characters[name])
+    assert are_identical(delete_character(copied, copy), project)
     late, copy = copy_character(project, name, delay=0.25)
     near(vertices_of(late, copy, 1.25), vertices_of(project, name, 1.0))
     quiet = change_layers(copied, copy, range(len(copied.characters[copy].playing)), muted=True)
-    assert same(quiet.characters[name], project.characters[name])
+    assert are_identical(quiet.characters[name], project.characters[name])
 
 
 @worlds
@@ -236,9 +236,9 @@ def test_undo_restores_characters_of_all_rigs_bit_for_bit(seed):
     for number in range(60):
         states.append(history.do(f"edit {number}", random_edit(history.project, random)))
     for before in reversed(states[:-1]):
-        assert same(history.undo(), before)
+        assert are_identical(history.undo(), before)
     for after in states[1:]:
-        assert same(history.redo(), after)
+        assert are_identical(history.redo(), after)
 
 
 @worlds
@@ -294,9 +294,9 @@ def test_layer_removal_works_or_gives_the_reason(rig):
     while left.character(name).playing:
         before = left.character(name).playing
         left = remove_layer(left, name, 0)
-        assert [same(a, b) for a, b in zip(left.character(name).playing, before[1:], strict=True)] == [
-            True
-        ] * (len(before) - 1)
+        assert [
+            are_identical(a, b) for a, b in zip(left.character(name).playing, before[1:], strict=True)
+        ] == [True] * (len(before) - 1)
     near(vertices_of(left, name, 0.3), vertices_of(left, name, 1.3), 1e-12)
     with pytest.raises(InputError, match="layer 0 does not exist"):
         remove_layer(left, name, 0)
@@ -306,7 +306,7 @@ def test_layer_removal_works_or_gives_the_reason(rig):
 def test_every_rig_is_stored_and_sampled(rig):
     """The project file, and what exporters are given: nothing there is written for a rig that need not be."""
     project, name = WORLDS[rig]
-    assert same(project_of(project_bytes(project)), project)
+    assert are_identical(project_of(project_bytes(project)), project)
     performance = performance_of(project, name, 0.0, 0.5, rate=10.0)
     assert performance.name == name and len(list(performance.poses())) == 6
 
@@ -373,7 +373,7 @@ def test_sent_character_is_at_rest_and_partial_data_is_refused(rig, seed, cut):
     assert not received.playing or kind(rig) in GRAPHS
     assert not sent.takes or kind(rig) == "points"
     assert all(len(stream.positions) == 1 for stream in sent.streams.values())
-    assert same(sent, project_of(character_bytes(sent, name))), "what is sent again is the same"
+    assert are_identical(sent, project_of(character_bytes(sent, name))), "what is sent again is the same"
     with pytest.raises(InputError):
         project_of(data[: int(cut * len(data))])
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_character_laws import RIGS, WORLDS, near, rigs
 
-from enliven.document import Marker, Project, Segment, same
+from enliven.document import Marker, Project, Segment, are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import (
@@ -196,7 +196,7 @@ def test_a_layer_without_hold_is_silent_outside_and_comes_in_without_a_jump(rig,
 def test_a_smoothed_layer_moves_less_and_at_zero_is_as_recorded(rig, time, seconds):
     project, name, numbers = world(rig)
     smooth = change_layers(project, name, numbers, smooth=seconds)
-    assert same(change_layers(smooth, name, numbers, smooth=0.0), project)
+    assert are_identical(change_layers(smooth, name, numbers, smooth=0.0), project)
     if rig in ("cage", "points"):
         return  # the cage of the tests plays what was recorded; a puppet finds its ways by its key poses
     times = np.linspace(0.25, 2.0, 40)
@@ -230,7 +230,7 @@ def test_a_wobble_is_smoothed_off_and_the_way_stays():
 def test_a_mirrored_layer_twice_is_nothing_and_a_recorded_mesh_refuses(rig):
     project, name, numbers = world(rig)
     once = mirror_layers(project, name, numbers)
-    assert not same(once, project) and same(mirror_layers(once, name, numbers), project)
+    assert not are_identical(once, project) and are_identical(mirror_layers(once, name, numbers), project)
     graph, other, parts = world("graph")
     with pytest.raises(InputError, match="fits only its own mesh"):
         mirror_layers(graph, other, parts)
@@ -260,7 +260,7 @@ def test_clips_and_markers_are_kept_in_the_file(rig):
     (clip,) = clips_of(project, name, 0)
     edited = blend_clips(split_clip(project, name, numbers, inside(clip, 0.5)), name, numbers, 0, 0.2)
     edited, marker = add_marker(edited, 1.5, "jump")
-    assert same(project_of(project_bytes(edited)), edited) and marker == "jump"
+    assert are_identical(project_of(project_bytes(edited)), edited) and marker == "jump"
 
 
 def test_markers_are_added_moved_named_and_removed():

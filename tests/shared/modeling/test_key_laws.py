@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_character_laws import WORLDS
 
-from enliven.document import EASES, KEY_STEP, MotionKey, Project, clip_from_keys, key_values, same
+from enliven.document import EASES, KEY_STEP, MotionKey, Project, are_identical, clip_from_keys, key_values
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project.file import project_bytes, project_of
@@ -93,9 +93,9 @@ def test_a_key_that_is_set_and_removed_is_nothing(at, degrees, data):
         project = set_key(project, ARM, BONE, frame * KEY_STEP, each)
     more = set_key(project, ARM, BONE, at[-1] * KEY_STEP, degrees[0])
     number = [round(key.second / KEY_STEP) for _, key in keys_of(more, ARM, BONE)].index(at[-1])
-    assert same(remove_key(more, ARM, BONE, number), project)
+    assert are_identical(remove_key(more, ARM, BONE, number), project)
     eased = ease_key(more, ARM, BONE, number, data.draw(st.sampled_from(EASES)))
-    assert same(ease_key(eased, ARM, BONE, number, "smooth"), more)
+    assert are_identical(ease_key(eased, ARM, BONE, number, "smooth"), more)
 
 
 @laws
@@ -111,7 +111,7 @@ def test_a_key_is_moved_in_time_and_value_and_back(at, first, frame, other):
     moved = move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
     number = [round(key.second / KEY_STEP) for _, key in keys_of(moved, ARM, BONE)].index(frame)
     assert keys_of(moved, ARM, BONE)[number][1].degrees == other
-    assert same(move_key(moved, ARM, BONE, number, time, key.degrees), project)
+    assert are_identical(move_key(moved, ARM, BONE, number, time, key.degrees), project)
 
 
 @laws
@@ -126,7 +126,7 @@ def test_keys_are_a_layer_as_any_other(at, degrees, time, delay):
     np.testing.assert_allclose(
         vertices_of(shifted, ARM, time + delay), vertices_of(project, ARM, time), atol=1e-6
     )
-    assert same(project_of(project_bytes(project)), project), "kept in the file"
+    assert are_identical(project_of(project_bytes(project)), project), "kept in the file"
 
 
 @laws

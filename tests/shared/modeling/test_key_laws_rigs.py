@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from rig_worlds import WORLDS
 from test_character_laws import near
 
-from enliven.document import EASES, KEY_STEP, MotionKey, keyed_stream, same
+from enliven.document import EASES, KEY_STEP, MotionKey, are_identical, keyed_stream
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project.file import project_bytes, project_of
@@ -70,14 +70,16 @@ def test_a_key_set_moved_or_eased_and_taken_back_is_nothing(rig, handle, at, deg
     more = set_key(project, name, handle, at[-1] * KEY_STEP, degrees)
     keys = keys_of(more, name, handle)
     number = [round(time / KEY_STEP) for time, _ in keys].index(at[-1])
-    assert same(remove_key(more, name, handle, number), project)
+    assert are_identical(remove_key(more, name, handle, number), project)
     other = data.draw(st.sampled_from(EASES))
-    assert same(ease_key(ease_key(more, name, handle, 0, other), name, handle, 0, keys[0][1].ease), more)
+    assert are_identical(
+        ease_key(ease_key(more, name, handle, 0, other), name, handle, 0, keys[0][1].ease), more
+    )
     away = move_key(more, name, handle, number, 2.5, (1, 2, 3))
     last = len(keys) - 1
     assert keys_of(away, name, handle)[last][1].degrees == (1, 2, 3)
-    assert same(move_key(away, name, handle, last, at[-1] * KEY_STEP, keys[number][1].degrees), more)
-    assert same(project_of(project_bytes(more)), more), "kept in the file"
+    assert are_identical(move_key(away, name, handle, last, at[-1] * KEY_STEP, keys[number][1].degrees), more)
+    assert are_identical(project_of(project_bytes(more)), more), "kept in the file"
 
 
 @things

@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from rig_worlds import WORLDS, kind
 from test_character_laws import near
 
-from enliven.document import EASES, MAX_SPEED, MIN_SPEED, CurveKey, GraphPart, Layer, curve_from_keys, same
+from enliven.document import (
+    EASES,
+    MAX_SPEED,
+    MIN_SPEED,
+    CurveKey,
+    GraphPart,
+    Layer,
+    are_identical,
+    curve_from_keys,
+)
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project.file import project_bytes, project_of
@@ -64,7 +73,7 @@ def test_a_weight_of_one_key_is_the_number(rig, weight, at, time):
         muted = change_layers(project, name, [number], muted=True)
         if not (isinstance(layer, Layer) and project.shape(name).travel == layer.id):
             near(vertices_of(silent, name, time), vertices_of(muted, name, time))
-        assert same(remove_layer_key(curved, name, [number], "weights", 0), project)
+        assert are_identical(remove_layer_key(curved, name, [number], "weights", 0), project)
 
 
 @worlds
@@ -136,7 +145,7 @@ def test_clips_are_split_trimmed_and_shifted_under_curves(rig, fast, weights, ti
         near(vertices_of(trimmed, name, later), vertices_of(curved, name, later), 1e-5)
         slower = stretch_clip(curved, name, [number], 0, end=clip.end + 0.5)
         assert clips_of(slower, name, number)[0].end == pytest.approx(clip.end + 0.5, abs=1e-5)
-        assert same(project_of(project_bytes(curved)), curved)
+        assert are_identical(project_of(project_bytes(curved)), curved)
         late = shift_character(curved, name, 0.5)
         near(vertices_of(late, name, time + 0.5), vertices_of(curved, name, time))
 

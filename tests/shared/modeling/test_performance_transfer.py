@@ -13,7 +13,7 @@ from rig_worlds import puppet_world, skeleton_world
 from sample_meshes.chair import make_chair
 from swaying import possessed_chair, take_of
 
-from enliven.document import HoldChange, Possession, Project, same
+from enliven.document import HoldChange, Possession, Project, are_identical
 from enliven.errors import InputError
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import Mesh
@@ -64,8 +64,8 @@ def test_transferred_performance_keeps_position_and_size():
     )
     went = np.linalg.norm(vertices_of(project, name, 0.7) - seen, axis=1)
     assert went.max() > 0.02, "it is performed"
-    assert not stale(project, project.graph(name)) and same(solve_again(project, name), project)
-    assert same(project.graph(SOURCE), before.graph(SOURCE)), "who gives it keeps it"
+    assert not stale(project, project.graph(name)) and are_identical(solve_again(project, name), project)
+    assert are_identical(project.graph(SOURCE), before.graph(SOURCE)), "who gives it keeps it"
 
 
 @settings(deadline=None, max_examples=4)
@@ -104,7 +104,9 @@ def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     source, other = world()
     project, name = paste_character(WORLD, source, other)
     transferred, copy = transfer_performance(project, SOURCE, name, time=0.2, nodes=NODES)
-    assert copy == f"{name} performed" and same(transferred.characters[name], project.characters[name])
+    assert copy == f"{name} performed" and are_identical(
+        transferred.characters[name], project.characters[name]
+    )
     height = np.ptp(vertices_of(project, name, 0.2)[:, 1])
     assert np.ptp(vertices_of(transferred, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
     transferred_twice, second = transfer_performance(transferred, SOURCE, name, nodes=NODES)
@@ -124,7 +126,7 @@ def test_unedited_mesh_receives_the_motion_itself():
 def test_animated_target_is_copied():
     project, copied = paste_character(WORLD, WORLD, SOURCE)
     transferred, name = transfer_performance(project, SOURCE, copied, nodes=NODES)
-    assert name == f"{copied} performed" and same(transferred.graph(copied), project.graph(copied))
+    assert name == f"{copied} performed" and are_identical(transferred.graph(copied), project.graph(copied))
 
 
 def test_impossible_transfer_is_reported():

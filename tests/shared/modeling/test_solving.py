@@ -17,7 +17,7 @@ from surgery_worlds import random_turns
 from swaying import possessed_chair, take_of, without_cache
 
 from enliven.deformation.graph.graph import graph_of
-from enliven.document import HoldChange, Project, same
+from enliven.document import HoldChange, Project, are_identical
 from enliven.document.history import History
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
@@ -38,7 +38,7 @@ from enliven.modeling.edits import (
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.solving import (
-    _rest_character,
+    _extract_part_at_rest,
     has_missing_motion,
     possess_mesh,
     solve_again,
@@ -84,7 +84,7 @@ def test_rigid_edits_keep_motion_and_solution(seed):
     for kind in random.permutation(6):
         project = similar(project, name, int(kind), random)
     assert not is_stale(project, name)
-    assert same(solve_again(project, name), project), "what fits is not solved"
+    assert are_identical(solve_again(project, name), project), "what fits is not solved"
     again = solve_again(without_cache(project, name), name)
     size = project.graph(name).parts[0].size
     for time in TIMES:
@@ -101,7 +101,7 @@ def held_misses(project, name, number=0):
     """
     shape = project.graph(name)
     part = shape.parts[number]
-    (bare, _), take, actors = _rest_character(shape, number), project.bodies[part.possession.take], []
+    (bare, _), take, actors = _extract_part_at_rest(shape, number), project.bodies[part.possession.take], []
 
     class Watched(EmbeddedActor):
         def __init__(self, *given):
@@ -178,7 +178,7 @@ def test_both_parts_are_solved_after_cutting_a_leg(seed):
     off = np.linalg.norm(vertices_of(again, chair, 0.7) - vertices_of(cut, chair, 0.7), axis=1)
     rest = cut.graph(chair).mesh.vertices[:, 1]
     assert np.median(off[rest > 0.55 * rest.max()]) < 0.04
-    assert same(again.graph(leg), cut.graph(leg)), "the leg is not touched"
+    assert are_identical(again.graph(leg), cut.graph(leg)), "the leg is not touched"
     both = solve_again(again, leg)
     assert not is_stale(both, leg) and np.isfinite(vertices_of(both, leg, 0.7)).all()
 
@@ -206,13 +206,13 @@ def test_paste_keeps_performers_and_undo_restores_solution():
     history = History(other)
     history.do("cut", cut)
     history.do("solve", solve_again(cut, parts[0]))
-    assert same(history.undo(), cut) and same(history.undo(), other)
+    assert are_identical(history.undo(), cut) and are_identical(history.undo(), other)
 
 
 def test_a_file_keeps_performers_and_damaged_motion_is_solved_again(tmp_path):
     project, name = WORLD
     data = project_bytes(project)
-    assert same(project_of(data), project)
+    assert are_identical(project_of(data), project)
     for lose in (False, True):
         opened = project_of(without_stream(data, project.streams[name], lose))
         assert has_missing_motion(opened.graph(name)) and is_stale(opened, name)
@@ -285,7 +285,7 @@ def test_painted_softness_affects_the_next_solve():
     assert not is_stale(project, name) and is_stale(soft, name)
     times = np.linspace(0.2, 1.2, 6)
     before, after = ([vertices_of(each, name, float(t)) for t in times] for each in (project, soft))
-    assert same(np.array(before), np.array(after)), "nothing moves otherwise until it is solved"
+    assert are_identical(np.array(before), np.array(after)), "nothing moves otherwise until it is solved"
     solved = solve_again(soft, name)
     assert not is_stale(solved, name)
     after = [vertices_of(solved, name, float(t)) for t in times]

@@ -11,7 +11,7 @@ from enliven.deformation.skinning import skin_vertices
 from enliven.document import GraphPart, PoseStream, character_from_graph_shape, graph_shape_of
 from enliven.document.character import Pose
 from enliven.document.history import History
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.mesh import Mesh
@@ -141,7 +141,7 @@ def test_a_cut_moves_no_node_and_no_vertex_at_any_time(walking, x, time, later):
     assert count == len(shape.mesh.vertices)
     total = sum(volume(edited.graph(part).mesh) for part in ids)
     assert total == pytest.approx(volume(shape.mesh), rel=1e-9)
-    assert same(dict(edited.streams), dict(project.streams))
+    assert are_identical(dict(edited.streams), dict(project.streams))
 
 
 @laws
@@ -240,7 +240,7 @@ def test_possessed_meshes_are_saved(walking, tmp_path):
     edited, (near, far) = cut_graph(project, "block", PlaneCut([0.2, 0, 0], [1.0, 0, 0]), 0.0)
     edited = merge_characters(mirror_character(edited, far, [0, 1.0, 0]), near, far, 1.0, loose=True)
     write_project(tmp_path / "block.enliven", edited)
-    assert same(read_project(tmp_path / "block.enliven"), edited)
+    assert are_identical(read_project(tmp_path / "block.enliven"), edited)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -260,7 +260,7 @@ def test_undo_knows_possessed_meshes_too(walking):
     history.do("cut", edited)
     history.do("merge", merge_characters(history.project, near, far, 1.0, loose=True))
     history.undo()
-    assert same(history.undo(), project)
+    assert are_identical(history.undo(), project)
 
 
 def test_impossible_edit_is_reported(walking):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from performed_arm import ARM, BEGIN, performed, waving
 from swaying import possessed_chair
 
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits.characters import paste_character
@@ -75,7 +75,7 @@ def test_dropping_removes_one_alternative_completely(order) -> None:
 def test_they_are_kept_in_files_and_go_along_with_copies() -> None:
     project = three()
     read = project_of(project_bytes(project), "file")
-    assert same(read, project)
+    assert are_identical(read, project)
     both, name = paste_character(read, project, "arm")
     chosen = choose_take(both, "take 1", "take 1")
     np.testing.assert_allclose(pose_of(chosen, name, 0.2).turns, pose_of(chosen, "arm", 0.2).turns, atol=1e-9)

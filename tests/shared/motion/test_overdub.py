@@ -14,7 +14,7 @@ from swaying import possessed_chair
 
 from enliven.document import GraphShape, Project, character_from_graph_shape
 from enliven.document.character import Pose
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.document.time_map import Segment
 from enliven.modeling.edits.characters import (
     cut_character,
@@ -162,7 +162,7 @@ def test_global_edits_keep_overdub(chair: Project, second: float) -> None:
     np.testing.assert_allclose(seen(moved, "chair", second), before + np.array([1.0, 0.5, 0.0]), atol=1e-9)
     turned = turn_character(merged, "chair", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
     size = np.linalg.norm(np.ptp(before, axis=0))
-    assert same(merged.graph("chair").over, turned.graph("chair").over) and size > 0.5
+    assert are_identical(merged.graph("chair").over, turned.graph("chair").over) and size > 0.5
     centre = merged.graph("chair").positions[0]
     larger = scale_character(merged, "chair", 1.7)
     np.testing.assert_allclose(seen(larger, "chair", second), centre + 1.7 * (before - centre), atol=1e-6)
@@ -223,7 +223,7 @@ def test_a_recording_in_the_place_of_another_replaces_its_span_and_no_more(chair
     middle = 0.1 + 3.5 * STEP * 1e-9
     bone = [pose_of(each, "arm", middle).turns[1] for each in (merged, alone)]
     np.testing.assert_allclose(bone[0], bone[1], atol=1e-6)
-    assert same(merged.takes["take 1 on arm"], longer.takes["take 1 on arm"])
+    assert are_identical(merged.takes["take 1 on arm"], longer.takes["take 1 on arm"])
 
     done = lifted(chair.graph("chair"), frames=12)
     punched, _ = add_performance(chair, done, BEGIN - 300_000_000, replaces=True)

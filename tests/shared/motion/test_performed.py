@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, performed, waving
 
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.frames import BodyFrame
 from enliven.motion.layers.evaluate import pose_from, pose_of
 from enliven.person.body import Body
@@ -52,7 +52,9 @@ def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_tak
     np.testing.assert_allclose(
         pose_of(replaced, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6
     )
-    assert same(replaced.takes["take 1 on arm"], first.takes["take 1 on arm"]), "nothing recorded is lost"
+    assert are_identical(replaced.takes["take 1 on arm"], first.takes["take 1 on arm"]), (
+        "nothing recorded is lost"
+    )
 
 
 @given(BENDS, BENDS, st.booleans())

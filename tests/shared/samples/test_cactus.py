@@ -8,7 +8,7 @@ from sample_meshes.cactus_puppet import cactus_project
 from scipy.spatial import cKDTree
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.examples.puppet_examples import examples_from_key_poses, missing
 from enliven.meshes.mesh import Mesh
 from enliven.samples.shipped import load_sample
@@ -45,7 +45,7 @@ def test_the_puppet_can_move_and_is_the_same_every_time() -> None:
     assert len({point.vertex for point in puppet.points}) == len(puppet.points)
     examples = examples_from_key_poses(project, puppet)
     assert len(examples) > len(puppet.poses)
-    assert same(project, cactus_project(0.05))
+    assert are_identical(project, cactus_project(0.05))
 
 
 def test_arms_follow_the_performers_arms() -> None:
@@ -71,6 +71,6 @@ def test_every_key_pose_is_a_shape_that_keeps_its_volume_within_reason(mesh: Mes
 
     at_rest = volume(puppet.mesh.vertices)
     for pose in puppet.poses:
-        vertices = surface.settle(pose.places)
+        vertices = surface.solve_from_rest(pose.places)
         assert np.isfinite(vertices).all()
         assert 0.6 < volume(vertices) / at_rest < 1.5

@@ -107,8 +107,8 @@ def test_an_object_that_fills_the_memory_ends_its_scan():
     scanner.model = ObjectModel(scanner.settings)
     view = prepared(sphere_depth((0, 0, 0), RADIUS, pose))
     scanner.model.fuse(restrict_view(view, view.worth < 0), pose)
-    assert not scanner.full
+    assert not scanner.is_full
     for n in range(40):
         pose = looking(0.15 * n)
         scanner.model.fuse(prepared(sphere_depth((0, 0, 0), RADIUS, pose)), pose)
-    assert scanner.full
+    assert scanner.is_full

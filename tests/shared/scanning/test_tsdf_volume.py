@@ -183,7 +183,7 @@ def test_memory_follows_the_surface_and_keeps_to_its_limit():
     pose = looking(0.0, 1.5)
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose))
     results = [small.integrate(view, pose) for _ in range(4)]
-    assert not results[-1].room and small.megabytes <= 16
+    assert not results[-1].has_memory and small.megabytes <= 16
     assert len(extract_surface(small).faces) > 100  # what is there is kept
 
 
@@ -233,7 +233,7 @@ def test_images_without_colour_do_not_darken_and_gaps_take_nearest_colour():
 def test_every_block_is_found_again_also_after_others_are_gone(places):
     table, wanted = BlockTable(), np.array(sorted(places), np.int32)
     table.places[: len(wanted)], table.count = wanted, len(wanted)
-    table.keep(np.arange(len(wanted)))
+    table.retain(np.arange(len(wanted)))
     assert (table.find(wanted) == np.arange(len(wanted))).all()
     assert (table.find(wanted + 100) == -1).all()
     for b, place in enumerate(wanted):
@@ -241,6 +241,6 @@ def test_every_block_is_found_again_also_after_others_are_gone(places):
             beside = tuple(int(c) for c in np.add(place, (k & 1, k >> 1 & 1, k >> 2)))
             number = sorted(places).index(beside) if beside in places else -1
             assert table.beside[b, k] == number
-    table.keep(np.arange(0, len(wanted), 2))
+    table.retain(np.arange(0, len(wanted), 2))
     assert (table.find(wanted[::2]) == np.arange(len(wanted[::2]))).all()
     assert (table.find(wanted[1::2]) == -1).all()

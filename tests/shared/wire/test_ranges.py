@@ -17,7 +17,7 @@ from enliven.errors import InputError
 from enliven.wire import REQUESTS, TOPICS, envelope, requests, scans, streams, topics
 from enliven.wire.envelope import MalformedMessageError, check_character, check_request, pack_checked
 
-STREAM_KINDS = [topic.type for topic in TOPICS if topic.way == "stream"]
+STREAM_KINDS = [topic.type for topic in TOPICS if topic.pattern == "stream"]
 ANSWERS = [*requests.Answer.__args__]
 KINDS = nested([*STREAM_KINDS, *REQUESTS, *ANSWERS])
 few = settings(max_examples=4, deadline=None, phases=[Phase.explicit, Phase.generate])

@@ -24,7 +24,7 @@ def heard(session: ZmtpSession, chunks: list[bytes]) -> list[list[bytes]]:
     messages = []
     for chunk in chunks:
         session.feed(chunk)
-        while (parts := session.take()) is not None:
+        while (parts := session.read_message()) is not None:
             if parts:
                 messages.append(parts)
     return messages

@@ -67,7 +67,7 @@ def test_a_film_shows_what_the_solver_makes_of_each_pose() -> None:
     surfaces = SolvedSurfaces(wait=True)
     for k, by in enumerate((0.1, 0.2, 0.15, -0.1)):
         places = bent(by).astype(np.float32).astype(np.float64)
-        own = solver.settle(places) if k == 0 else solver.solve(places)
+        own = solver.solve_from_rest(places) if k == 0 else solver.solve(places)
         seen = surfaces.vertices(CHARACTER, pose(bent(by)))
         np.testing.assert_allclose(seen, own, atol=1e-5)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from in_a_window import in_a_window
 from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.actions.keys import key_label
@@ -80,12 +80,12 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
     last, at = editor.project, editor.history.at
     while editor.history.undo_name:
         stage.actions.do("edit.undo")
-    assert same(editor.project, first)
+    assert are_identical(editor.project, first)
     while editor.history.at < at:
         stage.actions.do("edit.redo")
-    assert same(editor.project, last)
+    assert are_identical(editor.project, last)
     editor.go_to(0)
-    assert same(editor.project, first)
+    assert are_identical(editor.project, first)
 
 
 def test_impossible_action_gives_a_reason_and_changes_nothing(stage: Workspace) -> None:

@@ -8,7 +8,7 @@ from cage import Cage, Swing, cage_of
 from studio_driver import Click, Drag, HeadlessStage, Key, Near, OnTimeline, Spot, Wait, play
 
 from enliven.document import PoseStream
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -77,4 +77,4 @@ def test_custom_rig_is_moved_copied_mirrored_cut_and_exported(workspace: Workspa
     assert "Wrote 3 shapes" in editor.toasts.shown[-1].text
     while editor.history.undo_name is not None:
         editor.undo()
-    assert same(editor.project, first)
+    assert are_identical(editor.project, first)

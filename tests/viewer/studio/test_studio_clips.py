@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS
 
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.modeling.edits import (
     add_marker,
     blend_clips,
@@ -86,7 +86,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
         assert editor.history.names == (word,), "one edit"
         (clip,) = clips_of(editor.project, name, bar.layers[0])
         editor.undo()
-        assert same(editor.project, before)
+        assert are_identical(editor.project, before)
         return clip
 
     middle = (bar.left + bar.right) / 2
@@ -133,7 +133,7 @@ def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
     timeline.press(30.0, bar.top + LANE_HEIGHT / 2)
     timeline.release(30.0)
     drag(workspace, (bar.left + bar.right) / 2, bar.top + LANE_HEIGHT / 2, 100.0)
-    assert same(workspace.editor.project, PROJECT)
+    assert are_identical(workspace.editor.project, PROJECT)
     assert [toast.text for toast in workspace.editor.toasts.shown] == ["This lane is locked"]
     timeline.press(5.0, heads[0].top + HEAD_HEIGHT / 2)
     timeline.release(5.0)
@@ -250,7 +250,7 @@ def test_keys_split_blend_reverse_and_remove_what_is_under_the_playhead(rig: str
     assert editor.history.names == ("split clip", "blend clips", "reverse clip", "remove clip")
     for _ in range(4):
         editor.undo()
-    assert same(editor.project, PROJECT)
+    assert are_identical(editor.project, PROJECT)
     editor.scrub(0.0)
     press("shift+s")
     assert editor.toasts.shown[-1].text == "No clip is under the playhead"

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS
 
-from enliven.document import KEY_STEP, MIN_SPEED, Layer, same
+from enliven.document import KEY_STEP, MIN_SPEED, Layer, are_identical
 from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.studio.app.time_axis import TimeAxis
@@ -106,7 +106,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
     assert key.degrees == pytest.approx((0, 50, -10)) and time == pytest.approx(15 * KEY_STEP)
     assert first.degrees == (0, 0, 0) and last.degrees == (5, -30, 20), "the others stay"
     editor.undo()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
     x, y = at(curves, 1, 1)
     along = curves.axis.scale.x(10 * KEY_STEP) - curves.axis.scale.x(0.0)
     curves.press(x, y)
@@ -209,7 +209,7 @@ def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None
     commands.set()
     assert len(keys_of(editor.project, name, BONE)) == 1 and not commands.lacks_key()
     commands.remove()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
 
 
 def drag(tool, start, way) -> None:
@@ -287,7 +287,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         assert len(layer_keys(editor.project, name, 0, number)) == 1
         while editor.history.undo_name:
             editor.undo()
-        assert same(editor.project, WORLDS[rig][0])
+        assert are_identical(editor.project, WORLDS[rig][0])
         curves.settle()
 
 
@@ -316,4 +316,4 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     commands = KeyCommands(editor)
     assert not commands.lacks_key()
     commands.remove()
-    assert same(editor.project, WORLDS["graph"][0])
+    assert are_identical(editor.project, WORLDS["graph"][0])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from known_bodies import t_pose
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.formats.project.file import read_project, write_project
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.modeling.edits import mirror_character, scale_character
@@ -86,7 +86,7 @@ def test_a_mark_is_dragged_over_the_surface_and_undone(tool):
     assert not len(editor.project.character("man").ends)
     editor.undo()
     editor.undo()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
 
 
 def test_clicks_off_the_mesh_and_escape_name_nothing(tool):
@@ -130,7 +130,7 @@ def test_ends_stay_on_the_mesh_through_edits(seed, factor):
 def test_ends_are_kept_in_a_file_and_taken_by_an_edge(tmp_path):
     project = named(3)
     write_project(tmp_path / "named.enliven", project)
-    assert same(read_project(tmp_path / "named.enliven"), project)
+    assert are_identical(read_project(tmp_path / "named.enliven"), project)
     ends = KNOWN.mesh.vertices[
         [int(np.linalg.norm(KNOWN.mesh.vertices - KNOWN.joints[k], axis=1).argmin()) for k in ENDS]
     ]

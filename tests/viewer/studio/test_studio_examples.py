@@ -18,7 +18,7 @@ from made_studio_puppets import SIDES, TIPS, project_with, star, studio, vertex
 
 from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.locomotion import Switch
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import motion_of, state_of
@@ -168,9 +168,9 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
     changed = with_setting(changed, "star", "surface", "hold", 0.1)
     puppet = changed.puppets["star"]
     assert (puppet.examples.acceleration, puppet.surface.hold) == (0.9, 0.1)
-    assert same(with_default_settings(changed, "star"), project)
+    assert are_identical(with_default_settings(changed, "star"), project)
     named = rename_character(project, "star", "sun")
-    assert list(named.puppets) == ["sun"] and same(rename_character(named, "sun", "star"), project)
+    assert list(named.puppets) == ["sun"] and are_identical(rename_character(named, "sun", "star"), project)
     with pytest.raises(InputError, match="is taken"):
         rename_character(project.with_characters(named.puppets["sun"]), "star", "sun")
 

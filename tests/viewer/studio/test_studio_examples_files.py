@@ -12,7 +12,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[1]))
 from made_studio_puppets import project_with, star, studio
 
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import state_of
 from enliven.formats.motion.expmap import COLUMNS
@@ -120,7 +120,7 @@ def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace.chosen(tmp_path / "star.glb")
     assert workspace.editor.background.busy
     workspace.editor.background.finish()
-    assert not workspace.editor.background.busy and same(workspace.editor.project, before)
+    assert not workspace.editor.background.busy and are_identical(workspace.editor.project, before)
     assert "Wrote 1 shape to star.glb" in said(workspace) and "mm" in said(workspace)
     written = pygltflib.GLTF2().load(tmp_path / "star.glb")
     samplers = written.animations[0].samplers

@@ -17,7 +17,7 @@ from studio_driver import HeadlessStage, Key, Wait, play
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
 from made_bodies import man, meshed, random_motion
 
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError, ResourceError
 from enliven.exporters.gltf.write import glb_of
 from enliven.exporters.performance import Performance
@@ -63,11 +63,11 @@ def test_saved_project_opens_bit_for_bit(workspace: Workspace, tmp_path) -> None
     assert not workspace.store.dirty and workspace.store.name == "work"
     workspace.store.new()
     workspace.store.open(path)
-    assert same(workspace.editor.project, saved) and not workspace.store.dirty
+    assert are_identical(workspace.editor.project, saved) and not workspace.store.dirty
     workspace.editor.edit("delete", lambda project: project.without("limb"))
     assert workspace.store.dirty
     workspace.editor.undo()
-    assert same(workspace.editor.project, saved)
+    assert are_identical(workspace.editor.project, saved)
 
 
 def test_unreadable_file_keeps_the_open_project(workspace: Workspace, tmp_path) -> None:
@@ -132,7 +132,7 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
     after = Workspace.new(Editor(), store.folder)
     assert after.store.list_recoverable() == [left]
     after.store.recover(left)
-    assert same(after.editor.project, workspace.editor.project) and after.store.dirty
+    assert are_identical(after.editor.project, workspace.editor.project) and after.store.dirty
     assert after.store.list_recoverable() == [] and len(list(store.folder.iterdir())) == 1
     after.store.close()
     assert list(store.folder.iterdir()) == []

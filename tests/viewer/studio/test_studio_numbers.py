@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from in_a_window import in_a_window
 from made_acting_stage import acting_stage, pixel_on
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.rotation import from_rotation_vector, rotate
@@ -152,7 +152,7 @@ def test_a_bookmark_brings_the_view_back_and_is_in_the_file(workspace, tmp_path)
     assert workspace.actions.press("f5")
     assert editor.camera.goal == pytest.approx(goal)
     write_project(tmp_path / "viewed.enliven", editor.project)
-    assert same(read_project(tmp_path / "viewed.enliven").views, editor.project.views)
+    assert are_identical(read_project(tmp_path / "viewed.enliven").views, editor.project.views)
     editor.undo()
     assert not editor.project.views
 

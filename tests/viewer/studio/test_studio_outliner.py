@@ -12,7 +12,7 @@ from in_a_window import in_a_window
 from made_acting_stage import acting_stage
 from studio_driver import Click, Drag, HeadlessStage, JointPlace, Key, play
 
-from enliven.document.project import FREE, same
+from enliven.document.project import FREE, are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import read_project, write_project
 from enliven.modeling.edits import (
@@ -145,7 +145,7 @@ def test_visibility_and_locks_keep_their_last_setting_and_are_saved(steps) -> No
         else:
             refuse_locked(project, moved)
     write_project(FILE, project)
-    assert same(read_project(FILE).handling, project.handling)
+    assert are_identical(read_project(FILE).handling, project.handling)
 
 
 @settings(max_examples=25)

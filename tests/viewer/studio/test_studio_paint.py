@@ -7,7 +7,7 @@ import pytest
 from known_bodies import t_pose
 
 from enliven.deformation.graph.stiffness import painted_stiffness
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.formats.project.file import read_project, write_project
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.person import Body, Joint
@@ -73,7 +73,7 @@ def test_strokes_paint_the_limb_that_they_go_over_and_are_undone_bit_for_bit(wor
     assert painted(workspace).max() < stiff.max()
     for _ in range(3):
         workspace.actions.do("edit.undo")
-    assert same(workspace.editor.project, first)
+    assert are_identical(workspace.editor.project, first)
 
 
 def test_both_sides_are_painted_alike_and_the_brush_is_sized(workspace):

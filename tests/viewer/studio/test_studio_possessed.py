@@ -15,7 +15,7 @@ from swaying import possessed_chair, without_cache
 
 from enliven.document import graph_shape_of
 from enliven.document.character import Character, Pose, SkinWeights
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.modeling.edits import (
     cut_character,
@@ -152,7 +152,7 @@ def test_possessed_mesh_is_copied_and_deleted(workspace: Workspace) -> None:
     assert "post" not in workspace.editor.project.graphs
     workspace.editor.undo()
     workspace.editor.undo()
-    assert same(workspace.editor.project, first)
+    assert are_identical(workspace.editor.project, first)
 
 
 def test_recorded_take_contains_the_possessed_mesh(tmp_path, box) -> None:
@@ -202,7 +202,7 @@ def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> 
     assert not stale(editor.project, editor.project.graph(name))
     assert editor.history.names[-1] == f"solve again {name}"
     editor.undo()
-    assert same(editor.project, cut)
+    assert are_identical(editor.project, cut)
 
 
 def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
@@ -227,7 +227,7 @@ def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspac
     editor.background.finish()
     assert editor.history.names[-1] == "scale" and "was changed" in editor.toasts.shown[-1].text
     editor.undo()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
     play([Key("ctrl+shift+v")], stage)
     editor.background.finish()
     assert editor.history.names[-1] == f"give {performed} to stool"
@@ -235,7 +235,7 @@ def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspac
     assert np.abs(seen[1] - seen[0]).max() > 0.02
     assert abs(foot_of(seen[0])[0] - 2.0) < 0.2
     editor.undo()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
     editor.choose(performed)
     editor.edit("delete", lambda project: delete_character(project, performed))
     editor.choose("stool")

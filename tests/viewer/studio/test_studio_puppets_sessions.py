@@ -22,7 +22,7 @@ from studio_driver import (
 )
 from tolerances import SOLVED, alike
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.mesh import refine
 from enliven.modeling.puppet.edits import make_puppet, play_take
@@ -94,14 +94,14 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     user_input.move((at[0] + 40, at[1]))
     assert workspace.puppets.dragging
     user_input.key("escape")
-    assert not workspace.puppets.dragging and same(workspace.puppets.puppet.poses, kept)
+    assert not workspace.puppets.dragging and are_identical(workspace.puppets.puppet.poses, kept)
     user_input.move((at[0] + 80, at[1]))
     user_input.release((at[0] + 80, at[1]))
-    assert same(workspace.puppets.puppet.poses, kept), "what was dropped stays dropped"
+    assert are_identical(workspace.puppets.puppet.poses, kept), "what was dropped stays dropped"
     user_input.key("escape")
     assert workspace.puppets.point is None and workspace.puppets.posing
     user_input.key("escape")
-    assert not workspace.puppets.posing and same(workspace.puppets.puppet.poses, kept)
+    assert not workspace.puppets.posing and are_identical(workspace.puppets.puppet.poses, kept)
 
 
 def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
@@ -237,7 +237,7 @@ def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
     assert np.ptp(np.array(seen)[:, 0]) > 0.05 and not bad(workspace)
     path = tmp_path / "star.enliven"
     write_project(path, workspace.editor.project)
-    assert same(read_project(path).puppets["star"], workspace.puppets.puppet)
+    assert are_identical(read_project(path).puppets["star"], workspace.puppets.puppet)
 
 
 def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:

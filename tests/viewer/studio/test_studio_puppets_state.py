@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made_studio_puppets import SIDES, project_with, star, studio, vertex
 from tolerances import SOLVED, alike
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
@@ -52,7 +52,9 @@ def test_a_drag_is_one_edit_of_the_key_pose_and_is_seen_at_once() -> None:
     assert puppets.drop() and steps(puppets) == edits + 1
     assert np.allclose(puppet_of(puppets).poses[0].places[1], place) and puppets.posing
     puppets.editor.undo()
-    assert same(puppet_of(puppets).poses, before.poses) and puppets.posing, "the key pose stays in the hand"
+    assert are_identical(puppet_of(puppets).poses, before.poses) and puppets.posing, (
+        "the key pose stays in the hand"
+    )
     puppets.editor.redo()
     assert np.allclose(puppets.places[1], place)
 
@@ -90,10 +92,10 @@ def test_cancel_puts_a_key_pose_back_and_a_new_one_away() -> None:
         puppets.drag(0, puppets.places[0] + [0, 0.05, 0])
         puppets.drop()
     puppets.cancel()
-    assert same(puppet_of(puppets).poses, kept) and not puppets.posing
+    assert are_identical(puppet_of(puppets).poses, kept) and not puppets.posing
     puppets.begin_pose("sway", 1.0)
     puppets.cancel()
-    assert same(puppet_of(puppets).poses, kept)
+    assert are_identical(puppet_of(puppets).poses, kept)
     puppets.editor.undo()
     assert len(puppet_of(puppets).poses) == 2, "and even that can be undone"
 
@@ -228,7 +230,7 @@ def test_removing_a_used_point_is_reported_and_undoable() -> None:
     assert puppets.remove_point() and puppets.point is None and len(puppets.places) == 2
     assert "also from 1 key pose" in puppets.editor.toasts.shown[-1].text
     puppets.editor.undo()
-    assert same(puppet_of(puppets), before)
+    assert are_identical(puppet_of(puppets), before)
 
 
 def test_the_last_point_gone_leaves_the_mesh_at_rest() -> None:
@@ -324,7 +326,7 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
             seen.append(puppets.editor.project)
     while puppets.editor.history.undo_name is not None:
         puppets.editor.undo()
-    assert same(puppets.editor.project, seen[0])
+    assert are_identical(puppets.editor.project, seen[0])
 
 
 def test_the_previous_key_pose_is_outlined_and_what_is_dragged_stays(tmp_path) -> None:

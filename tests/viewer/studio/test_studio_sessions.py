@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from studio_driver import Action, Click, Do, Drag, HeadlessStage, Key, Pixel, play
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -105,7 +105,7 @@ def test_undo_after_whatever_an_artist_does_gives_back_the_document(make_scene, 
     assert not any("internal error of enliven" in toast.text for toast in workspace.editor.toasts.shown)
     for _ in workspace.editor.history.names:
         workspace.editor.undo()
-    assert same(workspace.editor.project, first)
+    assert are_identical(workspace.editor.project, first)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_acting_stage import acting_stage, pixel_on
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.modeling.edits import (
     copy_characters,
     group_centre,
@@ -72,8 +72,8 @@ def test_several_are_changed_as_if_they_were_one_body(factor, axis, side) -> Non
 @given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 4.0))
 def test_edits_of_several_equal_single_edits_for_one_character(name, factor) -> None:
     turn = from_rotation_vector(np.array([0.1, factor, 0.3]))
-    assert same(scale_characters(PROJECT, [name], factor), scale_character(PROJECT, name, factor))
-    assert same(turn_characters(PROJECT, [name], turn), turn_character(PROJECT, name, turn))
+    assert are_identical(scale_characters(PROJECT, [name], factor), scale_character(PROJECT, name, factor))
+    assert are_identical(turn_characters(PROJECT, [name], turn), turn_character(PROJECT, name, turn))
     if name != "star":  # its surface would have to be solved
         single = mirror_character(PROJECT, name, np.eye(3)[0])
         several = mirror_characters(PROJECT, [name], np.eye(3)[0])
@@ -161,7 +161,7 @@ def test_each_deed_on_several_is_one_step_that_undo_takes_back(workspace) -> Non
         else:
             assert list(PAIR) in (changed, handled), deed
         editor.undo()
-        assert same(editor.project, first), deed
+        assert are_identical(editor.project, first), deed
 
 
 def test_drag_moves_all_selected_characters(workspace) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.sounds import SOUND_RATE, Sound, mix_sounds
@@ -147,7 +147,7 @@ def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     workspace.open(written(tmp_path / "song.wav"))
     assert editor.project.sounds["song"].begin == pytest.approx(1.5)
     again = project_of(project_bytes(editor.project))
-    assert same(again.sounds["song"].samples, editor.project.sounds["song"].samples)
+    assert are_identical(again.sounds["song"].samples, editor.project.sounds["song"].samples)
     editor.scrub(0.5)
     workspace.actions.do("sound.begin")
     assert editor.project.sounds["song"].begin == pytest.approx(0.5)
@@ -155,7 +155,7 @@ def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     assert not editor.project.sounds and not workspace.actions.do("sound.begin")
     for _ in range(3):
         editor.undo()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
 
 
 def test_samples_of_another_kind_are_refused() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from made_acting_stage import acting_stage
 from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Place, Wait, play
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.paint.paint_tool import PaintTool
 from enliven_viewer.studio.tools.registry import TOOLS
@@ -64,6 +64,6 @@ def test_strokes_of_every_tool_at_random_are_undone_bit_for_bit(tmp_path) -> Non
     play([Key("escape"), Key("escape")], stage)
     last, at = editor.project, editor.history.at
     editor.go_to(0)
-    assert same(editor.project, first)
+    assert are_identical(editor.project, first)
     editor.go_to(at)
-    assert same(editor.project, last)
+    assert are_identical(editor.project, last)

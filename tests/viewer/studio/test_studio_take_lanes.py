@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_acting_stage import acting_stage, two_takes
 
-from enliven.document import same
+from enliven.document import are_identical
 from enliven.modeling.edits import alternative_takes
 from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.features.timeline.layout import (
@@ -130,7 +130,7 @@ def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
         and "wave 2" not in editor.project.takes
     )
     editor.undo()
-    assert same(editor.project, before)
+    assert are_identical(editor.project, before)
     delete_take_row(editor, "walk")
     assert "walk" not in editor.project.takes, "nothing plays it"
     delete_take_row(editor, "sway")

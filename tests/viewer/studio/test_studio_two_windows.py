@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from in_a_window import in_a_window
 
-from enliven.document.project import Marker, same
+from enliven.document.project import Marker, are_identical
 from enliven.errors import ResourceError
 from enliven.formats.project.file import read_project
 from enliven_viewer.studio.editor.editor import Editor
@@ -135,7 +135,7 @@ def test_two_windows_that_made_the_same_ask_nothing(windows, tmp_path: Path) -> 
     first.ask("save")
     assert second.attempt(lambda: second.open(tmp_path / "work.enliven"))
     second.go_on(discard=True)
-    assert same(first.editor.project, second.editor.project)
+    assert are_identical(first.editor.project, second.editor.project)
     for window in windows:
         window.editor.edit("remove", lambda project: project.without("shared"))
         window.ask("save")

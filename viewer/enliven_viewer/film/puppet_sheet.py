@@ -53,6 +53,8 @@ def _make_puppet_row(project: Project, puppet: Puppet, times: Float) -> MotionRo
     held_vertices, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, held_vertices, weights, puppet.surface)
     states = [state_of(project, puppet, time) for time in times]
-    surfaces = [in_world(puppet, state, surface.settle(state.places)).astype(np.float32) for state in states]
+    surfaces = [
+        in_world(puppet, state, surface.solve_from_rest(state.places)).astype(np.float32) for state in states
+    ]
     poses = [pose_of_state(puppet, state) for state in states]
     return MotionRow(character_from_puppet(puppet), poses, CAMERA_AZIMUTH, surfaces)

@@ -153,7 +153,7 @@ class _SolvedSurface:
         """
         started_at = time.perf_counter()
         try:
-            vertices = surface.settle(places) if self._local is None else surface.solve(places)
+            vertices = surface.solve_from_rest(places) if self._local is None else surface.solve(places)
         except _SOLVER_ERRORS as error:
             vertices = surface.pose
             log.debug("%s keeps its last shape: %s", self.character.id, error)

@@ -111,7 +111,7 @@ class FusedSensors(Sensor):
                 thread.start()
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
-            sensor_bodies = self._take(deadline)
+            sensor_bodies = self._wait_for_bodies(deadline)
             if sensor_bodies is None:
                 self._check_all_lost()
                 return None
@@ -128,7 +128,7 @@ class FusedSensors(Sensor):
         for thread in self._threads:
             thread.stop()
 
-    def _take(self, deadline: float | None) -> SensorBodies | None:
+    def _wait_for_bodies(self, deadline: float | None) -> SensorBodies | None:
         """Returns the next bodies of any sensor, or None when all sensors have ended."""
         with self._changed:
             while True:
@@ -172,7 +172,7 @@ class FusedSensors(Sensor):
         time_ns = self._to_common_clock(sensor_bodies)
         self.fuser.update(sensor_bodies.sensor, sensor_bodies.bodies, time_ns, frozen=sensor_bodies.frozen)
         self._now_ns = max(self._now_ns, time_ns)
-        is_due = self._schedule.due(sensor_bodies.sensor, time_ns)
+        is_due = self._schedule.is_due(sensor_bodies.sensor, time_ns)
         bodies = self.fuser.bodies(time_ns) if is_due else []
         self._log_warnings()
         return BodyFrame(bodies, time_ns, self.name, self._camera, sensor_bodies.read_ns) if is_due else None

@@ -80,7 +80,7 @@ class Fuser:
         assign = self._assign_people(groups, time_ns)
         for group, person in assign:
             self._check_placement(group, person, time_ns)
-            body = person.see(group, self.views, time_ns)
+            body = person.fuse(group, self.views, time_ns)
             is_sure = person.hits >= s.sure_after
             duplicate = not is_sure and _is_duplicate(group, [other for other, _ in assign])
             person.hits = 1 if duplicate else person.hits + len(group.sightings)

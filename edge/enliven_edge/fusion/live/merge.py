@@ -99,7 +99,7 @@ class OutputSchedule:
         self._leader: str | None = None
         self._last_sent_ns: int | None = None
 
-    def due(self, sensor: str, time_ns: int) -> bool:
+    def is_due(self, sensor: str, time_ns: int) -> bool:
         """Returns True if fused bodies are due with this frame of a sensor (time of the common clock)."""
         previous_ns = self._last.get(sensor, time_ns)
         if time_ns > previous_ns:

@@ -67,7 +67,7 @@ class FusedPerson:
         """Returns the predicted joints (20, 3)."""
         return self.joints + min(max(self.seconds_unseen(time_ns), 0.0), MAX_BODY_AGE_S) * self.velocity
 
-    def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
+    def fuse(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
         """Returns the body of this person, fused from all sensors of the group."""
         seconds = self.seconds_unseen(time_ns)
         has_prediction = seconds < _MAX_GLIDE_S

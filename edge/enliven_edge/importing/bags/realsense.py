@@ -39,17 +39,17 @@ class _BagContents:
     serials: dict[str, str] = field(default_factory=dict)
 
 
-def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
+def frames(path: Path, read_messages: Read, device: str | None) -> Iterator[DepthFrame]:
     """Yields the depth images of one camera of a recording.
 
     Args:
-        read: returns the messages of the file.
+        read_messages: returns the messages of the file.
         device: its serial number, or the name to give the sensor. None for the only camera.
 
     Raises:
         InputError: if the recording has no depth camera, or several cameras and ``device`` is not given.
     """
-    contents = _read_contents(path, read)
+    contents = _read_contents(path, read_messages)
     stream = _choose_stream(contents, device, path)
     match = _STREAM.match(stream)
     assert match is not None
@@ -58,7 +58,7 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
     serial = contents.serials.get(stream_of_topic, "")
     name = device if device and device != serial else "-".join(word for word in ("realsense", serial) if word)
     pending_frame: DepthFrame | None = None
-    for topic, fields in read(path, lambda topic: topic.startswith(f"{stream}/image/")):
+    for topic, fields in read_messages(path, lambda topic: topic.startswith(f"{stream}/image/")):
         if topic.endswith(("/data", "/compressedDepth")):
             if pending_frame is not None:
                 yield pending_frame
@@ -89,9 +89,9 @@ def _add_number(frame: DepthFrame, fields: dict[str, str]) -> DepthFrame:
         return frame
 
 
-def _read_contents(path: Path, read: Read) -> _BagContents:
+def _read_contents(path: Path, read_messages: Read) -> _BagContents:
     contents = _BagContents()
-    for topic, fields in read(path, _is_small):
+    for topic, fields in read_messages(path, _is_small):
         if topic.endswith("camera_info"):
             stream = _STREAM.match(topic)
             if stream:

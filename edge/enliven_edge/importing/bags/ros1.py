@@ -116,7 +116,7 @@ class Message(NamedTuple):
     fields: Fields
 
 
-def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
+def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Message]:
     """Yields the messages of the requested topics, in the order of the file.
 
     Raises:
@@ -140,12 +140,15 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
                 file.seek(remaining, os.SEEK_CUR)
                 continue
             yield from _chunk_messages(
-                _decompress(header, _read_sized(file, _MAX_CHUNK_BYTES, path), path), topics, wanted, path
+                _decompress(header, _read_sized(file, _MAX_CHUNK_BYTES, path), path),
+                topics,
+                is_requested,
+                path,
             )
 
 
 def _chunk_messages(
-    chunk: bytes, topics: dict[bytes, str], wanted: Callable[[str], bool], path: Path
+    chunk: bytes, topics: dict[bytes, str], is_requested: Callable[[str], bool], path: Path
 ) -> Iterator[Message]:
     """Yields the messages of a chunk. Its connections are added to ``topics``."""
     offset = 0
@@ -159,7 +162,7 @@ def _chunk_messages(
             topic = topics.get(header.get(b"conn", b""))
             if topic is None:
                 raise InputError("a message has no topic", where=str(path), remedy=_COPY_HINT)
-            if wanted(topic):
+            if is_requested(topic):
                 yield Message(topic, Fields(chunk[data_range:offset], f"{path}, {topic}"))
 
 

@@ -19,7 +19,7 @@ _MAX_TOPICS = 1000
 """Maximum number of topics in a recording: a camera has some 200, one for each option."""
 
 
-def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
+def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Message]:
     """Yields the messages of the requested topics, in the order of recording.
 
     Raises:
@@ -28,7 +28,7 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
     open_file(path).close()
     try:
         with contextlib.closing(_open_database(path)) as database:
-            topics = {number: name for number, name in database.execute(_TOPICS) if wanted(str(name))}
+            topics = {number: name for number, name in database.execute(_TOPICS) if is_requested(str(name))}
             topic_ids = ",".join(str(int(number)) for number in topics)
             for number, data in database.execute(_MESSAGES.format(topic_ids)):
                 topic = str(topics[number])

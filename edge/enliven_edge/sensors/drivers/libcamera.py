@@ -146,12 +146,13 @@ class LibcameraSensor(Sensor):
         camera = self._rectification.intrinsics
         return DepthFrame(depth, camera, left.time_ns, self.name, sequence=left.sequence)
 
-    def _check_sizes(self, sizes: list[tuple[int, int]], wanted: tuple[int, int]) -> None:
+    def _check_sizes(self, sizes: list[tuple[int, int]], calibrated_size: tuple[int, int]) -> None:
         """Raises InputError for a camera with another image size than the calibrated one."""
         for size in sizes:
-            if size != wanted:
+            if size != calibrated_size:
                 raise InputError(
-                    f"a camera gives {size[0]} x {size[1]}, the calibration is of {wanted[0]} x {wanted[1]}",
+                    f"a camera gives {size[0]} x {size[1]}, "
+                    f"the calibration is of {calibrated_size[0]} x {calibrated_size[1]}",
                     where=self.name,
                     remedy="Calibrate in a size that the cameras have: enliven calibrate-stereo --size.",
                 )

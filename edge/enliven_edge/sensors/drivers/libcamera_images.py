@@ -108,7 +108,7 @@ class LibcameraImages:
             camera.close()
         self._ready = []
 
-    def _find_cameras(self, wanted: list[str]) -> list[Any]:
+    def _find_cameras(self, requested_names: list[str]) -> list[Any]:
         """Returns the requested cameras."""
         connected = list(self._manager.cameras)
         if not connected:
@@ -118,7 +118,7 @@ class LibcameraImages:
             raise ResourceError("libcamera finds no camera", where="sensor libcamera", remedy=remedy)
         listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(connected))
         devices = []
-        for identity in wanted:
+        for identity in requested_names:
             matching = [c for n, c in enumerate(connected) if identity in (str(n), c.id)]
             matching = matching or [c for c in connected if not identity.isdigit() and identity in c.id]
             if not matching:
@@ -164,10 +164,10 @@ class _OpenCamera:
             self.close()
             raise
 
-    def start(self, wanted: dict[str, Any]) -> None:
+    def start(self, settings: dict[str, Any]) -> None:
         """Starts the image stream. Settings that the camera does not support are left out."""
         controls = {control.name: control for control in self._camera.controls}
-        self._camera.start({controls[name]: value for name, value in wanted.items() if name in controls})
+        self._camera.start({controls[name]: value for name, value in settings.items() if name in controls})
         self._running = True
         for request in self._requests:
             self._camera.queue_request(request)

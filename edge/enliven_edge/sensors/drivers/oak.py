@@ -181,20 +181,20 @@ class OakSensor(Sensor):
             self._level = np.array(calibration.getImuToCameraExtrinsics(features))[:3, :3]
         return depth, camera_features
 
-    def _open_device(self, wanted: str) -> Any:
+    def _open_device(self, requested_name: str) -> Any:
         """Opens the camera. If none is visible yet, the library searches for a while."""
         dai = self._dai
         cameras = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
 
         def choose() -> Any:
-            return choose_device("oak", "an OAK", cameras, wanted, "device", self._before)
+            return choose_device("oak", "an OAK", cameras, requested_name, "device", self._before)
 
         try:
-            if wanted:
-                return dai.Device(cameras.get(wanted) or dai.DeviceInfo(wanted))
+            if requested_name:
+                return dai.Device(cameras.get(requested_name) or dai.DeviceInfo(requested_name))
             return dai.Device(choose()) if cameras else dai.Device()
         except RuntimeError as error:
-            if str(error) in _NOT_FOUND_MESSAGES and wanted not in cameras:
+            if str(error) in _NOT_FOUND_MESSAGES and requested_name not in cameras:
                 choose()
             raise convert_error("oak", error) from None
 

@@ -124,10 +124,10 @@ class OrbbecSensor(Sensor):
         self._device = self._context = None
         self._left = []
 
-    def _open_device(self, wanted: str, before: str) -> Any:
+    def _open_device(self, requested_name: str, last_serial: str) -> Any:
         """Opens the camera. The library reports when it is unplugged."""
         self._context = self._ob.Context()
-        device = open_device(self._ob, self._context, wanted, before)
+        device = open_device(self._ob, self._context, requested_name, last_serial)
         device_info = device.get_device_info()
         serial, self._uid = device_info.get_serial_number(), device_info.get_uid()
         self.name, self.again = f"orbbec {serial}", {"before": serial}

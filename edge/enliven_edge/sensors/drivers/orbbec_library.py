@@ -33,11 +33,11 @@ def orbbec_library() -> Any:
     return ob
 
 
-def open_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
+def open_device(ob: Any, context: Any, requested_name: str, last_serial: str = "") -> Any:
     """Opens a camera by its serial number, name, USB path or network address. Without one, the only camera.
 
     Args:
-        before: the serial number of the camera that was open last, which is preferred.
+        last_serial: the serial number of the camera that was open last, which is preferred.
 
     Raises:
         ResourceError: if it is missing or cannot be opened, or there are several and none was named.
@@ -47,15 +47,22 @@ def open_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
         all_names = [_accepted_names(listed, index) for index in range(len(listed))]
         # If the user has no permission to open a camera, the camera has no serial number.
         indices = {names[0] or names[2]: index for index, names in enumerate(all_names)}
-        matching = {name: index for name, index in indices.items() if wanted in ("", *all_names[index])}
-        if not matching and _is_address(wanted):
-            return context.create_net_device(wanted, _PORT)
+        matching = {
+            name: index for name, index in indices.items() if requested_name in ("", *all_names[index])
+        }
+        if not matching and _is_address(requested_name):
+            return context.create_net_device(requested_name, _PORT)
         index = choose_device(
-            "orbbec", "an Orbbec camera", matching or indices, "" if matching else wanted, "device", before
+            "orbbec",
+            "an Orbbec camera",
+            matching or indices,
+            "" if matching else requested_name,
+            "device",
+            last_serial,
         )
         return listed.get_device_by_index(index)
     except ob.OBError as error:
-        raise convert_error("orbbec", error, f"sensor orbbec {wanted}".rstrip()) from None
+        raise convert_error("orbbec", error, f"sensor orbbec {requested_name}".rstrip()) from None
 
 
 def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) -> Any:

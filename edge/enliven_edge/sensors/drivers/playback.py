@@ -103,14 +103,17 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
     return parts
 
 
-def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame], before: int) -> Playback:
-    """Writes the images of one camera into one file. ``before`` counts the images of the files before it."""
+def _write(
+    path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame], image_offset: int
+) -> Playback:
+    """Writes the images of one camera into one file. ``image_offset`` counts the images of the files before
+    it."""
     first, images = next(frames), 0
     shift_ns = first.time_ns - 1000 * BEGINNING_US
     with _Bag(path) as bag:
         for frame in itertools.chain([first], frames):
             time_us = (frame.time_ns - shift_ns) // 1000
-            bag.write([("image", time_us, _image_message(frame.depth, time_us, before + images))])
+            bag.write([("image", time_us, _image_message(frame.depth, time_us, image_offset + images))])
             images += 1
         about = {
             "device": _device_message(),

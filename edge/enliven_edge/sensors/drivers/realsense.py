@@ -116,7 +116,7 @@ class RealSenseSensor(Sensor):
             stream.stop()
             stream.close()
 
-    def _open_device(self, serial: str, before: str) -> Any:
+    def _open_device(self, serial: str, last_serial: str) -> Any:
         """Returns the camera with this serial number, or the only one."""
         rs = self._rs
         try:
@@ -124,7 +124,9 @@ class RealSenseSensor(Sensor):
             devices_by_serial = {device.get_info(rs.camera_info.serial_number): device for device in devices}
         except RuntimeError as error:
             raise convert_error("realsense", error) from None
-        return choose_device("realsense", "a RealSense camera", devices_by_serial, serial, "serial", before)
+        return choose_device(
+            "realsense", "a RealSense camera", devices_by_serial, serial, "serial", last_serial
+        )
 
     def _start(self, mode: tuple[int, int, int], preset: str, laser: bool, colour: bool) -> None:
         """Starts the depth images, the colour if requested, and the accelerometer if there is one."""

@@ -63,38 +63,45 @@ def one_line_message(error: Exception) -> str:
 
 
 def choose_device(
-    sensor: str, make: str, found: Mapping[str, Device], wanted: str, option: str, before: str = ""
+    sensor: str,
+    common_name: str,
+    devices: Mapping[str, Device],
+    requested_name: str,
+    option: str,
+    last_name: str = "",
 ) -> Device:
     """Returns the requested device, or the only one.
 
     Args:
-        make: the common name of a device of this kind, with its article.
-        found: the connected devices by identity.
-        wanted: the requested identity. Empty: none.
+        common_name: the common name of a device of this kind, with its article.
+        devices: the connected devices by identity.
+        requested_name: the requested identity. Empty: none.
         option: the name of the option that requests it.
-        before: the identity of the device that was open last, which is preferred.
+        last_name: the identity of the device that was open last, which is preferred.
 
     Raises:
         ResourceError: if it is missing, or there are several and none was named.
     """
-    if not found:
-        raise _missing_device_error(sensor, f"{make} called {wanted}" if wanted else make)
-    if wanted:
-        if wanted in found:
-            return found[wanted]
-        remedy = f"Connected: {', '.join(found)}. Give one of them: --set {option}={next(iter(found))}"
-        raise ResourceError(
-            f"{make} called {wanted} is not connected", where=f"sensor {sensor}", remedy=remedy
+    if not devices:
+        raise _missing_device_error(
+            sensor, f"{common_name} called {requested_name}" if requested_name else common_name
         )
-    if len(found) > 1 and before not in found:
-        first, second, *_ = found
+    if requested_name:
+        if requested_name in devices:
+            return devices[requested_name]
+        remedy = f"Connected: {', '.join(devices)}. Give one of them: --set {option}={next(iter(devices))}"
+        raise ResourceError(
+            f"{common_name} called {requested_name} is not connected", where=f"sensor {sensor}", remedy=remedy
+        )
+    if len(devices) > 1 and last_name not in devices:
+        first, second, *_ = devices
         remedy = (
             f"Name the one you mean: --set {option}={first}. Two at once: --sensor left={sensor} "
             f"--sensor right={sensor} --set left.{option}={first} --set right.{option}={second}"
         )
-        problem = f"{len(found)} are connected: {', '.join(found)}"
+        problem = f"{len(devices)} are connected: {', '.join(devices)}"
         raise ResourceError(problem, where=f"sensor {sensor}", remedy=remedy)
-    return found.get(before) or next(iter(found.values()))
+    return devices.get(last_name) or next(iter(devices.values()))
 
 
 def _missing_device_error(sensor: str, which: str) -> ResourceError:

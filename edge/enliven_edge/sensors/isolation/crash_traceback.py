@@ -43,9 +43,9 @@ class CrashTraceback:
             self._near.close()
 
 
-def enable_crash_report(far: Connection | None) -> None:
+def enable_crash_report(pipe: Connection | None) -> None:
     """Sends the report of a crash of this process through the pipe, which must be kept open."""
-    if far is not None:
+    if pipe is not None:
         # Do not block on writing, because the reader of a crashing process may be missing.
-        os.set_blocking(far.fileno(), False)
-        faulthandler.enable(file=far.fileno())
+        os.set_blocking(pipe.fileno(), False)
+        faulthandler.enable(file=pipe.fileno())

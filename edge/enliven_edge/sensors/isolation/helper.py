@@ -91,7 +91,7 @@ class _Helper:
         self._told, self._camera, self._reading = 0.0, None, False
         self._pipe.send(("opened", self._device.name, self._device.fps, dict(self._device.again)))
 
-    def _go(self) -> None:
+    def _start_frames(self) -> None:
         """Request: starts reading frames. Earlier frames would be old when the edge takes them."""
         self._reading = True
 

@@ -58,7 +58,7 @@ class HelperProcess:
         self._waiting: list[tuple[Any, ...]] = []
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """True while the process runs."""
         return self._process.is_alive()
 
@@ -82,13 +82,13 @@ class HelperProcess:
         name, fps, again = message[1:]
         return name, fps, again
 
-    def go(self) -> None:
+    def start_frames(self) -> None:
         """Starts the frames.
 
         Raises:
             SensorFault: if the process has ended.
         """
-        self._send_request("go")
+        self._send_request("start_frames")
 
     def receive(self, timeout: float) -> tuple[Any, ...] | None:
         """Returns the next message for the sensor. Returns None if no message comes within ``timeout``

@@ -54,7 +54,7 @@ class IsolatedOpener:
         try:
             name, fps, again = helper.open()
         except (InputError, ResourceError):
-            if self._reuses_process and helper.alive:
+            if self._reuses_process and helper.is_alive:
                 self._idle = helper
             else:
                 helper.end()
@@ -92,7 +92,7 @@ class IsolatedSensor(Sensor):
     def read(self, timeout: float | None = None) -> Frame | None:
         deadline = None if timeout is None else time.monotonic() + timeout
         if self._last_image_at == -math.inf and not self._closed:
-            self._helper.go()
+            self._helper.start_frames()
             self._last_image_at = time.monotonic()
         while not self._closed:
             left = self._last_image_at + self._patience - time.monotonic()

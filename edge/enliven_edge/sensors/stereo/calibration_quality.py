@@ -107,7 +107,7 @@ class CalibrationQuality:
     advice: list[str]
 
     @property
-    def usable(self) -> bool:
+    def is_usable(self) -> bool:
         """True if it may be used without doubt."""
         return self.verdict != "not good enough"
 

@@ -100,7 +100,7 @@ class RokokoSensor(StreamSensor[list[HumanPose]]):
         self._humans: list[HumanPose] = []
         self._ids: dict[str, int] = {}
 
-    def _take(self, data: list[HumanPose]) -> bool:
+    def _store_motion(self, data: list[HumanPose]) -> bool:
         self._humans = data
         return True
 

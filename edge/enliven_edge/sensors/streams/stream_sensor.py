@@ -67,7 +67,7 @@ class StreamSensor(Sensor, Generic[Data]):
                 data = self._port.frame(None if end is None else max(end - time.monotonic(), _MIN_WAIT_S))
             except TimeoutError:
                 raise TimeoutError(self._missing) from None
-            if self._take(data):
+            if self._store_motion(data):
                 return BodyFrame(self._bodies(), time.monotonic_ns(), self.name)
             if end is not None and time.monotonic() >= end:
                 raise TimeoutError(self._missing)
@@ -78,7 +78,7 @@ class StreamSensor(Sensor, Generic[Data]):
         self._port.close()
 
     @abstractmethod
-    def _take(self, data: Data) -> bool:
+    def _store_motion(self, data: Data) -> bool:
         """Keeps the motion of a frame of packets. Returns True if it contained some."""
 
     @abstractmethod

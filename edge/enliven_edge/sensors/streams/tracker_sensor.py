@@ -63,7 +63,7 @@ class TrackerSensor(StreamSensor[list[Message]]):
         super().__init__("osc-trackers", "trackers", open_osc_port("osc-trackers", port, host))
         self._points: dict[Joint, tuple[Float, float]] = {}
 
-    def _take(self, data: list[Message]) -> bool:
+    def _store_motion(self, data: list[Message]) -> bool:
         """Keeps the positions of a frame. Returns True if there was one."""
         counts = False
         for address, arguments in data:

@@ -51,7 +51,7 @@ class VmcSensor(StreamSensor[list[Message]]):
         self._root = (np.zeros(3), IDENTITY)
         self._is_loaded = True
 
-    def _take(self, data: list[Message]) -> bool:
+    def _store_motion(self, data: list[Message]) -> bool:
         """Keeps the bones of a frame. Returns True if there was a bone, or the state that there are none."""
         counts = False
         for address, arguments in data:

@@ -28,7 +28,8 @@ class ControlPointHold:
         pose: (P, 3) metres, the last positions of all paired joints in the body frame.
         yaw: radians, the performer's facing direction, continuous.
         footing: the performer's last foot contacts and jump height.
-        way: the performer's path on the floor as x + iz, in metres, scaled to the performer of the key poses.
+        path_position: the performer's path on the floor as x + iz, in metres, scaled to the performer of the
+            key poses.
         seen_ns: nanoseconds of the sensor's clock when the performer was last in view.
     """
 
@@ -39,7 +40,7 @@ class ControlPointHold:
     pose: Float = field(default_factory=lambda: np.zeros((0, 3)))
     yaw: float = 0.0
     footing: Footing = field(default_factory=Footing)
-    way: complex = 0j
+    path_position: complex = 0j
     seen_ns: int = 0
     _hips: complex | None = None
     _legs: list[float] = field(default_factory=lambda: [0.0, 0.0])
@@ -66,7 +67,7 @@ class ControlPointHold:
         if body.confidence[Joint.HIP_CENTER] > 0 and np.isfinite(at).all():
             hips = complex(complex_from_floor(at))
             if self._hips is not None:
-                self.way += (hips - self._hips) * legs * self._legs[1] / self._legs[0]
+                self.path_position += (hips - self._hips) * legs * self._legs[1] / self._legs[0]
             self._hips = hips
 
     def seconds_away(self, time_ns: int) -> float:

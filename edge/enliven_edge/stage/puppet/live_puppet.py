@@ -30,15 +30,15 @@ class PerformerInput:
         pose: (P, 3) metres, the paired joints in the body frame.
         yaw: radians about +Y, the direction that the puppet should face.
         footing: foot contacts and jump height of the performer.
-        size: rise of the puppet in metres for a lift of 1.
-        way: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
+        lift_scale_m: rise of the puppet in metres for a lift of 1.
+        path_position: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
     """
 
     pose: Float
     yaw: float
     footing: Footing
-    size: float
-    way: complex
+    lift_scale_m: float
+    path_position: complex
 
 
 class LivePuppet:
@@ -74,7 +74,7 @@ class LivePuppet:
         """
         self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
         self._waiting.clear()
-        self._locomotion.begin(state.root, sample.way)
+        self._locomotion.begin(state.root, sample.path_position)
         self._after = State(np.zeros((0, 3)), 0.0, state.root)
         self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
         for _ in range(self._lag + 2):
@@ -112,7 +112,9 @@ class LivePuppet:
             return
         places[self.free_points] = self.rest[self.free_points]
         delayed = self._waiting.popleft()
-        places, root = self._locomotion.go(places, delayed.yaw, delayed.footing, delayed.size, delayed.way)
+        places, root = self._locomotion.step(
+            places, delayed.yaw, delayed.footing, delayed.lift_scale_m, delayed.path_position
+        )
         self._before, self._after = self._after, State(places, delayed.yaw, root)
 
 
@@ -122,6 +124,6 @@ def _interpolate(a: PerformerInput, b: PerformerInput, fraction: float) -> Perfo
         a.pose + fraction * (b.pose - a.pose),
         a.yaw + fraction * (b.yaw - a.yaw),
         replace((a if fraction < 0.5 else b).footing, lift=lift),
-        b.size,
-        a.way + fraction * (b.way - a.way),
+        b.lift_scale_m,
+        a.path_position + fraction * (b.path_position - a.path_position),
     )

@@ -200,12 +200,12 @@ class Locomotion:
         self.anchor = -1
         self.root = np.zeros(3)
 
-    def begin(self, root: Float, way: complex) -> None:
-        """Starts again at a root (3,) in metres, for a performer at the position ``way`` of the path."""
+    def begin(self, root: Float, path_position: complex) -> None:
+        """Starts again at a root (3,) in metres, for a performer at ``path_position``."""
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
-        self._following, self._from = self._new(), (way, complex(complex_from_floor(self.root)))
+        self._following, self._from = self._new(), (path_position, complex(complex_from_floor(self.root)))
 
     def stands(self, state: State) -> Float:
         """Returns the centre of the feet, (3,) in metres, rotated by the yaw and moved to the root, without
@@ -222,16 +222,16 @@ class Locomotion:
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
         self._from = self._from[0], self._from[1] + complex(complex_from_floor(by))
 
-    def go(
-        self, places: Float, yaw: float, footing: Footing, size: float, way: complex
+    def step(
+        self, places: Float, yaw: float, footing: Footing, lift_scale_m: float, path_position: complex
     ) -> tuple[Float, Float]:
         """Returns the places (P, 3) and the root (3,) of the next frame, metres.
 
         Args:
             places: (P, 3) metres, control points in the puppet's frame.
             yaw: radians.
-            size: rise of the puppet in metres for a lift of 1.
-            way: the performer's path on the floor, in the puppet's strides and axes.
+            lift_scale_m: rise of the puppet in metres for a lift of 1.
+            path_position: the performer's path on the floor, in the puppet's strides and axes.
         """
         if not self.can_step:
             return places, self.root
@@ -243,17 +243,19 @@ class Locomotion:
             self._stand(turned, root, footing.stands)
         else:
             self._move_in_air(root)
-        places = self._follow_path(places, yaw, root, way, footing)
+        places = self._follow_path(places, yaw, root, path_position, footing)
         if len(self._feet):
-            root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * size
+            root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * lift_scale_m
         self._before, self.root = turned, root
         return places, root
 
-    def _follow_path(self, places: Float, yaw: float, root: Float, way: complex, footing: Footing) -> Float:
+    def _follow_path(
+        self, places: Float, yaw: float, root: Float, path_position: complex, footing: Footing
+    ) -> Float:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
-        off = way - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
+        off = path_position - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
         root += floor_from_complex(self._following.next(off, stands.tolist()))
         if not self._following.held:
             return places

@@ -203,7 +203,7 @@ class PuppetActor(Actor):
             pose[rows] = hold.pose[rows]
         yaw = self._yaw_offset + lead.yaw if self._locomotion.can_step else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
-        way = self._travel.stride * lead.way * cmath.exp(-1j * self._yaw_offset)
+        way = self._travel.stride * lead.path_position * cmath.exp(-1j * self._yaw_offset)
         sample = PerformerInput(pose, yaw, lead.footing, size, way)
         if self._restarts or paused:
             self._restarts = False

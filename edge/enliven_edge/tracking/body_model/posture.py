@@ -174,15 +174,15 @@ _MAX_TURN = 0.25
 """Maximum predicted rotation of a joint per frame in radians: 7.5 rad/s at 30 frames per second."""
 
 
-def predict_next(before: Posture, now: Posture) -> Posture:
+def predict_next(previous: Posture, current: Posture) -> Posture:
     """Returns the posture predicted for the next frame.
 
     The motion continues, slightly slower and with limited speed.
     """
-    predicted = now.copy()
-    step = _PREDICTED_FRACTION * (now.position - before.position)
+    predicted = current.copy()
+    step = _PREDICTED_FRACTION * (current.position - previous.position)
     predicted.position += step * min(1.0, _MAX_STEP / max(1e-9, math.hypot(*step)))
-    extrapolate(predicted.rotations, before.rotations, _PREDICTED_FRACTION, _MAX_TURN)
+    extrapolate(predicted.rotations, previous.rotations, _PREDICTED_FRACTION, _MAX_TURN)
     return predicted
 
 

@@ -203,14 +203,14 @@ class _CoarseFits:
         ), posture
 
 
-def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Posture]:
+def _best_distinct(ranked: list[tuple[float, Posture]], max_count: int) -> list[Posture]:
     """Returns the cheapest postures without those that are similar to a cheaper one."""
     distinct: list[tuple[Float, Posture]] = []
     for _, posture in sorted(ranked, key=lambda pair: pair[0]):
         joints = posture.joints()
         if all(np.linalg.norm(joints - other, axis=1).max() > _DUPLICATE_DISTANCE_M for other, _ in distinct):
             distinct.append((joints, posture))
-        if len(distinct) == most:
+        if len(distinct) == max_count:
             break
     return [posture for _, posture in distinct]
 

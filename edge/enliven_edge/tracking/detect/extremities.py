@@ -30,11 +30,12 @@ class Extremities:
 
     Attributes:
         points: (K, 3) metres, world frame, on the surface.
-        far: (K,) metres along the surface from the nearest of the middle and every earlier extremity.
+        surface_distances: (K,) metres along the surface from the nearest of the middle and every earlier
+            extremity.
     """
 
     points: Float
-    far: Float
+    surface_distances: Float
 
 
 def find_extremities(

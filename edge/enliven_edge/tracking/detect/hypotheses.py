@@ -92,7 +92,7 @@ def _bent_rotations(
     bend: float = 0.0,
     thighs: tuple[float, float] = (0.0, 0.0),
     knees: tuple[float, float] = (0.05, 0.05),
-    spread: tuple[float, float] = (0.06, 0.06),
+    leg_spread: tuple[float, float] = (0.06, 0.06),
     arm_raise: float = 0.15,
     arm_forward: float = 0.0,
     elbow: float = 0.4,
@@ -101,7 +101,7 @@ def _bent_rotations(
     rotations = standing_pose(arm_raise=arm_raise, arm_forward=arm_forward, elbow=elbow)
     rotations[model.PELVIS], rotations[model.CHEST] = rotation(x=pitch), rotation(x=bend)
     for side, thigh in enumerate((model.THIGH_L, model.THIGH_R)):
-        outward = spread[side] * (1 - 2 * side)
+        outward = leg_spread[side] * (1 - 2 * side)
         rotations[thigh] = rotation(x=-thighs[side], z=outward)
         rotations[thigh + 1] = rotation(x=knees[side])
     return rotations
@@ -111,10 +111,10 @@ def _create_bank() -> list[Float]:
     """Creates the bank: crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
     symmetric = [
         _bent_rotations(
-            pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8
+            pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), leg_spread=(0.3, 0.3), arm_forward=0.8
         ),
         _bent_rotations(
-            pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), spread=(0.2, 0.2), arm_forward=0.4
+            pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), leg_spread=(0.2, 0.2), arm_forward=0.4
         ),
         _bent_rotations(thighs=(0.05, 0.05), knees=(1.6, 1.6)),
         _bent_rotations(thighs=(1.5, 1.5), knees=(1.5, 1.5), arm_forward=0.3, elbow=0.8),
@@ -125,7 +125,7 @@ def _create_bank() -> list[Float]:
         _bent_rotations(thighs=(1.5, 0.05), knees=(1.5, 1.6)),
         _bent_rotations(thighs=(1.4, 0.05), knees=(1.3, 0.1)),
         _bent_rotations(thighs=(1.3, 0.05), knees=(0.1, 0.1)),
-        _bent_rotations(spread=(1.0, 0.0)),
+        _bent_rotations(leg_spread=(1.0, 0.0)),
         _bent_rotations(thighs=(-0.4, 0.05), knees=(1.3, 0.1)),
         _bent_rotations(pitch=0.1, thighs=(1.2, -0.4), knees=(1.2, 0.5)),
     ]
@@ -153,9 +153,10 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
 
 
 def bank_starts(
-    observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
+    observation: Observation, extremities: Extremities, eye: Float, lengths: Float, max_count: int
 ) -> list[Posture]:
-    """Returns the ``most`` postures of the bank that fit the points best, aligned with the extremities."""
+    """Returns the ``max_count`` postures of the bank that fit the points best, aligned with the
+    extremities."""
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _BANK_POINTS)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _yaw_towards(eye, centre)
@@ -167,7 +168,7 @@ def bank_starts(
     positions = _centre_on_points(points, centre, ends, radii, eye)
     misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _MAX_MISFIT_M)
     starts = []
-    for index in np.argsort(misfit, kind="stable")[:most]:
+    for index in np.argsort(misfit, kind="stable")[:max_count]:
         rotations = _rotate_about_vertical(
             bank_postures[index // len(headings)].rotations, facing + _YAWS[index % len(headings)]
         )

@@ -57,7 +57,7 @@ class Estimate:
 
     Attributes:
         joints: (20, 3) metres, world frame, ordered by :class:`enliven.person.body.Joint`.
-        spread: (20,) metres, the expected error of each joint according to the network.
+        expected_errors: (20,) metres, the expected error of each joint according to the network.
         facing: (8,) log probabilities of the facing directions, see :func:`labels.facing_in_plan`. They do
             not depend on the conditioning facing of the estimate.
         parts: (17, 40, 32) logits of the parts at every second cell of the crop.
@@ -66,7 +66,7 @@ class Estimate:
     """
 
     joints: Float
-    spread: Float
+    expected_errors: Float
     facing: Float
     parts: Float32
     crop: Crop
@@ -84,12 +84,12 @@ class Estimate:
 
     def _landmarks(self, min_spread: float) -> Float:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
-        return np.asarray(_landmarks(self.joints, self.spread, min_spread, JOINT_TRUST))
+        return np.asarray(_landmarks(self.joints, self.expected_errors, min_spread, JOINT_TRUST))
 
     def count_disagreeing(self, joints: Float, which: Int = _ALL_JOINTS) -> int:
         """Counts the (20, 3) joints, or those of ``which``, that are clearly away from the estimate's
         joints."""
-        return int(_count_disagreeing(joints, self.joints, self.spread, which))
+        return int(_count_disagreeing(joints, self.joints, self.expected_errors, which))
 
     def parts_at(self, rays: Float) -> Float32:
         """Returns (17, M) probabilities of the parts at (M, 2) rays, x/z and y/z, interpolated bilinearly."""

@@ -103,7 +103,7 @@ def joint_evidence(
         unsupported: (20,) frames since each joint was last supported.
         estimate: the network's estimate of the frame; None without one.
     """
-    network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.spread)
+    network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.expected_errors)
     fit = (report.support, report.violated, report.explained)
     state = (posture.position, posture.rotations, posture.lengths)
     observed, body = observation.held, _held_model()

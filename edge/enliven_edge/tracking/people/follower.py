@@ -177,7 +177,7 @@ class Follower:
         return follower, fit_quality(report)
 
     @property
-    def redetecting(self) -> bool:
+    def is_redetecting(self) -> bool:
         """Returns True if a redetection of the person is in progress."""
         return self._redetection is not None
 
@@ -216,7 +216,7 @@ class Follower:
         posture, report = self._fit_frame(observation, predicted, self._length_weights())
         certain = capsule_confidence(report, observation, posture)
         # Do not try arms while a redetection runs, because a frame with both searches would take too long.
-        reconsider, arms = self._recovery.reconsider, not self.redetecting
+        reconsider, arms = self._recovery.reconsider, not self.is_redetecting
         posture, report = reconsider(observation, posture, report, certain, network_output, arms=arms)
         velocity = self._update_velocity(posture.position, view.time_ns)
         flipped = network_output is not None and self._facing.is_wrong(

@@ -54,16 +54,16 @@ class GuessedFloor:
         self._settings = settings
         self._frames = 0
 
-    def before_search(self, view: FrameView, room: BackgroundModel) -> float:
+    def before_search(self, view: FrameView, background: BackgroundModel) -> float:
         """Returns the correction of the world's height in metres, from the first likely person.
 
         Call it in frames without tracked people.
         """
         self._frames = 0
         scene = self._settings.scene
-        kind = room.classify(view, scene.near, scene.far, scene.floor_band)
+        kind = background.classify(view, scene.near, scene.far, scene.floor_band)
         groups = segment_people(view, kind, [])
-        young = room.age < MAX_YOUNG_AGE_S
+        young = background.age < MAX_YOUNG_AGE_S
         candidates = Candidates().update(view, kind, groups, lambda _: True, lambda _: False, young=young)
         people = [
             candidate

@@ -164,7 +164,7 @@ class MultiPersonTracker:
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
         self._before_ns = time_ns
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).remaining
-        redetecting = [p.follower for p in self.people if p.follower.redetecting]
+        redetecting = [p.follower for p in self.people if p.follower.is_redetecting]
         for person in self.people:
             # A search that begins in this frame continues only in the next one, because its share of the
             # budget is not known earlier.
@@ -250,7 +250,7 @@ class MultiPersonTracker:
                     each = waiting.popleft()
                 except IndexError:  # Another thread has taken the last item.
                     return
-                each.person.follow(view, each.pixels, whole=each.is_whole, expected=each.expected)
+                each.person.follow(view, each.pixels, is_fully_visible=each.is_whole, expected=each.expected)
                 each.is_fitted = True
 
         beside = min(len(visible), self.settings.people.threads) - 1

@@ -85,7 +85,13 @@ class PeopleFinder:
         return searched
 
     def find(
-        self, view: FrameView, kind: UInt8, segments: Segments, room: BackgroundModel, *, believe: bool = True
+        self,
+        view: FrameView,
+        kind: UInt8,
+        segments: Segments,
+        background: BackgroundModel,
+        *,
+        believe: bool = True,
     ) -> Bool:
         """Finds people among the unassigned pixels. Returns the (h, w) pixels that may become a person.
 
@@ -93,7 +99,7 @@ class PeopleFinder:
             view: the frame.
             kind: (h, w) from :meth:`BackgroundModel.classify`.
             segments: of this frame; a person that is found gets its own pixels in it.
-            room: the background model.
+            background: the background model.
             believe: whether new people may be accepted; False while the sensor may be moving.
         """
         candidates = self._candidates.update(
@@ -102,9 +108,9 @@ class PeopleFinder:
             segments,
             self._tracks.admits,
             self._tracks.expects_return,
-            young=room.age < MAX_YOUNG_AGE_S,
+            young=background.age < MAX_YOUNG_AGE_S,
         )
-        if self._tracks.people and room.age > MAX_YOUNG_AGE_S:
+        if self._tracks.people and background.age > MAX_YOUNG_AGE_S:
             self._budget.remaining *= _TRACKING_BUDGET
         self._budget.remaining -= _SHAPE_COST * len(candidates)
         if self.settings.estimator:
@@ -114,15 +120,15 @@ class PeopleFinder:
             for n in candidates
             if n.shape.free_fraction > _MIN_FREE_OUTLINE or n in self._search.searched_candidates
         ]
-        hold = self._held_pixels(view, segments, free, room)
-        due = self._find_due(candidates, view, room)
+        hold = self._held_pixels(view, segments, free, background)
+        due = self._find_due(candidates, view, background)
         if not believe or self._has_lost_all(view):
             self._search.stop()
         elif not self._search.is_busy:
             self._start_search(due, view)
-        self._limit_search(young=room.age < MAX_YOUNG_AGE_S)
+        self._limit_search(young=background.age < MAX_YOUNG_AGE_S)
         for body in self._search.advance(self._budget):
-            pixels = self._move_to_frame(body, view, kind, segments, room)
+            pixels = self._move_to_frame(body, view, kind, segments, background)
             if pixels is not None:
                 self._add_body(body, pixels, view, segments)
         return hold
@@ -147,7 +153,7 @@ class PeopleFinder:
         self._budget.remaining = max(_MIN_BUDGET, share * self._budget.remaining)
 
     def _held_pixels(
-        self, view: FrameView, segments: Segments, free: list[Candidate], room: BackgroundModel
+        self, view: FrameView, segments: Segments, free: list[Candidate], background: BackgroundModel
     ) -> Bool:
         """Returns the pixels (h, w) of free candidates, which must not be learnt as background.
 
@@ -156,21 +162,21 @@ class PeopleFinder:
         hold = np.zeros(view.z.shape, bool)
         for candidate in free:
             hold |= candidate.pixels
-        if room.age < MAX_YOUNG_AGE_S:
+        if background.age < MAX_YOUNG_AGE_S:
             hold |= _find_fragments(
                 segments, [n.centre for n in free] + [p.place for p in self._tracks.people]
             )
         return hold
 
     def _find_due(
-        self, candidates: list[Candidate], view: FrameView, room: BackgroundModel
+        self, candidates: list[Candidate], view: FrameView, background: BackgroundModel
     ) -> list[Candidate]:
         """Returns the candidates to search for a body now."""
         alone, missing = not self._tracks.people, self._tracks.has_missing_people
         return [
             n
             for n in candidates
-            if not n.is_bystander and n.is_due(view.time_ns, room.age, alone=alone, missing=missing)
+            if not n.is_bystander and n.is_due(view.time_ns, background.age, alone=alone, missing=missing)
         ]
 
     def _start_search(self, due: list[Candidate], view: FrameView) -> None:
@@ -179,10 +185,15 @@ class PeopleFinder:
         most = self.settings.people.most - len(self._tracks.people)
         if due and most > 0:
             others = [n for n in due if n not in sure]
-            self._search.start(view, sure, others, alone=not self._tracks.people, most=most)
+            self._search.start(view, sure, others, alone=not self._tracks.people, max_bodies=most)
 
     def _move_to_frame(
-        self, body: DetectedBody, view: FrameView, kind: UInt8, segments: Segments, room: BackgroundModel
+        self,
+        body: DetectedBody,
+        view: FrameView,
+        kind: UInt8,
+        segments: Segments,
+        background: BackgroundModel,
     ) -> Bool | None:
         """Fits a found body to this frame and returns its (h, w) pixels. None if it is not visible here."""
         candidate, follower = body.candidate, body.follower
@@ -198,7 +209,7 @@ class PeopleFinder:
             came = candidate.pixels & ~pixels_near_bodies(
                 view, [follower.posture], 0.0, MAX_CLOTHES_DISTANCE_M
             )
-            room.absorb(came & (room.z == 0.0))
+            background.absorb(came & (background.z == 0.0))
             free[came] = BACKGROUND
         pixels = segment_people(view, free, [follower.posture]).pixels(0)
         if follower.follow(view, pixels):

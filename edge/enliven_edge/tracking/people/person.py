@@ -161,13 +161,16 @@ class Person:
         """
         return _HIDDEN_RADIUS_M + _HIDDEN_RADIUS_GROWTH * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
-    def follow(self, view: FrameView, pixels: Bool, *, whole: bool, expected: Posture | None = None) -> bool:
+    def follow(
+        self, view: FrameView, pixels: Bool, *, is_fully_visible: bool, expected: Posture | None = None
+    ) -> bool:
         """Fits the person to a frame. Returns True if the fit is good.
 
         Args:
             view: the frame.
             pixels: (h, w) the person's pixels.
-            whole: whether nothing occludes the person and the image border does not cut the person off.
+            is_fully_visible: whether nothing occludes the person and the image border does not cut the person
+                off.
             expected: the result of :meth:`predict_posture`, if it is already known.
         """
         previous_place = self.place.copy()
@@ -179,7 +182,9 @@ class Person:
         )
         self._confident_frames += self._person_probability > _CERTAIN_PROBABILITY
         if is_good:
-            self._update_measurements(view, pixels, self.place - previous_place, whole=whole)
+            self._update_measurements(
+                view, pixels, self.place - previous_place, is_fully_visible=is_fully_visible
+            )
         return is_good
 
     def move_with_pixels(self, view: FrameView, pixels: Bool) -> None:
@@ -219,7 +224,9 @@ class Person:
         self._velocity, self._centre = np.zeros(3), None
         self.seen_ns = self._time_ns = time_ns
 
-    def _update_measurements(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
+    def _update_measurements(
+        self, view: FrameView, pixels: Bool, step: Float, *, is_fully_visible: bool
+    ) -> None:
         """Updates velocity, proportions and stature after a good frame."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < _MAX_VELOCITY_GAP_S:
@@ -235,7 +242,7 @@ class Person:
         if self._turn % _MEASURE_INTERVAL != 1 and self.measurements.weight > _NEW_PERSON_FRAMES:
             return
         self._centre = _mean_point(view, pixels)
-        if whole:
+        if is_fully_visible:
             crown = self._crown_height(view, pixels) if view.has_floor else None
             self.measurements.update(self.follower.posture.lengths, crown)
         if self.is_doubtful:

@@ -90,7 +90,7 @@ class Search:
         detections: list[ScoredDetection],
         *,
         alone: bool,
-        most: int,
+        max_bodies: int,
     ) -> Steps[None]:
         """Adds found bodies to ``detections``: of the certain candidates, or else the best of the others.
 
@@ -100,12 +100,12 @@ class Search:
             others: other candidates.
             detections: receives the bodies.
             alone: whether no person is tracked.
-            most: maximum number of bodies.
+            max_bodies: maximum number of bodies.
         """
         yield from self.search_each(
-            view, sure[: min(most, MAX_TRIES if alone else 1)], detections, alone=alone
+            view, sure[: min(max_bodies, MAX_TRIES if alone else 1)], detections, alone=alone
         )
-        if not detections and most > 0 and (alone or not sure):
+        if not detections and max_bodies > 0 and (alone or not sure):
             detections += yield from self.best_guess(view, others, alone=alone)
 
     def search_each(

@@ -66,7 +66,7 @@ class SpreadSearch:
         others: Sequence[Candidate],
         *,
         alone: bool,
-        most: int,
+        max_bodies: int,
     ) -> None:
         """Starts a search in a frame. Arguments are those of :meth:`Search.search_candidates`."""
         self.stop()
@@ -74,7 +74,9 @@ class SpreadSearch:
         copies = [copied for _, copied, _ in self._searched]
         certain, uncertain = copies[: len(sure)], copies[len(sure) :]
         self._task = BudgetedTask(
-            self._search.search_candidates(view, certain, uncertain, self._detections, alone=alone, most=most)
+            self._search.search_candidates(
+                view, certain, uncertain, self._detections, alone=alone, max_bodies=max_bodies
+            )
         )
         self.view = view
 

@@ -118,12 +118,12 @@ class Mounting:
         self._fell_ns = self._corrected_ns = 0
 
     @property
-    def floor_known(self) -> bool:
+    def is_floor_known(self) -> bool:
         """Returns True if the floor was found, or the sensor reports its pose."""
         return self._floor_known
 
     @property
-    def height_known(self) -> bool:
+    def is_height_known(self) -> bool:
         """Returns True if the height above the floor is known: from the floor, the sensor or the settings."""
         return self._floor_known or self.settings.height > 0.0
 
@@ -137,7 +137,7 @@ class Mounting:
     def raise_guess(self, view: FrameView, metres: float) -> FrameView:
         """Raises the sensor above a guessed floor by ``metres``. Returns the frame in the corrected world."""
         assert self.world_from_camera is not None
-        if self.height_known or metres == 0.0:
+        if self.is_height_known or metres == 0.0:
             return view
         view = view.raise_by(metres)
         self.world_from_camera, self._guess = view.world_from_camera, float(view.world_from_camera[1, 3])
@@ -176,7 +176,7 @@ class Mounting:
             self._check_floor(z)
         assert self.world_from_camera is not None
         points = world_points(z, self._camera.ray, self.world_from_camera)
-        return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera, self.height_known)
+        return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera, self.is_height_known)
 
     def watch(self, view: FrameView, agreement: Agreement, people: Bool) -> None:
         """Detects that the sensor was moved, and corrects drift of the floor plane.
@@ -325,8 +325,8 @@ def _same_floor(first: Float, second: Float) -> bool:
     return turned <= _MOVED_ANGLE and abs(float(first[1, 3] - second[1, 3])) <= _MOVED_HEIGHT_M
 
 
-def _unchanged_fraction(z: Float, before: Float) -> float:
+def _unchanged_fraction(z: Float, previous_z: Float) -> float:
     """Returns the fraction of nearly unchanged pixels among those known in both frames."""
-    is_known = (z > 0) & (before > 0)
+    is_known = (z > 0) & (previous_z > 0)
     count = max(1, int(np.count_nonzero(is_known)))
-    return float(np.count_nonzero(is_known & (np.abs(z - before) < 0.03 + 0.01 * z * z))) / count
+    return float(np.count_nonzero(is_known & (np.abs(z - previous_z) < 0.03 + 0.01 * z * z))) / count

@@ -90,15 +90,15 @@ class Candidate:
         centre: Float,
         shape: BlobShape,
         area: float,
-        shares: tuple[float, float],
+        foreground_fractions: tuple[float, float],
         time_ns: int,
     ) -> None:
         """Updates the candidate with its blob in a new frame.
 
-        ``shares`` are the fractions of its pixels in front of the known background, and in front of the known
-        or filled-in background.
+        ``foreground_fractions`` are the fractions of its pixels in front of the known background, and in
+        front of the known or filled-in background.
         """
-        self.area, (self.known_front_fraction, self.front_fraction) = area, shares
+        self.area, (self.known_front_fraction, self.front_fraction) = area, foreground_fractions
         self.pixels, self.centre, self.shape = pixels, centre, shape
         self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
         self.crowns = [*self.crowns[-_PROVEN_FRAMES:], shape.crown]

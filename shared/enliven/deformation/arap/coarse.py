@@ -166,16 +166,16 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
     return CoarseSampling(whole, welded, net, spacing, samples, is_riding, *neighbourhoods)
 
 
-def _reorder_along_curve(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
+def _reorder_along_curve(mesh: Mesh, welded: Int) -> tuple[Mesh, Int]:
     """Returns the mesh and its welding map, with vertices and faces sorted along a space-filling curve, so
     that neighbours are near in memory.
     """
-    order = space_curve(whole.vertices)
+    order = space_curve(mesh.vertices)
     new_index = np.empty(len(order), np.int64)
     new_index[order] = np.arange(len(order))
-    faces: Int = new_index[whole.faces]
+    faces: Int = new_index[mesh.faces]
     faces = faces[np.argsort(faces.min(1), kind="stable")]
-    return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), new_index[welded]
+    return Mesh(mesh.vertices[order], faces.astype(np.int32), mesh.name), new_index[welded]
 
 
 def _add_samples(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:

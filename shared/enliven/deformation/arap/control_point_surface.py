@@ -2,7 +2,7 @@
 
     surface = PuppetSurface(mesh, held=[4711, 12, 980])
     vertices = surface.solve(places)        # (V, 3), the next frame of a drag or a performance
-    vertices = surface.settle(places)       # independent of earlier frames, for scrubbing and export
+    vertices = surface.solve_from_rest(places)       # independent of earlier frames, for scrubbing and export
 
 A mesh of more than ``coarse_above`` vertices is solved on an evenly distributed subset of its vertices
 (:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells near them, with all detail.
@@ -66,9 +66,9 @@ class PuppetSurface:
         self._second_surface: PuppetSurface | None = None
         self._thread_choice = ThreadChoice()
         self._body: tuple[ArapSolver, Coarse | None] | None = None
-        self.hold(held, weights)
+        self.set_control_points(held, weights)
 
-    def hold(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
+    def set_control_points(self, held: Sequence[int], weights: Sequence[float | None] | None = None) -> None:
         """Replaces the control points, and resets the mesh to rest.
 
         Raises:
@@ -129,12 +129,12 @@ class PuppetSurface:
         targets = self._checked_places(places)
         if len(targets):
             if self._guide is not None:
-                self._guide.take(self._solver, targets)
+                self._guide.move_surface(self._solver, targets)
             self._solver.solve(targets_from_places(targets))
             self.pose = self._carried_vertices(targets)
         return self.pose
 
-    def settle(self, places: Float) -> Float:
+    def solve_from_rest(self, places: Float) -> Float:
         """Returns the surface (V, 3) for control points at ``places`` (P, 3) metres, independent of earlier
         frames.
 
@@ -150,20 +150,21 @@ class PuppetSurface:
         if self._guide is None:
             settle_from_rest(self._solver, self.mesh.vertices[self._held], targets)
         else:
-            self._solver.start_from(self._guide.settle(targets), self._guide.pressure)
+            self._solver.start_from(self._guide.solve_from_rest(targets), self._guide.pressure)
         for _ in range(_DETAIL_SETTLING_FRAMES):
             self._solver.solve(targets_from_places(targets))
         self.pose = self._carried_vertices(targets)
         return self.pose
 
     def settle_separately(self, places: Float) -> Float:
-        """Returns the result of :meth:`settle` from a second solver, without changing the current pose.
+        """Returns the result of :meth:`solve_from_rest` from a second solver, without changing the current
+        pose.
 
         It may be called from another thread than the other methods, but not by two threads at once.
         """
         if self._second_surface is None:
             self._second_surface = self._twin_surface()
-        return self._second_surface.settle(places)
+        return self._second_surface.solve_from_rest(places)
 
     def _twin_surface(self) -> PuppetSurface:
         """Returns a second surface at rest with the same control points. It shares the factor and the

@@ -66,7 +66,7 @@ class Guide:
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
         self.carried = mesh.vertices
 
-    def take(self, fine: ArapSolver, places: Float) -> None:
+    def move_surface(self, fine: ArapSolver, places: Float) -> None:
         """Moves the fine surface with the proxy while the handles move to ``places`` (P, 3) metres.
 
         The offsets of the fine surface from the proxy are rotated by the best rotation of all handles.
@@ -80,7 +80,7 @@ class Guide:
         previous, self.carried, self._places = self.carried, self._carried_vertices(), places
         fine.move_with_proxy(previous, self.carried, rotation)
 
-    def settle(self, places: Float) -> Float:
+    def solve_from_rest(self, places: Float) -> Float:
         """Returns the vertices (V, 3) in metres for handles at ``places`` (P, 3), independent of earlier
         frames.
 

@@ -92,20 +92,20 @@ def unique_sides(corners: Int, count: int) -> Int:
 
 
 def add_tiny_shells(
-    whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
+    mesh: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
     """Returns the samples that each vertex follows (CSR), with tiny shells added.
 
     All vertices of a tiny shell follow the samples of the surface vertex that is nearest to the shell.
     """
     surface_vertices = np.flatnonzero(~riding)
-    label = shells(whole.faces, len(whole.vertices))[riding]
+    label = shells(mesh.faces, len(mesh.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)
     counts = np.bincount(number).astype(float)
-    middle = np.stack([np.bincount(number, whole.vertices[riding, axis]) / counts for axis in range(3)], 1)
+    middle = np.stack([np.bincount(number, mesh.vertices[riding, axis]) / counts for axis in range(3)], 1)
     followed_vertex = np.arange(len(riding))
     followed_vertex[riding] = surface_vertices[
-        scipy.spatial.cKDTree(whole.vertices[surface_vertices]).query(middle)[1]
+        scipy.spatial.cKDTree(mesh.vertices[surface_vertices]).query(middle)[1]
     ][number]
     return repeat_rows(followed_vertex, start, near, weights)
 

@@ -238,15 +238,16 @@ class ArapSolver:
         self._frames[self._surface.place_of, 12:15] = shown - self._surface.centre
         self._shown[:] = self._frames[:, 12:15]
 
-    def move_with_proxy(self, before: Float, after: Float, turn: Float) -> None:
+    def move_with_proxy(self, previous: Float, current: Float, turn: Float) -> None:
         """Moves the shape with a proxy.
 
         Args:
-            before, after: (V, 3) metres, the mesh as moved by the proxy in the last frame and in this frame.
+            previous, current: (V, 3) metres, the mesh as moved by the proxy in the last frame and in this
+                frame.
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
-        carry_positions(frames, self._shown, surface.place_of, surface.centre, before, after, turn)
+        carry_positions(frames, self._shown, surface.place_of, surface.centre, previous, current, turn)
 
     def twin(self) -> ArapSolver:
         """Returns another solver for the same mesh and handles, at rest. Both share the factor."""

@@ -81,23 +81,23 @@ def join_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
     return PlaneConstraints(*(np.concatenate([getattr(planes, part) for planes in sets]) for part in parts))
 
 
-def subsample_on_grid(points: Float | Float32, most: int) -> Int:
-    """Returns at most ``most`` indices of evenly distributed points, out of (P, 3): one point per cell of a
-    grid.
+def subsample_on_grid(points: Float | Float32, max_count: int) -> Int:
+    """Returns at most ``max_count`` indices of evenly distributed points, out of (P, 3): one point per cell
+    of a grid.
 
-    The size of the cells is chosen to return nearly ``most`` points.
+    The size of the cells is chosen to return nearly ``max_count`` points.
     """
-    if len(points) <= most:
+    if len(points) <= max_count:
         return np.arange(len(points))
     low = points.min(0)
-    cell = float(np.linalg.norm(np.ptp(points, axis=0))) / max(most, 1) ** 0.5 + 1e-12
+    cell = float(np.linalg.norm(np.ptp(points, axis=0))) / max(max_count, 1) ** 0.5 + 1e-12
     indices = _first_point_per_cell(points, low, cell)
-    while len(indices) < most:
+    while len(indices) < max_count:
         cell, previous = cell / 1.25, indices
         indices = _first_point_per_cell(points, low, cell)
-        if len(indices) > most:
+        if len(indices) > max_count:
             return previous
-    while len(indices) > most:
+    while len(indices) > max_count:
         cell *= 1.1
         indices = _first_point_per_cell(points, low, cell)
     return indices

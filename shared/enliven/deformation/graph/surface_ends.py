@@ -60,8 +60,8 @@ class LimbEnds:
         return np.atleast_2d(scipy.sparse.csgraph.dijkstra(self.ways, indices=points))
 
 
-def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
-    """Returns the ends of a mesh's limbs, at most ``most``.
+def limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
+    """Returns the ends of a mesh's limbs, at most ``max_count``.
 
     Args:
         nodes: number of graph nodes that determines the net's resolution. Parts nearer than half of the
@@ -80,19 +80,19 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
     far = from_sources.mean(0)
     tips, persistence = _local_maxima(links.indptr, links.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
-    order = np.argsort(-persistence, kind="stable")[:most]
+    order = np.argsort(-persistence, kind="stable")[:max_count]
     longest = float(from_sources.max())
     order = order[persistence[order] > _MIN_END_PERSISTENCE * longest]
     return LimbEnds(net.points, tips[order], persistence[order], longest, links)
 
 
-def extremities(mesh: Mesh, most: int = 12) -> Int:
-    """Returns the vertices (K,) at the ends of limbs, most prominent first, with K at most ``most``.
+def extremities(mesh: Mesh, max_count: int = 12) -> Int:
+    """Returns the vertices (K,) at the ends of limbs, most prominent first, with K at most ``max_count``.
 
     Raises:
         InputError: if the mesh has no area.
     """
-    limbs = limb_ends(mesh, most)
+    limbs = limb_ends(mesh, max_count)
     used = np.unique(mesh.faces)
     tree = scipy.spatial.cKDTree(mesh.vertices[used])
     return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)

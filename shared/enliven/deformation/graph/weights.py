@@ -54,25 +54,25 @@ _MAX_CANDIDATE_NODES = 64
 """Maximum number of nodes that are considered for the vertices of one point of the net."""
 
 
-def choose_carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
+def choose_carriers(positions: Float, distances: Float, spacing: float, min_count: int = 5) -> Int:
     """Returns the carriers (M,), ascending: the nodes that vertices follow. No carrier is near to an earlier
     one.
 
-    If there would be fewer than ``least`` carriers, returns all nodes.
+    If there would be fewer than ``min_count`` carriers, returns all nodes.
 
     Args:
         positions: (N, 3) metres.
-        ways: (N, N) metres, the distances along the surface.
+        distances: (N, N) metres, the distances along the surface.
         spacing: metres between nodes.
     """
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     near = (straight < _MIN_NODE_DISTANCE_SPACINGS * spacing) & (
-        ways < 1.5 * _MIN_NODE_DISTANCE_SPACINGS * spacing
+        distances < 1.5 * _MIN_NODE_DISTANCE_SPACINGS * spacing
     )
     chosen = np.zeros(len(positions), bool)
     for j in range(len(positions)):
         chosen[j] = not (near[j] & chosen).any()
-    return np.flatnonzero(chosen) if chosen.sum() >= least else np.arange(len(positions))
+    return np.flatnonzero(chosen) if chosen.sum() >= min_count else np.arange(len(positions))
 
 
 def blending_weights(

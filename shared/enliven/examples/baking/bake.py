@@ -96,9 +96,9 @@ def bake_surface(
         fit.run()
         missed = WorstFrames(settings.worst * fit.size)
         linear, places, error = _measure_fit(fit, frames, len(traits), first, missed)
-        if not missed.frames or not fit.room:
+        if not missed.frames or not fit.has_room:
             break
-        fit.take(missed.frames)
+        fit.add_frames(missed.frames)
     skin = SkinWeights(fit.indices[of].astype(np.uint16), fit.weights[of].astype(np.float32))
     axes = fit.maps.axes
     return BakedSurface(fit.pivots, fit.seeds.edges(), skin, linear, places, axes, error)
@@ -121,12 +121,12 @@ class WorstFrames:
     """The frames with the largest errors above the tolerance.
 
     Attributes:
-        most: the tolerance in metres.
+        tolerance: the tolerance in metres.
         frames: the vertices (V, 3) of each recorded frame.
     """
 
-    def __init__(self, most: float) -> None:
-        self.most = most
+    def __init__(self, tolerance: float) -> None:
+        self.tolerance = tolerance
         self._kept: list[tuple[float, Float]] = []
 
     @property
@@ -136,7 +136,7 @@ class WorstFrames:
 
     def record(self, worst: float, frame: Float) -> None:
         """Records a frame with a maximum vertex error of ``worst`` metres."""
-        if worst > self.most:
+        if worst > self.tolerance:
             self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MAX_FRAMES_ADDED]
 
 
@@ -190,11 +190,11 @@ class _Fit:
             self._alternate_fits(_FINAL_ROUNDS)
 
     @property
-    def room(self) -> bool:
+    def has_room(self) -> bool:
         """True if more transforms may be added."""
         return len(self.pivots) < min(self._settings.nodes, len(self._rest))
 
-    def take(self, frames: list[Float]) -> None:
+    def add_frames(self, frames: list[Float]) -> None:
         """Adds frames (V, 3) to the fit."""
         self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
         self._fit_maps()

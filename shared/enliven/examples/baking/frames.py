@@ -42,7 +42,7 @@ class SurfaceFrames:
         surface = PuppetSurface(puppet.mesh, handles, weights, puppet.surface)
         fits_cache = puppet.mesh.vertices.size * 4e-6 * len(self.places) <= self.kept
         for number, places in enumerate(self.places):
-            vertices = surface.solve(places) if number else surface.settle(places)
+            vertices = surface.solve(places) if number else surface.solve_from_rest(places)
             if fits_cache:
                 solved.append(vertices.astype(np.float32))
                 vertices = solved[-1].astype(np.float64)

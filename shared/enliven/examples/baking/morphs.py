@@ -90,12 +90,12 @@ def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
     return (vertices - mesh.vertices).ravel(), moved_normals.ravel()
 
 
-def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
+def _principal_components(moved: Float, max_count: int) -> tuple[Float, Float]:
     """Returns the principal components (N, 3 V) of C displacements (C, 3 V), largest first, and their
     standard deviations (N,).
     """
     values, vectors = np.linalg.eigh(moved @ moved.T)
-    order = np.argsort(values)[::-1][:most]
+    order = np.argsort(values)[::-1][:max_count]
     order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]
     if not len(order):
         order = np.array([len(values) - 1])

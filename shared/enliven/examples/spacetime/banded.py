@@ -22,15 +22,15 @@ class Band:
     """The factorization of one control point's system.
 
     Args:
-        give: (F, 3, 3) the response (compliance) of the positions to a pull, symmetric and positive
+        compliances: (F, 3, 3) the response (compliance) of the positions to a pull, symmetric and positive
             semidefinite.
         weight: lambda.
     """
 
-    def __init__(self, give: Float, weight: float) -> None:
-        rows = max(len(give) - 2, 0)
+    def __init__(self, compliances: Float, weight: float) -> None:
+        rows = max(len(compliances) - 2, 0)
         self._inverse, self._one, self._two = (np.zeros((rows, 3, 3)) for _ in range(3))
-        factor(give, weight, self._inverse, self._one, self._two)
+        factor(compliances, weight, self._inverse, self._one, self._two)
         self.work = rows
 
     def solve(self, right: Float) -> Float:

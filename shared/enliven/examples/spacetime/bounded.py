@@ -24,36 +24,56 @@ _JOINT_CHANGE_ROUNDS = 6
 
 
 @dataclass
-class Nodes:
-    """The nodes of P points in F frames, with E weights each. :meth:`respond` computes ``still`` and the
-    arrays after it.
+class BoundedQuadratics:
+    """The quadratic programs of P points in F frames, with E weights each: one per node.
+
+    :meth:`respond` computes ``still`` and the arrays after it.
+
+    Attributes:
+        matrix: (P, F, E, E) M, the quadratic cost of the weights.
+        right: (P, F, E) b, the linear gain of the weights.
+        reach: (P, F, E, 3) C, the position that each weight adds, metres.
+        offset: (P, F, 3) o, the fixed part of the position, metres.
+        slack: (P, F, 3) the variance of the offset r from the weighted examples. Zero along a fixed axis.
+        state: (P, F, E) int8: -1 for a weight at its low bound, 0 free, 1 at its high bound, 2 unknown.
+        still: (P, F, E) the weights without a pull.
+        swing: (P, F, E, 3) the decrease of the weights per pull.
+        base: (P, F, 3) the position without a pull, metres.
+        compliance: (P, F, 3, 3) the decrease of the position per pull.
+        min_energy: (P, F) the minimum energy without a pull.
     """
 
-    matrix: Float  # (P, F, E, E)
-    right: Float  # (P, F, E)
-    reach: Float  # (P, F, E, 3)
-    offset: Float  # (P, F, 3)
-    slack: Float  # (P, F, 3), zero along a fixed axis
-    state: AnyArray  # (P, F, E) int8: -1 at its low bound, 0 free, 1 at its high bound, 2 unknown
-    still: Float  # (P, F, E)
-    swing: Float  # (P, F, E, 3)
-    base: Float  # (P, F, 3)
-    give: Float  # (P, F, 3, 3)
-    least: Float  # (P, F) the minimum energy without a pull
+    matrix: Float
+    right: Float
+    reach: Float
+    offset: Float
+    slack: Float
+    state: AnyArray
+    still: Float
+    swing: Float
+    base: Float
+    compliance: Float
+    min_energy: Float
 
     @staticmethod
-    def empty(points: int, frames: int, most: int) -> Nodes:
+    def empty(points: int, frames: int, weight_count: int) -> BoundedQuadratics:
         """Allocates nodes. Call :meth:`begin` after filling ``matrix``, ``right`` and ``reach``."""
         shape = (points, frames)
-        right, reach, offset = np.empty((*shape, most)), np.empty((*shape, most, 3)), np.empty((*shape, 3))
-        matrix, give, state = (
-            np.empty((*shape, most, most)),
+        right, reach, offset = (
+            np.empty((*shape, weight_count)),
+            np.empty((*shape, weight_count, 3)),
+            np.empty((*shape, 3)),
+        )
+        matrix, compliance, state = (
+            np.empty((*shape, weight_count, weight_count)),
             np.empty((*shape, 3, 3)),
             np.empty(right.shape, np.int8),
         )
-        slack, base, least = np.empty_like(offset), np.empty_like(offset), np.empty(shape)
+        slack, base, min_energy = np.empty_like(offset), np.empty_like(offset), np.empty(shape)
         still, swing = np.empty_like(right), np.empty_like(reach)
-        return Nodes(matrix, right, reach, offset, slack, state, still, swing, base, give, least)
+        return BoundedQuadratics(
+            matrix, right, reach, offset, slack, state, still, swing, base, compliance, min_energy
+        )
 
     def begin(self, slack: float) -> None:
         """Resets the nodes: it is unknown which weights are at their bounds, and offsets are zero."""
@@ -68,7 +88,7 @@ class Nodes:
             The number of nodes with a changed set of weights at bounds, and the sum of the minimum energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
-        results = (self.still, self.swing, self.base, self.give, self.least)
+        results = (self.still, self.swing, self.base, self.compliance, self.min_energy)
         changed, energy = respond(*lower, *results, pull, low, high, places)
         return int(changed), float(energy)
 
@@ -83,7 +103,7 @@ class Nodes:
 def respond(
     matrix, right, reach, offset, slack, state, still, swing, base, give, least, pull, low, high, places
 ):
-    """Kernel of :meth:`Nodes.respond`."""
+    """Kernel of :meth:`BoundedQuadratics.respond`."""
     points, frames, most = right.shape
     changed, energy = 0, 0.0
     work, marks = workspace(most), np.empty(frames, np.bool_)
@@ -111,8 +131,8 @@ def workspace(most):
 def answers(node, known, pull, a, b, low, high, work, places, marks):
     """Kernel: computes the positions of the nodes a..b of a point for a pull (F, 3), into ``places``.
 
-    ``node`` and ``known`` are the point's arrays, in the order of :class:`Nodes`. ``marks`` (F,) receives
-    True for frames with a new set of weights at bounds.
+    ``node`` and ``known`` are the point's arrays, in the order of :class:`BoundedQuadratics`. ``marks`` (F,)
+    receives True for frames with a new set of weights at bounds.
 
     Returns:
         The number of these frames, and the sum of the least energies.

@@ -21,7 +21,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import ExampleSettings
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime.bounded import Nodes
+from enliven.examples.spacetime.bounded import BoundedQuadratics
 from enliven.kernels import njit
 
 _MIN_EXCLUDED_DISTANCE = 1e-6
@@ -43,7 +43,7 @@ class Nearest:
         self._whole = np.zeros((len(poses), len(examples)))
         whole_distances(self._seen, self._known, self._whole)
 
-    def nodes(self, points: Sequence[int], spare: Nodes | None = None) -> Nodes:
+    def nodes(self, points: Sequence[int], spare: BoundedQuadratics | None = None) -> BoundedQuadratics:
         """Computes the energies of some control points at all frames, with E = min(n, nearest) weights each.
 
         The energies are w' matrix w / 2 - right' w plus a constant. ``reach`` contains the control points'
@@ -52,7 +52,7 @@ class Nearest:
         """
         frames, count = self._whole.shape
         weight_count = min(self._settings.nearest, count)
-        result = spare or Nodes.empty(len(points), frames, weight_count)
+        result = spare or BoundedQuadratics.empty(len(points), frames, weight_count)
         cost_weights = (self._settings.affine**2, self._settings.far, self._settings.pose)
         for i, p in enumerate(points):
             point_inputs = self._seen[p], self._known[p], self._goals[p], self._whole

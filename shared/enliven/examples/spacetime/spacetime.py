@@ -20,7 +20,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.examples.spacetime.banded import Band, apply_transposed_differences, compute_accelerations
-from enliven.examples.spacetime.bounded import Nodes
+from enliven.examples.spacetime.bounded import BoundedQuadratics
 from enliven.examples.spacetime.constraints import Conditions
 from enliven.examples.spacetime.newton import solve_point
 from enliven.kernels import njit
@@ -46,7 +46,7 @@ class Solution:
 
 
 def solve(
-    nodes_of: Callable[[list[int], Nodes | None], Nodes],
+    nodes_of: Callable[[list[int], BoundedQuadratics | None], BoundedQuadratics],
     conditions: Conditions,
     weight: float,
     bounds: tuple[float, float],
@@ -65,7 +65,7 @@ def solve(
     """
     places = np.zeros(conditions.held.shape)
     # Reuse the memory of finished nodes, because allocating new memory takes as long as the computation.
-    spare: list[Nodes] = []
+    spare: list[BoundedQuadratics] = []
 
     def one(group: list[int]) -> int:
         nodes = nodes_of(group, spare.pop() if spare and len(group) == 1 else None)
@@ -131,7 +131,7 @@ class _System:
 
     def __init__(
         self,
-        nodes: Nodes,
+        nodes: BoundedQuadratics,
         links: tuple[Int, Int],
         difference: Float,
         weight: float,
@@ -178,7 +178,7 @@ class _System:
 
     def _solve_newton(self) -> tuple[Float, Float]:
         """Computes the y and nu that minimize the current quadratic pieces."""
-        bands = [Band(give, self._weight) for give in self._nodes.give]
+        bands = [Band(give, self._weight) for give in self._nodes.compliance]
         self.work += sum(band.work for band in bands)
         base, rows = self._nodes.base, len(self._difference)
         right = self._weight * compute_accelerations(base)
@@ -200,5 +200,5 @@ class _System:
         for r in range(rows):
             for ends, sign in ((self._first, 1.0), (self._second, -1.0)):
                 p, f, axis = (int(end[r]) for end in ends)
-                out[p, f, :, r] += sign * self._nodes.give[p, f, :, axis]
+                out[p, f, :, r] += sign * self._nodes.compliance[p, f, :, axis]
         return out

@@ -97,9 +97,9 @@ def _part_of_progress(
 ) -> Callable[[float], object]:
     """Returns a progress callback for one of several characters."""
 
-    def report(share: float) -> None:
+    def report(fraction: float) -> None:
         if progress is not None:
-            progress((number + share) / count)
+            progress((number + fraction) / count)
 
     return report
 

@@ -165,13 +165,13 @@ def _zip_entry(name: str) -> zipfile.ZipInfo:
     return info
 
 
-def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | None) -> None:
+def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, max_bytes: int | None) -> None:
     """Checks the declared unpacked size before unpacking. Raises an error if it is larger than that of any
     plausible project.
     """
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
-    if total > (_BASE_UNPACKED_BYTES + _MAX_UNPACKED_RATIO * packed if most is None else most):
+    if total > (_BASE_UNPACKED_BYTES + _MAX_UNPACKED_RATIO * packed if max_bytes is None else max_bytes):
         problem = f"its {packed} bytes would unpack to {total} bytes, which is too much"
         raise InputError(problem, where=where, remedy="Ask for the project again.")
     if any(entry.compress_type not in _READABLE_ZIP_METHODS for entry in entries):
@@ -222,8 +222,8 @@ def _refuse_later(header: dict[str, Any], where: str) -> None:
         refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
 
 
-def _is_integer(version: Any) -> TypeGuard[int]:
-    return isinstance(version, int) and not isinstance(version, bool)
+def _is_integer(value: Any) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:

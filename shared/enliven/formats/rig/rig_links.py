@@ -185,11 +185,11 @@ def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]
 
 
 def _attach_to_root(
-    bodies: list[LinkBody], before: list[int], loose: list[bool], misfits: Float, root: int
+    bodies: list[LinkBody], file_parents: list[int], loose: list[bool], misfits: Float, root: int
 ) -> Links:
     """Attaches all bodies that move vertices to ``root``, directly or through other bodies."""
-    above = _file_ancestors(before, root)
-    parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
+    above = _file_ancestors(file_parents, root)
+    parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(file_parents)]
     tops = [_find_root(parents, j) for j in range(len(bodies))]
     weight = {t: sum(b.mass for b, top in zip(bodies, tops, strict=True) if top == t) for t in tops}
     inside = {j for j in range(len(bodies)) if tops[j] == root}
@@ -197,20 +197,20 @@ def _attach_to_root(
     while remaining:
         # Attach bodies first if their parent is already in the tree, because their own children may have to
         # be attached to them.
-        t = next((t for t in remaining if before[t] in inside), remaining[0])
+        t = next((t for t in remaining if file_parents[t] in inside), remaining[0])
         remaining.remove(t)
-        parents[t] = _new_parent(bodies, t, before[t], inside, misfits)
+        parents[t] = _new_parent(bodies, t, file_parents[t], inside, misfits)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
     kept_bodies = inside & _carrying_bodies(bodies, parents, inside)
     merged_bodies = tuple(j for j in above if bodies[j].mass > 0)
     return Links({j: parents[j] for j in sorted(kept_bodies | {root})}, merged_bodies, [])
 
 
-def _file_ancestors(before: list[int], j: int) -> list[int]:
+def _file_ancestors(file_parents: list[int], j: int) -> list[int]:
     """Returns the ancestors of a body in the file."""
     chain = []
-    while before[j] >= 0:
-        j = before[j]
+    while file_parents[j] >= 0:
+        j = file_parents[j]
         chain.append(j)
     return chain
 

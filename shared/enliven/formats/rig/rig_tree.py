@@ -269,14 +269,14 @@ class _Joints:
         straight = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
         return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
-    def point_beyond(self, joint_number: int, share: float) -> Float:
-        """Returns (3,) a point beyond a joint, metres. Its distance is the fraction ``share`` of the length
-        of the bone that ends there.
+    def point_beyond(self, joint_number: int, fraction: float) -> Float:
+        """Returns (3,) a point beyond a joint, metres. Its distance is ``fraction`` of the length of
+        the bone that ends there.
         """
         incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
         length = float(np.linalg.norm(incoming))
         return self.rest[joint_number] + (
-            share * incoming if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0]
+            fraction * incoming if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0]
         )
 
     def _descendant_count(self, joint: int) -> int:

@@ -136,13 +136,13 @@ def _json_text(data: bytes) -> str:
     return text.decode("utf-8-sig")
 
 
-def _first_chunk(data: bytes, wanted: bytes) -> bytes | None:
+def _first_chunk(data: bytes, requested_kind: bytes) -> bytes | None:
     """Returns the first chunk of the given kind in a GLB. The chunk may be truncated."""
     offset = _GLB_HEADER.size if data[:4] == b"glTF" else len(data)
     while offset + _CHUNK_HEADER.size <= len(data):
         length, kind = _CHUNK_HEADER.unpack_from(data, offset)
         offset += _CHUNK_HEADER.size
-        if kind == wanted:
+        if kind == requested_kind:
             return data[offset : offset + length]
         offset += length
     return None

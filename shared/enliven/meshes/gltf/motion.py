@@ -317,10 +317,10 @@ def sample_channel(keys: Float, values: Float, interpolation: str, path: str, ti
     return np.asarray(points[before] + fraction[:, None] * (points[before + 1] - points[before]))
 
 
-def _hermite_spline(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
+def _hermite_spline(values: Float, previous_keys: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
     """Evaluates (F, C) the cubic Hermite spline between two keys with their tangents."""
-    p0, out_tangent = values[3 * before + 1], span * values[3 * before + 2]
-    p1, in_tangent = values[3 * before + 4], span * values[3 * before + 3]
+    p0, out_tangent = values[3 * previous_keys + 1], span * values[3 * previous_keys + 2]
+    p1, in_tangent = values[3 * previous_keys + 4], span * values[3 * previous_keys + 3]
     return np.asarray(
         (2 * s**3 - 3 * s**2 + 1) * p0
         + (s**3 - 2 * s**2 + s) * out_tangent

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import LayerBase, Project, RigBase, same, unused
+from enliven.document import LayerBase, Project, RigBase, are_identical, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import handle_number, rig_of
 from enliven.modeling.mesh.cut_surfaces import CutSurface
@@ -79,25 +79,25 @@ def delete_character(project: Project, character_id: str) -> Project:
     return project.without(character_id)
 
 
-def rename_character(project: Project, character_id: str, wanted: str) -> Project:
+def rename_character(project: Project, character_id: str, new_name: str) -> Project:
     """Renames a character, and keeps its position in the order.
 
     Raises:
         InputError: if the character does not exist, or the name is taken.
     """
     character = project.character(character_id)
-    if wanted == character_id:
+    if new_name == character_id:
         return project
-    if not wanted or wanted in project.characters:
-        problem = f"the name {wanted!r} is taken" if wanted else "it needs a name"
+    if not new_name or new_name in project.characters:
+        problem = f"the name {new_name!r} is taken" if new_name else "it needs a name"
         raise InputError(problem, where=character.where, remedy="Choose another name.")
     renamed = {
-        (wanted if key == character_id else key): (
-            other.with_changes(id=wanted) if other is character else other
+        (new_name if key == character_id else key): (
+            other.with_changes(id=new_name) if other is character else other
         )
         for key, other in project.characters.items()
     }
-    handling = {(wanted if key == character_id else key): value for key, value in project.handling.items()}
+    handling = {(new_name if key == character_id else key): value for key, value in project.handling.items()}
     return replace(project, characters=renamed, handling=handling)
 
 
@@ -262,7 +262,7 @@ def _with_takes_of(
     for collection, names in character.needed().items():
         for name in sorted(names):
             new_takes, take = getattr(project, collection), getattr(source, collection)[name]
-            if name not in new_takes or not same(new_takes[name], take):
+            if name not in new_takes or not are_identical(new_takes[name], take):
                 take = replace(take, id=unused(name, new_takes))
                 project = replace(project, **{collection: {**new_takes, take.id: take}})
             ids[collection, name] = take.id

@@ -171,7 +171,7 @@ def _playing_layer_count(project: Project, take: str) -> int:
 
 
 def _foot_lock_layer(
-    project: Project, shape: GraphShape, feet: Sequence[StandingFoot], way: str, name: str
+    project: Project, shape: GraphShape, feet: Sequence[StandingFoot], contact_mode: str, name: str
 ) -> tuple[PoseStream, GraphLayer]:
     """Returns the stream and the layer that lock the feet in a shape's current motion."""
     window = find_analysis_window([*shape.parts, *shape.over], project.streams)
@@ -189,7 +189,7 @@ def _foot_lock_layer(
         # rest.
         back.append((np.linalg.inv(linear), conjugate(root.turn)))
     lacking = np.stack(
-        [_foot_corrections(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)]
+        [_foot_corrections(shape, p, s, step, contact_mode) for p, s in zip(places, soles, strict=True)]
     )
     own, shares = _foot_shares(shape, feet)
     means = np.array(
@@ -202,7 +202,7 @@ def _foot_lock_layer(
     rest = shape.positions[own]
     stream = PoseStream(name, np.tile(np.eye(3), (count, len(own), 1, 1)), rest + offsets, step)
     when = {"offset": window.start, "loop": window.looped}
-    return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=way, **when)
+    return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=contact_mode, **when)
 
 
 def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
@@ -212,19 +212,21 @@ def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, position
     return blend_vertices(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
 
 
-def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
+def _foot_corrections(
+    shape: GraphShape, places: Float, soles: Float, step: float, contact_mode: str
+) -> Float:
     """Returns the corrections (F, 3) in metres of a foot at positions (F, 3) with sole heights (F,)."""
-    if way == "ground":
+    if contact_mode == "ground":
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
     limb, how = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
-    modes = np.full(len(places), FEET.index(way))
+    modes = np.full(len(places), FEET.index(contact_mode))
     contacts = find_contacts(places, step, limb, how, modes)
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     times = step * np.arange(len(places))
     hold(times, contacts.starts, contacts.ends, contacts.places, how.blend, weights, goals)
     goals[:, 1] += how.rise * np.maximum(places[:, 1] - goals[:, 1], 0.0)
     lacking = np.where(weights[:, None] > 0.0, weights[:, None] * (goals - places), 0.0)
-    if way == "always":
+    if contact_mode == "always":
         lacking[:, 1] += np.maximum(-(soles + lacking[:, 1]), 0.0)
     return np.asarray(lacking)
 
@@ -239,7 +241,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
     return np.flatnonzero(shares.any(1)), shares
 
 
-def _mean_displacement(shape: GraphShape, foot: StandingFoot, shares: Float) -> float:
+def _mean_displacement(shape: GraphShape, foot: StandingFoot, node_weights: Float) -> float:
     """Returns the mean displacement of a foot's vertices if each node moves by its fraction (N,)."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
-    return float((np.asarray(weights, np.float64) * shares[indices]).sum(1).mean())
+    return float((np.asarray(weights, np.float64) * node_weights[indices]).sum(1).mean())

@@ -21,18 +21,18 @@ def move_marker(project: Project, name: str, seconds: float) -> Project:
     return replace(project, markers={**project.markers, name: marker_key})
 
 
-def rename_marker(project: Project, name: str, wanted: str) -> Project:
+def rename_marker(project: Project, name: str, new_name: str) -> Project:
     """Renames a marker, and keeps its position in the order.
 
     Raises:
         InputError: if the marker does not exist, or the name is taken.
     """
     marker = _find_marker(project, name)
-    if wanted != name and wanted in project.markers:
+    if new_name != name and new_name in project.markers:
         remedy = "Choose another name."
-        raise InputError(f"the name {wanted!r} is taken", where=f"marker {name!r}", remedy=remedy)
-    renamed = {(wanted if key == name else key): other for key, other in project.markers.items()}
-    return replace(project, markers={**renamed, wanted: replace(marker, id=wanted)})
+        raise InputError(f"the name {new_name!r} is taken", where=f"marker {name!r}", remedy=remedy)
+    renamed = {(new_name if key == name else key): other for key, other in project.markers.items()}
+    return replace(project, markers={**renamed, new_name: replace(marker, id=new_name)})
 
 
 def remove_marker(project: Project, name: str) -> Project:

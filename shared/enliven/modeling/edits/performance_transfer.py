@@ -127,4 +127,4 @@ def _vertical_extent(vertices: Float) -> float:
 
 def _is_plain(project: Project, character: RigBase) -> bool:
     """Returns True if a character is a mesh without motion, such as a file or a scan that was just opened."""
-    return character.possessable and not any(project.length_of(layer) > 0.0 for layer in character.playing)
+    return character.is_possessable and not any(project.length_of(layer) > 0.0 for layer in character.playing)

@@ -25,31 +25,31 @@ class RootMotionRig(RigEdits):
     """A wrapper around the edits of a rig, for characters with root layers.
 
     Args:
-        own: the edits of the wrapped rig.
+        wrapped: the edits of the wrapped rig.
     """
 
-    def __init__(self, own: RigEdits) -> None:
-        self.own, self.frames = own, own.frames
+    def __init__(self, wrapped: RigEdits) -> None:
+        self.wrapped, self.frames = wrapped, wrapped.frames
 
     def centre(self, character: Any) -> Float:
         """Returns the centre (3,) of the character, in metres, without root layers."""
-        return self.own.centre(character)
+        return self.wrapped.centre(character)
 
     def rest(self, character: Any) -> Float:
         """Returns the rest vertices, which root layers do not change."""
-        return self.own.rest(character)
+        return self.wrapped.rest(character)
 
     def drawn(self, character: Any) -> Character:
         """Returns the mesh and pivots, which root layers do not change."""
-        return self.own.drawn(character)
+        return self.wrapped.drawn(character)
 
     def seen(self, project: Project, character: Any, time: float) -> Float:
         """Returns the vertices, moved by the root layers."""
-        return root_motion(project, character, time)(self.own.seen(project, character, time))
+        return root_motion(project, character, time)(self.wrapped.seen(project, character, time))
 
     def player(self, project: Project, character: Any) -> Player:
         """Returns a function that returns poses and handles, moved by the root layers."""
-        rig_player = self.own.player(project, character)
+        rig_player = self.wrapped.player(project, character)
 
         def at(time: float) -> CharacterState:
             (pose, handles), motion = rig_player(time), root_motion(project, character, time)
@@ -63,40 +63,40 @@ class RootMotionRig(RigEdits):
         self, character: Any, player: Player, handle: int | None, layer: int | None
     ) -> HandleMotion | None:
         """Returns the motion of a handle under the given player."""
-        return self.own.handle_motion(character, player, handle, layer)
+        return self.wrapped.handle_motion(character, player, handle, layer)
 
     def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
         """Returns a function of time in seconds. It returns the vertices (V, 3) with the root layers
         applied.
         """
-        rig_surface = self.own.surface(project, character)
+        rig_surface = self.wrapped.surface(project, character)
         return lambda time: root_motion(project, character, time)(rig_surface(time))
 
     def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
         """Returns the wrapped rig's sentences about missing data. Root layers do not change them."""
-        return self.own.lacking(project, character)
+        return self.wrapped.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
         """Raises an error if the wrapped rig refuses its layers among ``numbers``."""
         count = len(character.playing) - len(character.root_layers)
-        self.own.check_layers(project, character, {number for number in numbers if number < count})
+        self.wrapped.check_layers(project, character, {number for number in numbers if number < count})
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float) -> Project:
         """Drags the handle to the position that corresponds to ``place`` without root layers."""
         back = root_motion(project, character, time).inverse
-        return self.own.dragged(project, character, handle, back(place[None])[0], time)
+        return self.wrapped.dragged(project, character, handle, back(place[None])[0], time)
 
     def key_layer(self, project: Project, character: Any, handle: int) -> int | None:
         """Returns the layer number of the wrapped rig. Root layers are numbered after all other layers."""
-        return self.own.key_layer(project, character, handle)
+        return self.wrapped.key_layer(project, character, handle)
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
         """Adds the layer to the wrapped rig. The root layers stay unchanged."""
-        return self.own.with_key_layer(project, character, handle, key)
+        return self.wrapped.with_key_layer(project, character, handle, key)
 
     def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
         """Moves the character, together with the centre and the axes of each root layer."""
-        moved = self.own.moved(character, offset, turn, about)
+        moved = self.wrapped.moved(character, offset, turn, about)
         layers = tuple(
             replace(
                 layer,
@@ -114,7 +114,7 @@ class RootMotionRig(RigEdits):
             replace(layer, about=centre + factor * (layer.about - centre), size=factor * layer.size)
             for layer in character.root_layers
         )
-        return self.own.scaled(character, factor).with_changes(root_layers=layers)
+        return self.wrapped.scaled(character, factor).with_changes(root_layers=layers)
 
     def mirrored(self, project: Project, character: Any, axes: Axes) -> Any:
         """Mirrors the character and the path of its root layers."""
@@ -123,13 +123,13 @@ class RootMotionRig(RigEdits):
             axes.layer(replace(layer, about=centre + axes.vectors(layer.about - centre)))
             for layer in character.root_layers
         )
-        return self.own.mirrored(project, character, axes).with_changes(root_layers=layers)
+        return self.wrapped.mirrored(project, character, axes).with_changes(root_layers=layers)
 
     def as_graph(
         self, project: Project, character: Any, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
         """Converts to a graph with the root layers baked into the motion of the nodes."""
-        graph, stream, note = self.own.as_graph(project, character, times, stream_id)
+        graph, stream, note = self.wrapped.as_graph(project, character, times, stream_id)
         seconds = times[0] + stream.step * np.arange(len(stream.positions))
         motions = root_motions(project, character, seconds)
         linear, positions = _apply_motion(motions, stream.linear, stream.positions)
@@ -141,37 +141,39 @@ class RootMotionRig(RigEdits):
     ) -> tuple[Project, tuple[str, ...]]:
         """Cuts the character in its pose at ``time``. Its root layers then move all parts."""
         character = project.character(name)
-        project, parts = self.own.cut(
-            remove_root_layers(self.own, project, name, time), name, stroke, time, notes=notes
+        project, parts = self.wrapped.cut(
+            remove_root_layers(self.wrapped, project, name, time), name, stroke, time, notes=notes
         )
         for part in parts:
-            project = restore_root_layers(self.own, project, part, character, time)
+            project = restore_root_layers(self.wrapped, project, part, character, time)
         return project, parts
 
     def merged(self, project: Project, merge: Merge) -> Project:
         """Merges two characters. Their root layers were baked before."""
-        return self.own.merged(project, merge)
+        return self.wrapped.merged(project, merge)
 
 
-def remove_root_layers(own: RigEdits, project: Project, name: str, time: float) -> Project:
+def remove_root_layers(rig_edits: RigEdits, project: Project, name: str, time: float) -> Project:
     """Removes a character's root layers, and moves the character to its position with them at a time."""
     character = project.character(name)
     if not character.root_layers:
         return project
     turn, move = root_motion(project, character, time)
     bare = character.with_changes(root_layers=())
-    return project.with_characters(own.moved(bare, move, turn, np.zeros(3)))
+    return project.with_characters(rig_edits.moved(bare, move, turn, np.zeros(3)))
 
 
-def restore_root_layers(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
-    """Restores the root layers of ``before`` that :func:`remove_root_layers` removed, and reverts its
+def restore_root_layers(
+    rig_edits: RigEdits, project: Project, name: str, previous: Any, time: float
+) -> Project:
+    """Restores the root layers of ``previous`` that :func:`remove_root_layers` removed, and reverts its
     move."""
     character = project.character(name)
-    if not before.root_layers:
+    if not previous.root_layers:
         return project
-    turn, move = root_motion(project, before, time).inverse
-    moved = own.moved(character, move, turn, np.zeros(3))
-    return project.with_characters(moved.with_changes(root_layers=before.root_layers))
+    turn, move = root_motion(project, previous, time).inverse
+    moved = rig_edits.moved(character, move, turn, np.zeros(3))
+    return project.with_characters(moved.with_changes(root_layers=previous.root_layers))
 
 
 def _apply_motion(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:

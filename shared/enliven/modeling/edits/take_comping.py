@@ -62,11 +62,11 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     return project.with_characters(*changed) if alternatives else project
 
 
-def group_as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
-    """Adds the layers with new takes (which ``before`` does not contain) to a group of alternatives."""
+def group_as_take(old_project: Project, project: Project, recorded: str, alternatives: str) -> Project:
+    """Adds the layers with new takes (which ``old_project`` does not contain) to a group of alternatives."""
 
     def labelled(layer: LayerBase) -> LayerBase:
-        takes, earlier_takes = (getattr(take, layer.source) for take in (project, before))
+        takes, earlier_takes = (getattr(take, layer.source) for take in (project, old_project))
         if takes[layer.take] is earlier_takes.get(layer.take):
             return layer
         changes: dict[str, Any] = {"recorded": recorded, "alternatives": alternatives}
@@ -75,7 +75,7 @@ def group_as_take(before: Project, project: Project, recorded: str, alternatives
     changed = [
         character.with_playing(*map(labelled, character.playing))
         for name, character in project.characters.items()
-        if character is not before.characters.get(name)
+        if character is not old_project.characters.get(name)
     ]
     project = project.with_characters(*changed)
     is_listed = recorded in alternative_takes(project, alternatives)
@@ -153,15 +153,16 @@ def _held_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, Pos
     return replace(part.timeless(), take=name, **changes), first  # type: ignore[arg-type]
 
 
-def _without_unneeded_takes(before: Project, project: Project) -> Project:
-    """Removes takes that a character of ``before`` needed, and that no character of ``project`` needs."""
+def _without_unneeded_takes(old_project: Project, project: Project) -> Project:
+    """Removes takes that a character of ``old_project`` needed, and that no character of ``project``
+    needs."""
 
     def needed(a_project: Project, kind: str) -> set[str]:
         return set().union(*(character.needed()[kind] for character in a_project.characters.values()))
 
     changes: dict[str, Any] = {}
     for kind in ("takes", "streams", "bodies"):
-        unneeded = needed(before, kind) - needed(project, kind)
+        unneeded = needed(old_project, kind) - needed(project, kind)
         takes = getattr(project, kind)
         if unneeded & set(takes):
             changes[kind] = {name: take for name, take in takes.items() if name not in unneeded}

@@ -41,18 +41,22 @@ def handle_characters(
     return replace(project, handling=handling)
 
 
-def refuse_locked(before: Project, after: Project) -> None:
+def refuse_locked(old_project: Project, new_project: Project) -> None:
     """Raises an error if an edit changed a locked character. An edit that also unlocks it is allowed.
 
     Raises:
         InputError: if an edit changed a locked character. The message names the character and how to unlock
             it.
     """
-    for name, handling in before.handling.items():
-        is_unlocked = name in after.characters and not after.handling.get(name, FREE).locked
-        if handling.locked and not is_unlocked and after.characters.get(name) is not before.characters[name]:
+    for name, handling in old_project.handling.items():
+        is_unlocked = name in new_project.characters and not new_project.handling.get(name, FREE).locked
+        if (
+            handling.locked
+            and not is_unlocked
+            and new_project.characters.get(name) is not old_project.characters[name]
+        ):
             remedy = "Unlock it in the list of shapes first."
-            raise InputError("it is locked", where=before.characters[name].where, remedy=remedy)
+            raise InputError("it is locked", where=old_project.characters[name].where, remedy=remedy)
 
 
 def order_characters(project: Project, name: str, place: int) -> Project:
@@ -68,24 +72,24 @@ def order_characters(project: Project, name: str, place: int) -> Project:
     return replace(project, characters={character.id: character for character in ordered})
 
 
-def rename_take(project: Project, name: str, wanted: str) -> Project:
+def rename_take(project: Project, name: str, new_name: str) -> Project:
     """Renames a take. Characters that play it keep playing it.
 
     Raises:
         InputError: if the take does not exist, or the name is taken.
     """
     take = project.takes.get(name)
-    if take is None or not wanted or (wanted != name and wanted in project.takes):
+    if take is None or not new_name or (new_name != name and new_name in project.takes):
         problem = f"the take {name!r} does not exist" if take is None else "its new name is empty or in use"
         raise InputError(problem, where=f"take {name!r}", remedy="Choose another name.")
     takes = {
-        (wanted if number == name else number): (replace(take, id=wanted) if number == name else old_take)
+        (new_name if number == name else number): (replace(take, id=new_name) if number == name else old_take)
         for number, old_take in project.takes.items()
     }
     users = {
         key: character.with_takes_named(
             {
-                (collection, number): (wanted if (collection, number) == ("takes", name) else number)
+                (collection, number): (new_name if (collection, number) == ("takes", name) else number)
                 for collection, ids in character.needed().items()
                 for number in ids
             }

@@ -29,10 +29,10 @@ class Crossings:
     loops: Int
 
 
-def find_crossings(faces: Int, far: Bool) -> Crossings:
-    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices on the far side (``far``
-    (V,))."""
-    side = far[faces]
+def find_crossings(faces: Int, is_far: Bool) -> Crossings:
+    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices on the far side
+    (``is_far`` (V,))."""
+    side = is_far[faces]
     far_count = side.sum(1)
     crossed = np.flatnonzero((far_count == 1) | (far_count == 2))
     corners, side = faces[crossed], side[crossed]

@@ -31,14 +31,14 @@ class Piece:
     caps: int
 
 
-def build_piece(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
+def build_piece(work: CutPlan, keeps: Bool, caps: list[Cap], is_far_side: bool) -> Piece:
     """Builds one side of a cut from its whole faces, its parts of the split faces, and its caps.
 
     Args:
         keeps: (W,) True for welded vertices on this side.
-        far: True for the side with positive field values.
+        is_far_side: True for the side with positive field values.
     """
-    return _PieceBuilder(work, keeps, far).piece(caps)
+    return _PieceBuilder(work, keeps, is_far_side).piece(caps)
 
 
 class _PieceBuilder:
@@ -46,8 +46,8 @@ class _PieceBuilder:
     then the inner vertices of caps.
     """
 
-    def __init__(self, work: CutPlan, keeps: Bool, far: bool) -> None:
-        self.work, self.far = work, far
+    def __init__(self, work: CutPlan, keeps: Bool, is_far_side: bool) -> None:
+        self.work, self.is_far_side = work, is_far_side
         self.mesh = work.mesh
         cut = np.isin(work.found.loops, work.chosen)
         self.split = work.found.faces[cut]
@@ -81,7 +81,7 @@ class _PieceBuilder:
             insides.append((rim_of[cap.rim], cap.inside))
             count += len(inside)
             faces = np.concatenate([rim, inside])[cap.faces]
-            cap_faces.append(faces[:, ::-1] if self.far else faces)
+            cap_faces.append(faces[:, ::-1] if self.is_far_side else faces)
         closing = np.concatenate([np.zeros((0, 3), np.int64), *cap_faces])
         faces = np.concatenate([self.number[self.mesh.faces[self.whole]], split, closing])
         vertices, paint, skin = self._attributes(sources, edges, insides, doubled)
@@ -121,7 +121,7 @@ class _PieceBuilder:
         ends = np.where(turned[:, None], ends[:, ::-1], ends)
         unique, first, number = np.unique(ends, axis=0, return_index=True, return_inverse=True)
         new = len(self.kept) + number.reshape(-1, 2)
-        alone = lonely_far == self.far
+        alone = lonely_far == self.is_far_side
         a, b, c = self.number[corner].T
         tips = np.stack([a, new[:, 0], new[:, 1]], 1)[alone]
         quad = np.stack([new[:, 0], b, c, new[:, 1]], 1)[~alone]

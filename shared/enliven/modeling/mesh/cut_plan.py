@@ -117,10 +117,10 @@ class CutPlan:
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 
-    def between(self, at: Float, edges: Int, share: Float) -> Float:
-        """Returns points (E, 3) at the fractions ``share`` along edges (E, 2) of vertices at ``at`` (V,
+    def between(self, at: Float, edges: Int, fractions: Float) -> Float:
+        """Returns points (E, 3) at ``fractions`` along edges (E, 2) of vertices at ``at`` (V,
         3)."""
-        return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
+        return np.asarray(at[edges[:, 0]] + fractions[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
     def _crossing_positions(self, edges: Int) -> Float:
         """Returns the position (E,) of the cut along each crossed edge, as a fraction. It is found by
@@ -144,17 +144,17 @@ class CutPlan:
         chains = order_chains(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
 
-    def choose_around(self, point: Float, own: Float, where: str) -> None:
+    def choose_around(self, point: Float, bone_weights: Float, where: str) -> None:
         """Marks for cutting the loops around a point on the cutting surface, and the loops inside them.
 
         Args:
-            own: (V,) skin weight of the cut bone at each vertex.
+            bone_weights: (V,) skin weight of the cut bone at each vertex.
         """
         self.point = point
         polygons = [self._longest_chain(loop) for loop in range(self.count)]
         around = [i for i, polygon in enumerate(polygons) if abs(winding_number(polygon, point)) > 0.5]
         if not around:
-            around = self._neighbouring_loop(point, own, polygons)
+            around = self._neighbouring_loop(point, bone_weights, polygons)
             note = "the bone is outside of the mesh at the cut: the part that follows the bone was cut"
             self.notes += [note] if around else []
         if not around:
@@ -170,10 +170,10 @@ class CutPlan:
         ]
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
-    def _neighbouring_loop(self, point: Float, own: Float, polygons: list[Float]) -> list[int]:
+    def _neighbouring_loop(self, point: Float, bone_weights: Float, polygons: list[Float]) -> list[int]:
         """Returns the nearest loop that follows the bone, if the loop's distance is below its radius."""
         of_bone = np.zeros(len(self.rest))
-        np.maximum.at(of_bone, self.of, own)
+        np.maximum.at(of_bone, self.of, bone_weights)
         best: tuple[float, list[int]] = (1.0, [])
         for i, polygon in enumerate(polygons):
             faces = self.faces[self.found.faces[self.found.loops == i]]

@@ -163,10 +163,10 @@ def _build_pieces(work: CutPlan) -> Cut:
     return Cut(near, far, tuple(work.notes))
 
 
-def round_caps(piece: Piece, share: float) -> Piece:
-    """Inflates the caps of a piece with the method of :mod:`enliven.modeling.sketching.inflate`. A ``share``
-    of 1 gives hemispheres, and 0 gives flat caps."""
-    if share == 0.0 or piece.caps == 0:
+def round_caps(piece: Piece, roundness: float) -> Piece:
+    """Inflates the caps of a piece with the method of :mod:`enliven.modeling.sketching.inflate`. A
+    ``roundness`` of 1 gives hemispheres, and 0 gives flat caps."""
+    if roundness == 0.0 or piece.caps == 0:
         return piece
     mesh = piece.mesh
     caps, of = weld(Mesh(mesh.vertices, mesh.faces[-piece.caps :]))
@@ -176,7 +176,7 @@ def round_caps(piece: Piece, share: float) -> Piece:
     rim[edges[counts == 1]] = True
     used = np.zeros(len(caps.vertices), bool)
     used[caps.faces] = True
-    height = share * np.sqrt(2.0 * np.maximum(solve_poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
+    height = roundness * np.sqrt(2.0 * np.maximum(solve_poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
     moved = mesh.vertices + (height[:, None] * cap_normals(caps))[of]
     return replace(
         piece, mesh=replace(mesh, vertices=np.where((height > 0)[of][:, None], moved, mesh.vertices))

@@ -47,12 +47,13 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
     return shape.with_changes(mesh=piece.mesh, skin=renumber_bones(piece.skin, numbers))
 
 
-def matching_bone_numbers(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns the number of the bone of ``shape`` with the same name for each bone of ``before``, (N,). If no
-    bone has this name, it is ``otherwise``.
+def matching_bone_numbers(old_shape: Shape, shape: Shape, otherwise: str) -> Int:
+    """Returns for each bone of ``old_shape`` the number of the bone of ``shape`` with the same name, (N,).
+
+    If no bone has this name, it is the number of the bone ``otherwise``.
     """
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
-    return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
+    return np.array([number.get(name, number[otherwise]) for name in old_shape.skeleton.names], np.int64)
 
 
 def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:

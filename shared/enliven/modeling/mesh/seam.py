@@ -206,7 +206,7 @@ def find_creases(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
 
 
 def _is_near_seam(
-    mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf
+    mesh: Mesh, seam: Bool, seam_part: Bool, rings: int, reach: float, max_distance: float = np.inf
 ) -> Bool:
     """Returns (V,) True for vertices around a seam: within a number of edges, or within multiples of its
     radius.
@@ -214,14 +214,14 @@ def _is_near_seam(
     Duplicate vertices are treated as connected.
 
     Args:
-        from_: (V,) the part of the seam to measure from.
+        seam_part: (V,) the part of the seam to measure from.
         rings: distance in edges.
         reach: distance in radii of the seam within which all vertices count.
-        most: distance in radii beyond which no ring counts.
+        max_distance: distance in radii beyond which no ring counts.
     """
     welded, of = weld(mesh)
     seeds = np.zeros(len(welded.vertices), bool)
-    seeds[of[from_]] = True
+    seeds[of[seam_part]] = True
     if not seeds.any():
         return np.asarray(seeds[of])
     ringed = seeds.copy()
@@ -233,7 +233,7 @@ def _is_near_seam(
     neighbour_weights = coo_matrix((length, (starts, ends)), (len(seeds), len(seeds))).tocsr()
     seam_vertices = np.unique(of[seam])
     parts = connected_components(neighbour_weights[seam_vertices][:, seam_vertices], directed=False)[1]
-    limit = max(reach, most) if np.isfinite(most) else reach
+    limit = max(reach, max_distance) if np.isfinite(max_distance) else reach
     for part in range(parts.max() + 1):
         members = seam_vertices[parts == part]
         points = welded.vertices[members]
@@ -244,4 +244,6 @@ def _is_near_seam(
                 neighbour_weights, directed=False, indices=members, limit=limit * radius, min_only=True
             )
             away = np.minimum(away, far / radius)
-    return np.asarray((seeds | (ringed & ((away <= most) | np.isinf(most))) | (away <= reach))[of])
+    return np.asarray(
+        (seeds | (ringed & ((away <= max_distance) | np.isinf(max_distance))) | (away <= reach))[of]
+    )

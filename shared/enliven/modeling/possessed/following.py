@@ -43,15 +43,15 @@ def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     shares[node] = 1.0  # The dragged node is the only node with the full share.
     following = np.flatnonzero(shares > 0.0)
     return following, np.concatenate(
-        [shares[following, None], _share_slopes(rest, edges, shares, node)[following]], 1
+        [shares[following, None], _weight_gradients(rest, edges, shares, node)[following]], 1
     )
 
 
-def _share_slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
+def _weight_gradients(rest: Float, edges: Int32, weights: Float, node: int) -> Float:
     """Returns the gradient (N, 3) of the shares (N,) at each node, per metre. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     edge_vectors = rest[ends[:, 1]] - rest[ends[:, 0]]
-    steps = shares[ends[:, 1]] - shares[ends[:, 0]]
+    steps = weights[ends[:, 1]] - weights[ends[:, 0]]
     square, along = np.zeros((len(rest), 3, 3)), np.zeros((len(rest), 3))
     np.add.at(square, ends[:, 0], edge_vectors[:, :, None] * edge_vectors[:, None, :])
     np.add.at(along, ends[:, 0], edge_vectors * steps[:, None])

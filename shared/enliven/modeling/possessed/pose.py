@@ -159,6 +159,8 @@ def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Fl
     return _interpolate_maps(earlier, later, frame - before)
 
 
-def _interpolate_maps(one: tuple[Float, ...], other: tuple[Float, ...], share: float) -> tuple[Float, Float]:
-    linear, positions = ((1 - share) * a + share * b for a, b in zip(one, other, strict=True))
+def _interpolate_maps(
+    one: tuple[Float, ...], other: tuple[Float, ...], fraction: float
+) -> tuple[Float, Float]:
+    linear, positions = ((1 - fraction) * a + fraction * b for a, b in zip(one, other, strict=True))
     return linear, positions

@@ -26,7 +26,7 @@ from enliven.document import (
     Possession,
     Project,
     SkinWeights,
-    same,
+    are_identical,
     unused,
 )
 from enliven.errors import InputError
@@ -110,7 +110,7 @@ def possess_mesh(
     Raises:
         InputError: if the performers cannot attach to any point of the mesh.
     """
-    if take.id in project.bodies and not same(project.bodies[take.id], take):
+    if take.id in project.bodies and not are_identical(project.bodies[take.id], take):
         take = replace(take, id=unused(take.id, project.bodies))
     graph, name = DeformationGraph.build(mesh, nodes), unused(mesh.name or "mesh", project.characters)
     rest = graph.positions
@@ -149,7 +149,11 @@ def solve_again(
     ]
     parts = list(shape.parts)
     for done, (number, part, how) in enumerate(due):
-        (bare, rest), take, poses = _rest_character(shape, number), project.bodies[how.take], list[Pose]()
+        (bare, rest), take, poses = (
+            _extract_part_at_rest(shape, number),
+            project.bodies[how.take],
+            list[Pose](),
+        )
         for pose in replay(bare, graph_of(bare), take, how, notes):
             poses.append(pose)
             if progress is not None:
@@ -173,7 +177,7 @@ def _possessed_parts(shape: GraphShape) -> list[tuple[int, GraphPart, Possession
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]
 
 
-def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
+def _extract_part_at_rest(shape: GraphShape, number: int) -> tuple[Character, Float]:
     """Returns a part of a shape in the state in which it was possessed: in the rest pose of its recording,
     without the other parts.
 
@@ -226,7 +230,7 @@ def _motion_checksum(project: Project, shape: GraphShape, number: int) -> str:
     """Returns a checksum of all inputs of a part's motion."""
     part = shape.parts[number]
     assert part.possession is not None
-    (bare, _), digest = _rest_character(shape, number), hashlib.blake2b(digest_size=16)
+    (bare, _), digest = _extract_part_at_rest(shape, number), hashlib.blake2b(digest_size=16)
     for points in (bare.vertices, bare.pivots):
         digest.update(
             np.floor(points.astype(np.float64) / _GRID_SIZE_M + _GRID_OFFSET).astype(np.int64).tobytes()

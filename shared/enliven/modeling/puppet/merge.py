@@ -27,8 +27,8 @@ from enliven.modeling.mesh.seam import smooth_seam
 from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
+    find_needed_points,
     nearest_paired,
-    points_needed,
     remove_symmetry_plane,
     solve_surfaces,
     state_at,
@@ -107,7 +107,7 @@ class _Side:
     def __init__(self, project: Project, puppet: Puppet, time: float) -> None:
         self._project, self.state = project, state_at(project, puppet, time)
         self._surface = surface_of_puppet(puppet)
-        self.local = self._surface.settle(self.state.places)
+        self.local = self._surface.solve_from_rest(self.state.places)
         self.seen = in_world(puppet, self.state, self.local)
         self.puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
         takes = project.takes
@@ -184,7 +184,7 @@ class _Merge:
         size = float(np.linalg.norm(np.ptp(merged.mesh.vertices, axis=0)))
         is_known = self._is_far_from_seam()
         none = np.zeros(0, np.int64)
-        added, worst = points_needed(
+        added, worst = find_needed_points(
             merged, self._was, is_known, none, _MAX_NEW_POINTS, _MAX_POSE_ERROR * size
         )
         more: dict[str, ControlPoint] = {}
@@ -346,8 +346,8 @@ def _vertices_around(points: Float, middle: Float, puppet: Puppet) -> Int:
     return order[:count]
 
 
-def _fit_rigid_motion(before: Float, after: Float) -> _Rigid:
-    """Returns the best rigid motion from the points ``before`` (N, 3) to ``after`` (N, 3)."""
-    old_middle, new_middle = before.mean(0), after.mean(0)
-    turn = nearest_rotation((after - new_middle).T @ (before - old_middle))
+def _fit_rigid_motion(source_points: Float, target_points: Float) -> _Rigid:
+    """Returns the best rigid motion from ``source_points`` (N, 3) to ``target_points`` (N, 3)."""
+    old_middle, new_middle = source_points.mean(0), target_points.mean(0)
+    turn = nearest_rotation((target_points - new_middle).T @ (source_points - old_middle))
     return _Rigid(turn, new_middle - turn @ old_middle)

@@ -58,15 +58,15 @@ def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
     3) in metres of the mesh's frame.
     """
     count = len(surface.mesh.vertices)
-    return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
+    return np.array([surface.solve_from_rest(each) for each in places]).reshape(len(places), count, 3)
 
 
-def align_puppet(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
-    """Returns the puppet, moved so that its mesh's frame in state ``now`` is where the mesh's frame of puppet
-    ``before`` is in state ``then``.
+def align_puppet(puppet: Puppet, state: State, reference: Puppet, reference_state: State) -> Puppet:
+    """Returns the puppet, moved so that the frame of its mesh in ``state`` coincides with the frame of the
+    mesh of puppet ``reference`` in ``reference_state``.
     """
-    turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
-    place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
+    turn = normalized(multiply(_world_rotation(reference, reference_state), _rotation_about_y(-state.yaw)))
+    place = rotate(reference.turn, reference_state.root) + reference.place - rotate(turn, state.root)
     return puppet.with_changes(turn=turn, place=place)
 
 
@@ -122,49 +122,57 @@ def remove_symmetry_plane(project: Project, puppet: Puppet) -> Puppet:
     return plain
 
 
-def points_needed(
+def find_needed_points(
     puppet: Puppet,
-    was: Float,
-    known: Bool,
-    among: Int | Int32,
-    most: int,
+    old_positions: Float,
+    has_old_position: Bool,
+    required_vertices: Int | Int32,
+    max_count: int,
     tolerance: float,
 ) -> tuple[list[int], float]:
     """Finds vertices that need a control point so that the surface in the key poses stays the same.
 
     Args:
         puppet: the puppet with its new mesh. In its key poses, its control points are positioned as in
-            ``was``.
-        was: (n, V, 3) metres, the old positions of the vertices in the key poses.
-        known: (V,) True for vertices with a known old position that should be kept.
-        among: vertices that get a control point in any case.
-        most: maximum number of new control points.
+            ``old_positions``.
+        old_positions: (n, V, 3) metres, the old positions of the vertices in the key poses.
+        has_old_position: (V,) True for vertices with a known old position that should be kept.
+        required_vertices: vertices that get a control point in any case.
+        max_count: maximum number of new control points.
         tolerance: maximum error of the surface in metres.
 
     Returns:
         The vertices, and the remaining error of the surface in metres.
     """
-    point_vertices, added = [point.vertex for point in puppet.points], [int(vertex) for vertex in among]
+    point_vertices, added = (
+        [point.vertex for point in puppet.points],
+        [int(vertex) for vertex in required_vertices],
+    )
     weights = [point.weight for point in puppet.points]
-    surface, asked = PuppetSurface(puppet.mesh, [], None, puppet.surface), np.arange(len(was))
+    surface, asked = PuppetSurface(puppet.mesh, [], None, puppet.surface), np.arange(len(old_positions))
     while True:
         all_held = [*point_vertices, *added]
-        if not all_held or not len(was):
+        if not all_held or not len(old_positions):
             return added, 0.0
-        surface.hold(all_held, [*weights, *[None] * len(added)])
-        each = np.linalg.norm(solve_surfaces(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
+        surface.set_control_points(all_held, [*weights, *[None] * len(added)])
+        each = (
+            np.linalg.norm(
+                solve_surfaces(surface, old_positions[asked][:, all_held]) - old_positions[asked], axis=2
+            )
+            * has_old_position
+        )
         off, worst = each.max(0), float(each.max())
         off[all_held] = 0.0
-        if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
-            if len(asked) == len(was):
+        if worst <= tolerance or len(added) >= max_count or off.max() <= 0.0:
+            if len(asked) == len(old_positions):
                 return added, worst
             # Finally, check again the key poses that were within the tolerance before, because the added
             # vertices may have changed them.
-            asked, most = np.arange(len(was)), 0 if worst > tolerance else most
+            asked, max_count = np.arange(len(old_positions)), 0 if worst > tolerance else max_count
             continue
         asked = asked[each.max(1) > tolerance]
         added += _worst_vertices(
-            puppet.mesh.vertices, off, tolerance, min(_POINTS_PER_CHECK, most - len(added))
+            puppet.mesh.vertices, off, tolerance, min(_POINTS_PER_CHECK, max_count - len(added))
         )
 
 

@@ -131,7 +131,7 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
         return np.tile(rest, (len(puppet.poses), 1))
     vertices, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, vertices, weights, puppet.surface)
-    return np.stack([surface.settle(pose.places)[vertex] for pose in puppet.poses])
+    return np.stack([surface.solve_from_rest(pose.places)[vertex] for pose in puppet.poses])
 
 
 def _error_place(puppet: Puppet) -> str:

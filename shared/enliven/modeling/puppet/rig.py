@@ -80,7 +80,7 @@ class PuppetRig(RigEdits):
 
         def at(time: float) -> Float:
             state = state_at(project, puppet, time)
-            return in_world(puppet, state, solver.settle(state.places))
+            return in_world(puppet, state, solver.solve_from_rest(state.places))
 
         return at
 

@@ -21,8 +21,8 @@ from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
     distinguishing_points,
+    find_needed_points,
     nearest_paired,
-    points_needed,
     remove_symmetry_plane,
     sample_spread_vertices,
     solve_surfaces,
@@ -73,7 +73,7 @@ def cut_puppet(
     """
     puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
     before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)
-    posed = in_world(puppet, before, surface.settle(before.places))
+    posed = in_world(puppet, before, surface.solve_from_rest(before.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
@@ -108,20 +108,20 @@ class _Half:
     def __init__(
         self,
         project: Project,
-        whole: Puppet,
-        was: Float,
+        puppet: Puppet,
+        old_positions: Float,
         piece: Piece,
     ) -> None:
-        self._whole, self._piece = whole, piece
-        self._project, self._telling = project, distinguishing_points(project, self._whole)
+        self._puppet, self._piece = puppet, piece
+        self._project, self._telling = project, distinguishing_points(project, self._puppet)
         self._old = piece.kept >= 0
-        self._number = np.full(len(whole.mesh.vertices), -1)
+        self._number = np.full(len(puppet.mesh.vertices), -1)
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
-        self._was = np.where(self._old[None, :, None], was[:, np.maximum(piece.kept, 0)], 0.0)
+        self._was = np.where(self._old[None, :, None], old_positions[:, np.maximum(piece.kept, 0)], 0.0)
 
     def build_puppet(self, name: str, notes: list[str]) -> Puppet:
         """Returns the half as a puppet."""
-        puppet, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
+        puppet, size = self._puppet, float(np.linalg.norm(np.ptp(self._puppet.mesh.vertices, axis=0)))
         own_layers = [
             replace(point, vertex=int(self._number[point.vertex]))
             for point in puppet.points
@@ -136,7 +136,7 @@ class _Half:
         )
         tolerance = MAX_HALF_DEVIATION * size
         first = np.array(begin, np.int64)
-        added, worst = points_needed(half, self._was, self._old, first, _MAX_CUT_POINTS, tolerance)
+        added, worst = find_needed_points(half, self._was, self._old, first, _MAX_CUT_POINTS, tolerance)
         leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
         points, follow = list(own_layers), dict[str, str]()
         names = {point.name: point for point in puppet.points}
@@ -164,7 +164,7 @@ class _Half:
         """Returns a puppet with this side's mesh and these control points, at their old positions in each key
         pose."""
         vertices = [point.vertex for point in points]
-        poses = zip(self._whole.poses, self._was[:, vertices], strict=True)
+        poses = zip(self._puppet.poses, self._was[:, vertices], strict=True)
         return puppet.with_changes(
             id=name,
             mesh=replace(self._piece.mesh, name=name),
@@ -188,9 +188,9 @@ class _Half:
     def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
         """Returns the layers, limited to the existing control points. A new control point is in the layers of
         the control point that it follows."""
-        feet = {point.name for point in self._whole.points if point.foot}
+        feet = {point.name for point in self._puppet.points if point.foot}
         out = []
-        for layer in self._whole.layers:
+        for layer in self._puppet.layers:
             travels = layer.travel and feet <= names
             more = tuple(new for new, leader in follow.items() if leader in layer.points)
             new_layer = without_points(replace(layer, points=(*layer.points, *more), travel=travels), names)

@@ -53,7 +53,7 @@ class Axes:
         return Axes(multiply(half, np.array([0.0, 1.0, 0.0, 0.0])), True)
 
     @property
-    def same(self) -> bool:
+    def is_identity(self) -> bool:
         """True if the axes do not change."""
         return not self.mirrored and bool(np.array_equal(self.turn, IDENTITY))
 
@@ -80,7 +80,9 @@ class Axes:
             replace(
                 span,
                 refs=tuple(replace(ref, layer=layers.get(ref.layer, ref.layer)) for ref in span.refs),
-                before=span.before if self.same else exact_rotation(self.rotations(np.array(span.before))),
+                before=span.before
+                if self.is_identity
+                else exact_rotation(self.rotations(np.array(span.before))),
             )
             for span in spans
         )

@@ -11,7 +11,7 @@ from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
 from enliven.modeling.mesh.meshes import matching_bone_numbers, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
-from enliven.modeling.rigged.posed import animation_rotation, held_at, posed, with_travel_kept
+from enliven.modeling.rigged.posed import animation_rotation, posed, restore_world_rotations, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
@@ -98,22 +98,22 @@ def split_shape(
     place = place - lower[0].rest
     first = with_travel_kept(project, shape, rebuild_shape(shape, upper))
     if shape.pins:
-        first = held_at(project, first, shape, turns, time)
+        first = restore_world_rotations(project, first, shape, turns, time)
     second = rebuild_shape(shape, lower, id=lower_id, place=place, travel=None, travel_scale=None)
     if shape.pins:
-        second = held_at(project, second, shape, turns, time)
+        second = restore_world_rotations(project, second, shape, turns, time)
     return first, second
 
 
-def assign_cut_sides(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
+def assign_cut_sides(old_shape: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
     """Assigns the two sides of a cut mesh to the two shapes. The near side goes to the upper shape."""
     node = lower.skeleton.names[0]
     # If the cut is inside a bone, skin of the bones above goes to the lower half of that bone. If it is at a
     # joint, this skin goes to the root.
-    first = lower.skeleton.names[0 if node in before.skeleton.names else 1]
+    first = lower.skeleton.names[0 if node in old_shape.skeleton.names else 1]
     return (
-        with_piece(upper, cut.near, matching_bone_numbers(before, upper, node)),
-        with_piece(lower, cut.far, matching_bone_numbers(before, lower, first)),
+        with_piece(upper, cut.near, matching_bone_numbers(old_shape, upper, node)),
+        with_piece(lower, cut.far, matching_bone_numbers(old_shape, lower, first)),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int
-from enliven.document import Layer, Pin, Project, Shape, SkinWeights, same, unused
+from enliven.document import Layer, Pin, Project, Shape, SkinWeights, are_identical, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.mesh.joining import SkinnedSurface, join_surfaces
@@ -118,8 +118,8 @@ def _converted_layers(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]
     host_layers, converted = {layer.id: layer for layer in host.layers}, dict[str, Layer]()
     used_ids = dict.fromkeys([*host_layers, *(layer.id for layer in graft.layers)])
     for layer in graft.layers:
-        moved = layer if axes.same else axes.layer(layer)
-        if layer.id in host_layers and not same(host_layers[layer.id], moved):
+        moved = layer if axes.is_identity else axes.layer(layer)
+        if layer.id in host_layers and not are_identical(host_layers[layer.id], moved):
             moved = replace(moved, id=unused(layer.id, used_ids))
             used_ids[moved.id] = None
         converted[layer.id] = moved

@@ -60,7 +60,9 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
     return new if travel_scale(new, clip) == before else new.with_changes(travel_scale=before)
 
 
-def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
+def restore_world_rotations(
+    project: Project, part: Shape, whole_shape: Shape, turns: Float, time: float | None
+) -> Shape:
     """Restores, in a part of a shape that has lost a pin, the world rotations of the whole shape at ``time``.
 
     The rotations that the pin caused are added to the modeling rotations.
@@ -68,7 +70,7 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
     Args:
         turns: (N, 4) the world rotations of the whole shape.
     """
-    rotation_by_name = dict(zip(whole.skeleton.names, turns, strict=True))
+    rotation_by_name = dict(zip(whole_shape.skeleton.names, turns, strict=True))
     current, _ = posed(project, part, time)
     modeling = np.array(part.modeling)
     for j, name in enumerate(part.skeleton.names):

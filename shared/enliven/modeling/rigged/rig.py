@@ -28,7 +28,7 @@ from enliven.modeling.rigged.bones import list_bones, rebuild_shape
 from enliven.modeling.rigged.merging import merge as merge_shapes
 from enliven.modeling.rigged.posed import pose_with_stretch, posed, with_travel_kept
 from enliven.modeling.rigged.posing import drag_joint
-from enliven.modeling.rigged.stroke_cut import cut_stroke
+from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 from enliven.motion.layers.evaluate import Player as ShapePlayer
 from enliven.motion.layers.evaluate import pose_from
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
@@ -38,7 +38,7 @@ class ShapeRig(RigEdits):
     """Edits of a skeleton with skin."""
 
     drawn = staticmethod(character_of)
-    cut = staticmethod(cut_stroke)
+    cut = staticmethod(cut_shape_along_stroke)
 
     def centre(self, shape: Shape) -> Float:
         """Returns the position (3,) of the root in the rest pose, in metres."""

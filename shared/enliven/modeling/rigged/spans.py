@@ -51,11 +51,11 @@ def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
     return (Span(refs=refs),)
 
 
-def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDENTITY) -> Spans:
+def joined_spans(upper: Spans, lower: Spans, upper_fraction: float, between: Float = IDENTITY) -> Spans:
     """Returns the spans of one bone that replaces two consecutive bones.
 
     Args:
-        share: fraction of the new bone's length that the upper bone had, in [0, 1].
+        upper_fraction: fraction of the new bone's length that the upper bone had, in [0, 1].
         between: (4,) the modeling rotation of the lower bone, applied after the upper bone's spans.
 
     Returns:
@@ -65,7 +65,9 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
     first = lower[0]
     turned = multiply(between, np.array(first.before))
     lower = (replace(first, before=exact_rotation(turned)), *lower[1:])
-    return _merge_neighbours((*_scale_shares(upper, share), *_scale_shares(lower, 1.0 - share)))
+    return _merge_neighbours(
+        (*_scale_shares(upper, upper_fraction), *_scale_shares(lower, 1.0 - upper_fraction))
+    )
 
 
 def rotation_without_takes(spans: Spans) -> Float:
@@ -99,14 +101,14 @@ def _split_span(span: Span, at: float) -> tuple[Span, Span]:
     return upper, Span((1.0 - at) * span.share, second)
 
 
-def _scale_shares(spans: Sequence[Span], whole: float) -> Spans:
-    """Scales the shares of the spans to the sum ``whole``. A bone without spans gets a span without
+def _scale_shares(spans: Sequence[Span], target_sum: float) -> Spans:
+    """Scales the shares of the spans to the sum ``target_sum``. A bone without spans gets a span without
     motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
         # All rotations are at the joint itself. Add a span for the whole bone, which does not move.
-        return (*spans, Span(whole))
-    return tuple(replace(span, share=span.share * whole / total) for span in spans)
+        return (*spans, Span(target_sum))
+    return tuple(replace(span, share=span.share * target_sum / total) for span in spans)
 
 
 def _merge_neighbours(spans: Spans) -> Spans:

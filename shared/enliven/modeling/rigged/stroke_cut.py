@@ -31,7 +31,7 @@ class Crossing(NamedTuple):
     near: bool
 
 
-def cut_stroke(
+def cut_shape_along_stroke(
     project: Project,
     shape_id: str,
     stroke: CutSurface,
@@ -124,11 +124,13 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
         )
 
 
-def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
+def _upper_numbers(
+    old_shape: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]
+) -> Int:
     """Returns the bone (N,) of the upper shape for each old bone. Bones that were cut off map to the
     remaining half of the cut bone.
     """
-    numbers = matching_bone_numbers(before, upper, nodes[0])
+    numbers = matching_bone_numbers(old_shape, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
-        numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)
+        numbers[list(old_shape.skeleton.below(crossing.bone))] = upper.skeleton.index(node)
     return np.asarray(numbers)

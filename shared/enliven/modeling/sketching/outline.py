@@ -64,11 +64,11 @@ def _smooth_points(points: Float, times: int) -> Float:
     return points
 
 
-def _drop_repeated_points(points: Float, least: float) -> Float:
+def _drop_repeated_points(points: Float, min_distance: float) -> Float:
     """Removes points that repeat the previous point, and last points that repeat the first point."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    points = points[np.concatenate([[True], step > least])] if len(points) else points
-    while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= least:
+    points = points[np.concatenate([[True], step > min_distance])] if len(points) else points
+    while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= min_distance:
         points = points[:-1]
     return points
 

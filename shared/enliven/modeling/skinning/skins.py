@@ -45,12 +45,12 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
     return SkinWeights(indices, weights)
 
 
-def _split_exactly(whole: Float32, part: Float) -> tuple[Float32, Float32]:
-    """Splits ``whole`` into two float32 weights that sum to it without rounding. The first is about ``part``
+def _split_exactly(total: Float32, part: Float) -> tuple[Float32, Float32]:
+    """Splits ``total`` into two float32 weights that sum to it without rounding. The first is about ``part``
     of it."""
-    larger = np.maximum(part, 1.0 - part).astype(np.float32) * whole
+    larger = np.maximum(part, 1.0 - part).astype(np.float32) * total
     # The larger weight is at least half of the whole, so that the difference is exact (Sterbenz).
-    rest = whole - larger
+    rest = total - larger
     first = part >= 0.5
     return np.where(first, larger, rest), np.where(first, rest, larger)
 

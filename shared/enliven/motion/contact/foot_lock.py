@@ -3,7 +3,7 @@ times.
 
     find_analysis_window(layers, takes) -> AnalysisWindow        # the time that is analysed
     compute_foot_lock(pins, window, free) -> FootLock            # contacts, and the lowering of the root
-    foot_lock.hold(times, travelled, tree, turns, joints)        # pins the feet of a pose, in place
+    foot_lock.pin_feet(times, travelled, tree, turns, joints)        # pins the feet of a pose, in place
 
 The whole motion is played once with free feet and analysed.
 """
@@ -88,7 +88,7 @@ class FootLock:
     drops: Float
     grounds: tuple[Contacts, ...] = ()
 
-    def hold(
+    def pin_feet(
         self, times: Float, travelled: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
     ) -> None:
         """Pins the feet at times (T,) in the window. Changes turns (T, N, 4) and joints (T, N, 3) in place.

@@ -77,21 +77,25 @@ class JointRange:
         return max(abs(self.twists[0]), abs(self.twists[1])) + self.free_twist
 
 
-def fit_joint_range(bone: Float, turns: Float | None = None, share: float = 1.0) -> JointRange:
+def fit_joint_range(bone: Float, turns: Float | None = None, angle_factor: float = 1.0) -> JointRange:
     """Computes the range of a bone from known rotations.
 
     Args:
         bone: (3,) direction of the bone at rest, of any non-zero length.
         turns: (F, 4) rotations relative to the parent bone that are known to be plausible; None if none are
             known.
-        share: factor, above 0, on the free angles and the soft margin. The bones of a spine share these
-            angles.
+        angle_factor: factor, above 0, on the free angles and the soft margin. The bones of a spine share
+            these angles.
     """
     bone = unit(bone)
     first_axis = unit(np.cross(bone, np.eye(3)[int(np.abs(bone).argmin())]))
     axes = np.stack([first_axis, np.cross(bone, first_axis)])
     free_angles = (MAX_UNKNOWN_SWING, MAX_UNKNOWN_TWIST) if turns is None else (FREE_SWING, FREE_TWIST)
-    widened = float(share * free_angles[0]), float(share * free_angles[1]), float(share * SOFT_MARGIN)
+    widened = (
+        float(angle_factor * free_angles[0]),
+        float(angle_factor * free_angles[1]),
+        float(angle_factor * SOFT_MARGIN),
+    )
     if turns is None:
         return JointRange(bone, axes, np.zeros((1, 2)), (0.0, 0.0), *widened)
     swings, twists = _decompose_swing_twist(bone, axes, turns)
@@ -199,23 +203,23 @@ def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Flo
     )
 
 
-def _distance_to_interval(twists: Float, least: float, most: float) -> Float:
+def _distance_to_interval(twists: Float, lower: float, upper: float) -> Float:
     """Returns the distances (T,), radians, from twists to the nearer end of an interval, in either direction;
     0 within it.
 
     A twist of 180 degrees to one side equals one to the other side, so the result is continuous there.
     """
-    above_interval = np.minimum(twists - most, 2.0 * np.pi + least - twists)
-    below_interval = np.minimum(least - twists, 2.0 * np.pi + twists - most)
+    above_interval = np.minimum(twists - upper, 2.0 * np.pi + lower - twists)
+    below_interval = np.minimum(lower - twists, 2.0 * np.pi + twists - upper)
     return np.asarray(np.maximum(np.maximum(above_interval, below_interval), 0.0))
 
 
-def _soft_limit(far: Float, free: Float, soft: float) -> Float:
+def _soft_limit(distances: Float, free: Float, soft: float) -> Float:
     """Limits distances (T,) softly: they are unchanged up to ``free``, and the excess is compressed to less
     than ``soft``.
     """
-    excess = np.maximum(far - free, 0.0)
-    return np.asarray(np.minimum(far, free) - soft * np.expm1(-excess / soft))
+    excess = np.maximum(distances - free, 0.0)
+    return np.asarray(np.minimum(distances, free) - soft * np.expm1(-excess / soft))
 
 
 def _smooth_rise(angles: Float, start: float) -> Float:

@@ -124,7 +124,7 @@ class Player:
             window_times = standing.window.fold_times(times)
             travelled = joints[:, 0] - self._travel.at(window_times)
             tree = (self.shape.skeleton.parents, self._link_offsets(times))
-            standing.hold(window_times, travelled, tree, turns, joints)
+            standing.pin_feet(window_times, travelled, tree, turns, joints)
         return turns, joints
 
     def linear(self, times: AnyArray, turns: Float) -> Float:

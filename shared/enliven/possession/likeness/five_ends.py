@@ -82,9 +82,9 @@ class FiveEnds:
     margin: float
 
 
-def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None:
+def find_five_ends(limb_ends: LimbEnds, max_cost: float = np.inf) -> FiveEnds | None:
     """Finds the choice with the lowest cost. Returns None if the mesh has fewer than five ends, or if all
-    choices cost more than ``most``.
+    choices cost more than ``max_cost``.
     """
     geodesics = limb_ends.distances_from(limb_ends.ends)
     end_distances = geodesics[:, limb_ends.ends]
@@ -100,7 +100,7 @@ def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None
     cost += _omitted_limb_cost(limb_ends, end_distances, np.column_stack([first, second, chosen[:, 1:]]))
     cost += _stance_cost(limb_ends, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_EVALUATED_CHOICES]
-    if cost[cheapest[0]] > most:
+    if cost[cheapest[0]] > max_cost:
         return None
     best_choice, candidates, total = None, list[FiveEnds](), list[float]()
     for k in cheapest:
@@ -113,7 +113,7 @@ def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None
         candidates.append(candidate)
         total.append(float(cost[k]) + posture_cost)
         best_choice = _with_margin(candidates, np.array(total), _OTHER_END_DISTANCE * limb_ends.longest)
-    return best_choice if best_choice is not None and best_choice.cost <= most else None
+    return best_choice if best_choice is not None and best_choice.cost <= max_cost else None
 
 
 def five_ends_from_points(limb_ends: LimbEnds, points: Float) -> FiveEnds:
@@ -214,9 +214,9 @@ def _evaluate_posture(
     return FiveEnds(np.vstack([crown, end_points]), rows, tree, chest, pelvis, 0.0, 0.0), posture_cost
 
 
-def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
+def _with_margin(choices: list[FiveEnds], total: Float, min_distance: float) -> FiveEnds:
     """Returns the choice with the lowest cost. Its margin is set relative to the next choice that has an end
-    more than ``far`` away.
+    more than ``min_distance`` away.
     """
     best_index = int(total.argmin())
     best_choice, lowest_cost = choices[best_index], float(total[best_index])
@@ -224,7 +224,7 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
         np.array([choice.points for choice in choices])[:, :, None] - best_choice.points, axis=3
     )
     arms, legs = (_pair_distances(distances[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
-    elsewhere = np.max([distances[:, HEAD, HEAD], arms, legs], axis=0) > far
+    elsewhere = np.max([distances[:, HEAD, HEAD], arms, legs], axis=0) > min_distance
     margin = float(total[elsewhere].min(initial=np.inf)) - lowest_cost
     return replace(best_choice, cost=lowest_cost, margin=margin)
 

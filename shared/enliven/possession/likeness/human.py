@@ -85,11 +85,11 @@ class _Limbs:
         overshoot = ends.distances - length[:, None]
         self._owner, self._beyond = overshoot.argmin(0), (overshoot > 0).all(0)
 
-    def ring(self, limb: int, share: float, length: float) -> Float:
+    def ring(self, limb: int, fraction: float, length: float) -> Float:
         """Returns the centre (3,), in metres, of a limb's cross section at a fraction of its length from its
         end.
         """
-        offset = self._distances[limb] - share * length
+        offset = self._distances[limb] - fraction * length
         is_own = self._owner == limb
         weights = np.exp(-0.5 * (offset[is_own] / (_RING_HALF_WIDTH * length)) ** 2) + 1e-12
         weights /= weights.sum()

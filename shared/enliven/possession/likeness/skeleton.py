@@ -47,7 +47,7 @@ class BodyInMesh:
         return cls(joints, float(np.arctan2(-left[2], left[0])), human=True)
 
     @property
-    def certain(self) -> bool:
+    def is_certain(self) -> bool:
         """True if the mesh is certainly a person. It is then treated as a person by default."""
         return self.human and not self.doubts and self.strangeness < _MAX_PERSON_COST
 

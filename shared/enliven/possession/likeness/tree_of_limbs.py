@@ -76,16 +76,16 @@ def tree_misfit(distances: Float) -> tuple[Float, Float]:
     return cost, lengths
 
 
-def point_at_distances(points: Float, distances: Float, wanted: tuple[float, ...]) -> Float:
+def point_at_distances(points: Float, distances: Float, end_distances: tuple[float, ...]) -> Float:
     """Returns the centre (3,) of those points that have the given geodesic distances from the five ends,
     metres.
 
     Args:
         points: (C, 3) metres.
         distances: (5, C) metres from each end.
-        wanted: the five target distances, followed by the size that normalizes the errors.
+        end_distances: the five target distances, followed by the size that normalizes the errors.
     """
-    *five, size = wanted
+    *five, size = end_distances
     square = (((distances - np.array(five)[:, None]) / size) ** 2).sum(0)
     weights = np.exp(-(square - square.min()) / (2 * _DISTANCE_TOLERANCE**2))
     return np.asarray(weights @ points / weights.sum())

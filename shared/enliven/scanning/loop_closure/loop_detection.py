@@ -150,14 +150,14 @@ def correct_trajectory(
     )
 
 
-def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
+def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, max_deviations: float) -> float:
     """Returns the error of a link before the correction, metres, measured at the middle of an image. 0 if it
     is within the link's standard deviation.
     """
     error_transform = anchors[link.second] - anchors[link.first] @ link.first_from_second
     gap = float(np.linalg.norm(error_transform @ middle))
     deviation = float(np.linalg.eigvalsh(link.information[:3, :3])[0]) ** -0.5
-    return gap if gap > most * deviation else 0.0
+    return gap if gap > max_deviations * deviation else 0.0
 
 
 def _load_piece(

@@ -159,7 +159,7 @@ class ObjectFollower:
             poses.append(pose)
         return poses
 
-    def take(
+    def update(
         self, frame: DepthFrame, view: DepthView, result: ObjectTrackingResult, room_from_camera: Float
     ) -> None:
         """Updates the motion from a tracking result, and fuses the image if the result is reliable.

@@ -147,7 +147,7 @@ class MovedScanner:
         view = room.scanner.prepare_view(frame)
         followed = follower.find(view, room.scanner.predicted_pose)
         step = room.scanner.add(frame, up, ExcludedPixels(followed.object_points))
-        follower.take(frame, view, followed, step.world_from_camera)
+        follower.update(frame, view, followed, step.world_from_camera)
         if follower.missed > _MAX_MISSED_IMAGES:
             self._follower = None
             return None
@@ -188,10 +188,10 @@ class MovedScanner:
         return self.rests[0].scanner.poses
 
     @property
-    def full(self) -> bool:
+    def is_full(self) -> bool:
         """True if the memory for voxels is full."""
-        is_model_full = self.model is not None and self.model.full
-        return is_model_full or any(rest.scanner.full for rest in self.rests)
+        is_model_full = self.model is not None and self.model.is_full
+        return is_model_full or any(rest.scanner.is_full for rest in self.rests)
 
     def surface(self, since: int = 0) -> Mesh:
         """Returns the surface of the first room with the object in it, as :meth:`Scanner.surface` does."""
@@ -254,7 +254,7 @@ class MovedScanner:
                     self._end_rest(self._now)
                 self._now, self._trial = trial, None
                 if self.model is not None:
-                    self.model.take(trial)
+                    self.model.fuse_rest(trial)
                 return self._step_result(step, ObjectState.RESTING, trial)
             self._sought += 1
         return self._step_result(step, ObjectState.SETTLING, None)
@@ -269,7 +269,7 @@ class MovedScanner:
                 self.model.begin(rest)
             else:
                 rest.search_objects(0)
-                self.model.take(rest)
+                self.model.fuse_rest(rest)
 
     def _fuse_into_model(self, rest: ObjectRest, step: ScanStep) -> None:
         """Fuses an image into the object's own model."""
@@ -288,7 +288,7 @@ class MovedScanner:
             if self._place_rest(rest):
                 self.unplaced.remove(rest)
                 if self.model is not None:
-                    self.model.take(rest)
+                    self.model.fuse_rest(rest)
 
     def _place_rest(self, rest: ObjectRest) -> bool:
         """Searches for the object in a rest. Returns True if it was found."""

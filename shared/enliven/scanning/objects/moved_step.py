@@ -56,7 +56,7 @@ class MovedStep:
         if self.followed is not None and self.state is ObjectState.FOLLOWED:
             tracking = self.followed
             return ScanStep(
-                ScanState.SCANNING, tracking.object_from_camera, tracking.alignment, self.scan.room
+                ScanState.SCANNING, tracking.object_from_camera, tracking.alignment, self.scan.has_memory
             )
         return replace(self.scan, state=ScanState.LOST) if self.state is ObjectState.LOST else self.scan
 

@@ -28,7 +28,7 @@ class ObjectModel:
     def __init__(self, settings: ScanSettings) -> None:
         self.settings = settings
         self.volumes = empty_volumes(settings.volume)
-        self.full = False
+        self.is_full = False
         self._box = np.array([[np.inf] * 3, [-np.inf] * 3])
 
     @property
@@ -53,7 +53,7 @@ class ObjectModel:
         inside = (points > self._box[0] - margin) & (points < self._box[1] + margin)
         return np.asarray(inside.all(-1))
 
-    def take(self, rest: ObjectRest) -> None:
+    def fuse_rest(self, rest: ObjectRest) -> None:
         """Fuses images of a rest in which the object's pose is known."""
         pose = rest.object_from_room
         if pose is None or not rest.parts:
@@ -98,5 +98,5 @@ class ObjectModel:
 
     def fuse(self, view: DepthView, object_from_camera: Float) -> None:
         """Averages a view into the model; only the object's points of the view have weight."""
-        had_memory = [volume.integrate(view, object_from_camera).room for volume in self.volumes]
-        self.full = self.full or not all(had_memory)
+        had_memory = [volume.integrate(view, object_from_camera).has_memory for volume in self.volumes]
+        self.is_full = self.is_full or not all(had_memory)

@@ -199,7 +199,7 @@ def align_from_starts(
     return poses, fractions
 
 
-def _distinct_poses(poses: Float, scores: Float, most: int) -> list[int]:
+def _distinct_poses(poses: Float, scores: Float, max_count: int) -> list[int]:
     """Returns the indices of the best poses without duplicates, best first."""
     chosen: list[int] = []
     for n in np.argsort(-scores, kind="stable"):
@@ -209,7 +209,7 @@ def _distinct_poses(poses: Float, scores: Float, most: int) -> list[int]:
             for distance, angle in differences
         ):
             chosen.append(int(n))
-            if len(chosen) == most:
+            if len(chosen) == max_count:
                 break
     return chosen
 

@@ -169,7 +169,7 @@ def test_a_pair_that_does_not_fit_is_left_out_by_name():
 
 def test_good_calibration_is_judged_good_with_its_error():
     judgement = rate_solution(BOARD, solve(BOARD, sightings(rig(), 30), (640, 400)))
-    assert judgement.verdict == "good" and judgement.usable and not judgement.advice
+    assert judgement.verdict == "good" and judgement.is_usable and not judgement.advice
     facts = dict(judgement.facts)
     assert facts["baseline"] == "100.0 mm" or abs(float(facts["baseline"].split()[0]) - 100) < 0.5
     assert int(re.search(r"within (\d+) mm", facts["depth at 2 m"])[1]) <= 20
@@ -204,12 +204,12 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
 )
 def test_insufficient_calibration_gives_advice(of, sentence):
     judgement = rate_solution(BOARD, solve(BOARD, sightings(rig(), **of), (640, 400)))
-    assert not judgement.usable and any(sentence in each for each in judgement.advice), judgement
+    assert not judgement.is_usable and any(sentence in each for each in judgement.advice), judgement
 
 
 def test_exchanged_cameras_are_reported():
     judgement = rate_solution(BOARD, solve(BOARD, sightings(rig()[::-1]), (640, 400)))
-    assert not judgement.usable and "exchanged" in judgement.advice[0]
+    assert not judgement.is_usable and "exchanged" in judgement.advice[0]
 
 
 def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):

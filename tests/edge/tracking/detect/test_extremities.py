@@ -62,7 +62,7 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
     ends = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
     for end in ends:
         assert np.linalg.norm(tips.points - figure.joints[end], axis=1).min() < 0.2, end.name
-    assert (np.diff(tips.far) <= 1e-9).all(), "the farthest come first"
+    assert (np.diff(tips.surface_distances) <= 1e-9).all(), "the farthest come first"
 
 
 def test_empty_mask_has_no_extremities():

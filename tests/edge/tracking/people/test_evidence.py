@@ -113,7 +113,7 @@ def test_the_network_is_evidence_where_there_is_one():
     evidence = of_joints.joint_evidence(posture, report, observation, np.zeros(20), estimate)
     assert evidence.shape == (20, len(NAMES)) and not alone[:, last].any()
     assert_alike(np.delete(evidence, last, 1), np.delete(alone, last, 1), SOLVED)
-    np.testing.assert_allclose(np.exp(evidence[:, last[0]]), estimate.spread)
+    np.testing.assert_allclose(np.exp(evidence[:, last[0]]), estimate.expected_errors)
     nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
     near = of_joints.joint_evidence(posture, report, observation, np.zeros(20), nearer)
     assert (near[:, last[1]] < evidence[:, last[1]]).all()

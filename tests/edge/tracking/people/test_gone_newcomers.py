@@ -41,7 +41,7 @@ def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_los
         )
         if frame == 0:
             assert newcomers and not finder._has_lost_all(view)
-            finder._search.start(view, newcomers, [], alone=True, most=1)
+            finder._search.start(view, newcomers, [], alone=True, max_bodies=1)
     assert finder._has_lost_all(view) == is_lost
     finder.set_budget(Budget(0.0))
     finder.find(view, kind, segments, BackgroundModel((60, 80)))

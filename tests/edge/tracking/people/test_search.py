@@ -165,7 +165,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
     someone.follower.confidence = np.ones(20)
     for probability in probabilities:
         someone.follower.person_probability = probability
-        someone.follow(view, mask, whole=True)
+        someone.follow(view, mask, is_fully_visible=True)
     return someone
 
 

@@ -13,7 +13,7 @@ from tolerances import assert_alike
 
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.constraints import Coupling, Position, Velocity
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.document.puppet import Plane
 from enliven.errors import InputError
 from enliven.examples.puppet_motion import in_world, motion_of, state_of
@@ -94,7 +94,7 @@ def test_adding_and_removing_a_point_restores_the_puppet(seed, vertex):
         vertex += 1
     more = add_point(project, "stool", vertex, "tail", "Spine", True)
     assert more.puppets["stool"].points[-1].name == "tail"
-    assert same(remove_point(more, "stool", "tail"), project)
+    assert are_identical(remove_point(more, "stool", "tail"), project)
 
 
 def test_a_new_point_is_where_the_surface_is_in_each_key_pose():
@@ -104,7 +104,7 @@ def test_a_new_point_is_where_the_surface_is_in_each_key_pose():
     surface = PuppetSurface(puppet.mesh, [point.vertex for point in puppet.points])
     for before, after in zip(puppet.poses, edited.poses, strict=True):
         assert_alike(after.places[:-1], before.places)
-        np.testing.assert_allclose(after.places[-1], surface.settle(before.places)[222], atol=1e-9)
+        np.testing.assert_allclose(after.places[-1], surface.solve_from_rest(before.places)[222], atol=1e-9)
         assert (after.take, after.time) == (before.take, before.time)
 
 
@@ -126,7 +126,7 @@ def test_a_name_is_changed_everywhere_and_back(seed):
     assert layers[1].points == ("head", "left hand") and layers[0].positions[0].point == "head"
     assert layers[1].couplings[0].point == "head" and layers[1].velocities[0].point == "head"
     assert_alike(world(named, 1.0), world(project, 1.0))
-    assert same(change_point(named, "stool", "head", name="top"), project)
+    assert are_identical(change_point(named, "stool", "head", name="top"), project)
 
 
 def test_a_point_goes_with_its_constraints_and_with_layers_of_its_own():

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import missing
@@ -33,7 +33,7 @@ def seen(project, name, time):
     """(V, 3) metres in the world."""
     puppet = project.puppet(name)
     state = state_of(project, puppet, time)
-    return in_world(puppet, state, surface_of_puppet(puppet).settle(state.places))
+    return in_world(puppet, state, surface_of_puppet(puppet).solve_from_rest(state.places))
 
 
 def size_of(project, name="bean"):
@@ -135,7 +135,7 @@ def test_edits_are_values(bean):
     data = project_bytes(bean)
     plane = PlaneCut(seen(bean, "bean", 0.7).mean(0), [0, 1.0, 0.0])
     after, _ = cut_puppet(bean, "bean", plane, 0.7)
-    assert project_bytes(bean) == data and same(project_of(project_bytes(after)), after)
+    assert project_bytes(bean) == data and are_identical(project_of(project_bytes(after)), after)
     with pytest.raises(InputError, match="no part of the mesh"):
         cut_puppet(bean, "bean", PlaneCut([0, 99.0, 0], [0, 1.0, 0.0]), 0.7)
     with pytest.raises(InputError, match="time is nan"):
@@ -204,7 +204,7 @@ def test_key_poses_of_both_stay_and_both_go_on(pair):
     assert np.sqrt(np.mean(np.square(off))) < 0.2 * np.sqrt(np.mean(np.square(moved)))
     places = [state_of(merged, whole, time).places[len(host.points) :] for time in (0.2, 1.4)]
     assert np.abs(places[0] - places[1]).max() > 0.03
-    assert same(project_of(project_bytes(merged)), merged)
+    assert are_identical(project_of(project_bytes(merged)), merged)
 
 
 def test_a_graft_that_plays_nothing_is_carried(pair):

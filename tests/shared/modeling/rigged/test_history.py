@@ -10,7 +10,7 @@ from layer_edits import set_layer
 from surgery_worlds import bending_arm, random_project, random_turns
 
 from enliven.document.history import History, HistorySettings
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven.modeling.edits import copy_character, mirror_character, move_character, scale_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
@@ -19,7 +19,7 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import turn_bone
-from enliven.modeling.rigged.stroke_cut import cut_stroke
+from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 
 
 def random_edit(project, random):
@@ -50,7 +50,7 @@ def random_edit(project, random):
             return "scale", scale_character(project, shape_id, float(random.uniform(0.5, 2)))
         case 7:
             plane = PlaneCut(posed(project, project.shape(shape_id), time)[1][j], random.normal(size=3), 0.5)
-            return "stroke", cut_stroke(project, shape_id, plane, time)[0]
+            return "stroke", cut_shape_along_stroke(project, shape_id, plane, time)[0]
         case 8:
             return "turn", turn_bone(project, shape_id, j, random_turns(random), time)
         case _:
@@ -80,13 +80,13 @@ def test_undo_after_200_random_edits_restores_the_project_bit_for_bit(seed):
     after = history.project
     for name, edited in reversed(done):
         assert history.undo_name == name
-        assert same(history.project, edited)
+        assert are_identical(history.project, edited)
         history.undo()
     now = (dict(history.project.characters), dict(history.project.takes))
-    assert same(now, start)
+    assert are_identical(now, start)
     for _ in done:
         history.redo()
-    assert same(history.project, after)
+    assert are_identical(history.project, after)
 
 
 def test_undo_restores_meshes_and_weights_too():
@@ -106,7 +106,7 @@ def test_undo_restores_meshes_and_weights_too():
     assert {"cut", "merge"} <= set(done)
     for _ in done:
         history.undo()
-    assert same(dict(history.project.shapes), start)
+    assert are_identical(dict(history.project.shapes), start)
 
 
 def test_a_drag_is_one_step():
@@ -118,7 +118,7 @@ def test_a_drag_is_one_step():
     history.do("turn", turn_bone(history.project, "shape 0", 1, random_turns(random)), drag="hand")
     assert history.names == ("turn", "turn")
     history.undo()
-    assert same(history.undo(), project)
+    assert are_identical(history.undo(), project)
     history.redo()
     history.do("move", move_character(history.project, "shape 0", [1, 0, 0]), drag="hand")
     assert history.names == ("turn", "move")
@@ -147,7 +147,7 @@ def test_the_oldest_steps_are_forgotten_and_never_the_project():
         edited = history.do("move", move_character(history.project, "shape 0", [0.1, 0, 0]))
     assert 0 < len(history.names) < 200
     assert history.megabytes <= 1.2 * size
-    assert same(history.project, edited)
+    assert are_identical(history.project, edited)
     nothing = History(project, HistorySettings(megabytes=0.0))
     nothing.do("move", move_character(project, "shape 0", [1, 0, 0]))
     assert nothing.names == ()
@@ -159,12 +159,12 @@ def test_the_oldest_steps_are_forgotten_and_never_the_project():
 def test_a_bit_makes_a_difference():
     project, _ = random_project(4)
     moved = move_character(project, "shape 0", [0.0, 0.0, 0.0])
-    assert same(project, moved)
+    assert are_identical(project, moved)
     shape = project.shape("shape 0")
     bit = project.with_characters(shape.with_changes(place=np.nextafter(shape.place, np.inf)))
-    assert not same(project, bit)
+    assert not are_identical(project, bit)
     zero = project.with_characters(shape.with_changes(place=np.zeros(3)))
     minus = project.with_characters(shape.with_changes(place=-np.zeros(3)))
-    assert not same(zero, minus)
-    assert not same(project, project.without("shape 1"))
-    assert not same(1, 1.0)
+    assert not are_identical(zero, minus)
+    assert not are_identical(project, project.without("shape 1"))
+    assert not are_identical(1, 1.0)

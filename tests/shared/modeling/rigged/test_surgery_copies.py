@@ -9,7 +9,7 @@ from surgery_worlds import angle, random_project, random_turns
 from tolerances import assert_alike
 
 from enliven.document.character import SkinWeights
-from enliven.document.project import Project, same
+from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import (
@@ -41,7 +41,7 @@ def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
     if not any(layer.loop for layer in project.shape("shape 0").layers):
         assert angle(first.turns, second.turns) < 1e-7
         np.testing.assert_allclose(first.joints + away, second.joints, atol=1e-7)
-    assert same(edited.shape("shape 0"), project.shape("shape 0"))
+    assert are_identical(edited.shape("shape 0"), project.shape("shape 0"))
 
 
 @laws
@@ -52,7 +52,7 @@ def test_a_copy_has_layers_of_its_own(seed, time):
     for layer in edited.shape(copy).layers:
         edited = set_layer(edited, copy, layer.id, weight=0.0)
     before = pose_of(project, "shape 0", time)
-    assert same(pose_of(edited, "shape 0", time).turns, before.turns)
+    assert are_identical(pose_of(edited, "shape 0", time).turns, before.turns)
     modeled = posed(edited, edited.shape(copy), None)
     assert angle(pose_of(edited, copy, time).turns, modeled[0]) < 1e-9
 
@@ -65,11 +65,11 @@ def test_a_paste_into_another_project_moves_the_same(seed, time):
     for target in (Project(), other, source):
         edited, copy = paste_character(target, source, "shape 1")
         first, second = pose_of(source, "shape 1", time), pose_of(edited, copy, time)
-        assert same(first.turns, second.turns)
+        assert are_identical(first.turns, second.turns)
         np.testing.assert_allclose(first.joints, second.joints, atol=1e-12)
         for shape_id in target.shapes:
-            assert same(edited.shape(shape_id), target.shape(shape_id))
-        assert all(same(edited.takes[name], take) for name, take in target.takes.items())
+            assert are_identical(edited.shape(shape_id), target.shape(shape_id))
+        assert all(are_identical(edited.takes[name], take) for name, take in target.takes.items())
     twice, _ = paste_character(edited, source, "shape 1")
     assert len(twice.takes) == len(edited.takes)
 
@@ -86,7 +86,7 @@ def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
     before, after = pose_of(project, "shape 0", time).joints, pose_of(edited, "shape 0", time).joints
     np.testing.assert_allclose(after, before - 2 * ((before - centre) @ unit)[:, None] * unit, atol=1e-8)
     other = pose_of(edited, "shape 1", time)
-    assert same(other.joints, pose_of(project, "shape 1", time).joints)
+    assert are_identical(other.joints, pose_of(project, "shape 1", time).joints)
     back = pose_of(mirror_character(edited, "shape 0", normal), "shape 0", time)
     assert angle(back.turns, pose_of(project, "shape 0", time).turns) < 1e-8
     np.testing.assert_allclose(back.joints, before, atol=1e-8)

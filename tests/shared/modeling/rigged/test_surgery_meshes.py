@@ -6,7 +6,7 @@ from surgery_worlds import about_z, angle, bending_arm
 from tolerances import assert_alike
 
 from enliven.document.layers import Ref, Span
-from enliven.document.project import same
+from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import copy_character, move_character
@@ -17,7 +17,7 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import pose_with_stretch, posed
 from enliven.modeling.rigged.posing import set_bone, turn_bone
-from enliven.modeling.rigged.stroke_cut import cut_stroke
+from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
 from enliven.motion.layers.evaluate import pose_of
 
 
@@ -154,7 +154,7 @@ def test_a_union_that_cannot_be_made_is_refused_and_changes_nothing(arm):
     before = project
     with pytest.raises(InputError, match=r"the meshes cannot be united.*torn"):
         merge(project, "arm", "arm 2", copy, 0.0)
-    assert same(project, before)
+    assert are_identical(project, before)
     notes = []
     merged, _ = merge(project, "arm", "arm 2", copy, 0.0, loose=True, notes=notes)
     assert "separate shells" in notes[0]
@@ -172,7 +172,7 @@ def test_a_shape_without_a_mesh_is_merged_with_one_that_has_one(arm):
     bare, copy = copy_character(arm, "arm")
     bare = bare.with_characters(bare.shape(copy).with_changes(mesh=None, skin=None))
     onto, _ = merge(bare, "arm", "arm 2", copy, 0.5)
-    assert same(onto.shape("arm").mesh, arm.shape("arm").mesh)
+    assert are_identical(onto.shape("arm").mesh, arm.shape("arm").mesh)
     under, _ = merge(bare, copy, "arm 2", "arm", 0.5)
     np.testing.assert_array_equal(under.shape(copy).skin.weights, arm.shape("arm").skin.weights)
     assert len(under.shape(copy).mesh.vertices) == len(arm.shape("arm").mesh.vertices)
@@ -221,7 +221,7 @@ def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
     start = joints[2]
     normal = (ends[0] + ends[1]) / 2 - start
     plane = PlaneCut((start + (ends[0] + ends[1]) / 2) / 2, normal)
-    edited, ids = cut_stroke(fork, "arm", plane, time)
+    edited, ids = cut_shape_along_stroke(fork, "arm", plane, time)
     assert len(ids) == 3 and ids[0] == "arm"
     before = posed(fork, fork.shape("arm"), time)
     seen = dict(zip(fork.shape("arm").skeleton.names, before[0], strict=True))
@@ -243,7 +243,9 @@ def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
 def test_a_stroke_without_a_mesh_cuts_the_bones(fork):
     bare = fork.with_characters(fork.shape("arm").with_changes(mesh=None, skin=None))
     joints = posed(bare, bare.shape("arm"), 0.3)[1]
-    edited, ids = cut_stroke(bare, "arm", PlaneCut((joints[0] + joints[1]) / 2, joints[1] - joints[0]), 0.3)
+    edited, ids = cut_shape_along_stroke(
+        bare, "arm", PlaneCut((joints[0] + joints[1]) / 2, joints[1] - joints[0]), 0.3
+    )
     assert [len(edited.shape(i).skeleton) for i in ids] == [2, len(joints)]
 
 
@@ -256,12 +258,12 @@ def test_ambiguous_stroke_is_refused(fork):
     ]
     for plane, words in refused:
         with pytest.raises(InputError, match=words):
-            cut_stroke(fork, "arm", plane, 0.0)
+            cut_shape_along_stroke(fork, "arm", plane, 0.0)
     picture = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     twice = StrokeCut(np.array([[0.5, -1.0], [0.5, 1.0], [1.5, 1.0], [1.5, -1.0]]), picture)
     with pytest.raises(InputError, match="crosses"):
-        cut_stroke(fork, "arm", twice, None)
+        cut_shape_along_stroke(fork, "arm", twice, None)
     across = PlaneCut((joints[0] + joints[1]) / 2, along)
     bent = set_bone(fork, "arm", 2, about_z(180), 0.0)
     with pytest.raises(InputError, match="below it"):
-        cut_stroke(bent, "arm", across, 0.0)
+        cut_shape_along_stroke(bent, "arm", across, 0.0)

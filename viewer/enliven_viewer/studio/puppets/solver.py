@@ -119,9 +119,11 @@ class Solver:
         self._places, self._rounds = np.array(places), 0 if small and not warm else _MAX_SETTLING_FRAMES
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
-                surface.hold(*_split_points(self._held))  # This is the rest pose, which needs no solving.
+                surface.set_control_points(
+                    *_split_points(self._held)
+                )  # This is the rest pose, which needs no solving.
                 return surface.pose
-            return surface.settle(places) if small and not warm else surface.solve(places)
+            return surface.solve_from_rest(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
             self._toasts.complain(error)
             self._rounds = 0
@@ -154,7 +156,7 @@ class Solver:
         assert surface is not None
 
         def work() -> PuppetSurface:
-            surface.hold(*_split_points(held))
+            surface.set_control_points(*_split_points(held))
             return surface
 
         if self._count > MIN_BACKGROUND_VERTICES:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from enliven.document import Clip, Project, RigBase, same, unused
+from enliven.document import Clip, Project, RigBase, are_identical, unused
 from enliven.errors import InputError
 from enliven.example_sessions.session import Session, read_session
 from enliven.example_sessions.text import write_session
@@ -148,7 +148,7 @@ def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[
     names = dict[str, str]()
     for clip in clips:
         existing = project.takes.get(clip.id)
-        if existing is not None and same(existing, clip):
+        if existing is not None and are_identical(existing, clip):
             names[clip.id] = clip.id
             continue
         names[clip.id] = unused(clip.id, project.takes)

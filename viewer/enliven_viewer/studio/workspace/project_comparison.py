@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
-from enliven.document import Project, same
+from enliven.document import Project, are_identical
 from enliven_viewer.language import later, tr
 
 DifferenceSide = Literal["only here", "only in the file", "different"]
@@ -47,7 +47,7 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
                 differences.append(Difference(tr("{0} {1}", tr(kind_label), name), "only here"))
             elif name not in open_items:
                 differences.append(Difference(tr("{0} {1}", tr(kind_label), name), "only in the file"))
-            elif not same(open_items[name], saved_items[name]):
+            elif not are_identical(open_items[name], saved_items[name]):
                 differences.append(Difference(tr("{0} {1}", tr(kind_label), name), "different"))
     return tuple(differences)
 

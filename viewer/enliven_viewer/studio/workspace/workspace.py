@@ -148,7 +148,7 @@ class Workspace(App):
         """
         add_sample(self.editor, name)
         character = self.editor.chosen()
-        if character is not None and character.possessable:
+        if character is not None and character.is_possessable:
             self.perform.active_workspace = "Perform"
             self.perform.put_soon(character.id)
 

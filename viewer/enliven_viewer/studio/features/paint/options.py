@@ -38,7 +38,7 @@ def draw_brush_options(app: App, tool: PaintTool) -> None:
     app.remember("both sides")
     tooltip(app.actions.make_tooltip(app.actions["paint.both_sides"]))
     character = app.editor.chosen()
-    if character is not None and character.mesh is not None and character.possessable:
+    if character is not None and character.mesh is not None and character.is_possessable:
         _draw_swing(app, character.id)
     action_button(app, "paint.clear", _BUTTON_WIDTH)
     draw_note("It takes effect as soon as a performer steps in. Soft spots swing further than the performer.")
