@@ -183,7 +183,7 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
                 receiver.close()
         outputs = stack.enter_context(LiveOutputs(open_outputs(outputs_of(words, {}))))
         if "foxglove" in schemes:
-            stack.enter_context(_subscribe_to_all(outputs.outputs.senders[-1].port))
+            stack.enter_context(_subscribe_to_all(port))
         outlet = stack.enter_context(Outlet(WireSettings(name="bench", port=0, control_port=0), "reel"))
         edge = Edge(Reel(frames), Tracker(), Stage([actor]), outlet, outputs=outputs)
         seconds, start = list[float](), time.perf_counter()
