@@ -2,7 +2,7 @@
 
 The frame has four human characters with 22 bones each. The peer encodes the same VMC messages one by one with
 python-osc. The loss compares an edge without outputs and one with all five, in turn on the same depth images:
-at the rate of a camera, and at full speed ("unpaced"). One performer possesses the chair. The receivers are
+at the rate of a camera, and at full speed ("unpaced"). The share is the processor time of the handover. One performer possesses the chair. The receivers are
 sockets of this machine that are not read. That of Foxglove has subscribed to everything.
 """
 
@@ -81,6 +81,7 @@ def figures() -> Iterator[Figure]:
             without.append(_step_seconds(frames, (), rate))
             with_all.append(_step_seconds(frames, SCHEMES, rate))
         before, after = (np.concatenate(rounds) for rounds in (without, with_all))
+        yield Figure(f"out.edge_{name}share_percent", _share_percent(frames, rate), "%")
         yield Figure(f"out.edge_{name}step_ms", 1e3 * float(np.median(after)), "ms")
         yield Figure(f"out.edge_{name}step_p99_ms", 1e3 * float(np.percentile(after, 99)), "ms")
         # The frames that an edge could process in the same time.
@@ -180,8 +181,11 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
             receiver.bind(("127.0.0.1", 0))
             words.append(f"{scheme}:127.0.0.1:{receiver.getsockname()[1]}")
             if scheme == "foxglove":
+                port = receiver.getsockname()[1]
                 receiver.close()
         outputs = stack.enter_context(LiveOutputs(open_outputs(outputs_of(words, {}))))
+        while not outputs.outputs.is_ready:
+            time.sleep(0.01)
         if "foxglove" in schemes:
             stack.enter_context(_subscribe_to_all(port))
         outlet = stack.enter_context(Outlet(WireSettings(name="bench", port=0, control_port=0), "reel"))
@@ -196,6 +200,27 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
             edge._poll_requests()
             seconds.append(time.perf_counter() - begin)
         return seconds[FRAMES // 4 :]
+
+
+def _share_percent(frames: list[DepthFrame], rate: float) -> float:
+    """Returns the share of the edge's processor time that handing over the frames takes, in percent.
+
+    Unlike the loss of frames, it hardly depends on other programs on the machine.
+    """
+    publish, took = LiveOutputs.publish, list[float]()
+
+    def timed(*arguments: object, **keys: object) -> None:
+        begin = time.thread_time()
+        publish(*arguments, **keys)
+        took.append(time.thread_time() - begin)
+
+    LiveOutputs.publish = timed
+    try:
+        begin = time.process_time()
+        _step_seconds(frames, SCHEMES, rate)
+        return 100.0 * sum(took) / (time.process_time() - begin)
+    finally:
+        LiveOutputs.publish = publish
 
 
 def _subscribe_to_all(port: int) -> ClientConnection:

@@ -59,7 +59,9 @@ class DepthMemory(Closeable):
     def __init__(self, handle: int | str | None = None) -> None:
         size, self._descriptor = _SLOTS * _SLOT_BYTES, -1
         if sys.platform == "win32":
-            self.handle: int | str = f"enliven-{os.getpid()}-{secrets.token_hex(8)}" if handle is None else handle
+            self.handle: int | str = (
+                f"enliven-{os.getpid()}-{secrets.token_hex(8)}" if handle is None else handle
+            )
             self._memory = mmap.mmap(-1, size, tagname=str(self.handle))
         else:
             self._descriptor = _create_file(size) if handle is None else int(handle)

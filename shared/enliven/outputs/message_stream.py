@@ -1,4 +1,4 @@
-"""Messages between a program and the process that sends its live outputs, over a pair of connected sockets."""
+"""Messages between a program and the process of its live outputs, over a pair of connected sockets."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class MessageStream:
         self.socket = end
         self._unsent, self._received = memoryview(b""), bytearray()
 
-    def offer(self, kind: str, content: object) -> None:
+    def offer(self, kind: str, content: object) -> bool:
         """Sends a message without waiting. Bytes that the system does not take now are sent by :meth:`flush`.
 
-        Call it only after :meth:`flush` has returned True.
+        Call it only after :meth:`flush` has returned True. Returns True if nothing is left.
 
         Raises:
             OSError: if the other end is closed.
         """
         self._unsent = memoryview(_as_bytes(kind, content))
-        self.flush()
+        return self.flush()
 
     def flush(self) -> bool:
         """Sends the rest of the last message without waiting. Returns True if nothing is left.

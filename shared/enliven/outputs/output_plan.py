@@ -60,7 +60,11 @@ class OutputPlan:
         Raises:
             InputError: for a wrong mapping file.
         """
-        return None if self.protocol.open is None else self.protocol.open(self.address, self.settings, self.folder)
+        return (
+            None
+            if self.protocol.open is None
+            else self.protocol.open(self.address, self.settings, self.folder)
+        )
 
     def open(self) -> Sender:
         """Opens the output, and loads or compiles its kernels.

@@ -1,7 +1,7 @@
 """The process that sends live outputs, as its program sees it: gets frames, and starts again after its end.
 
-Encoding and sending a frame need Python's global lock for most of a millisecond. In a process of its own, they
-do not delay the program. The program only copies the numbers of a frame into a socket.
+Encoding and sending a frame need Python's global lock for most of a millisecond. In a process of its own,
+this work does not delay the program. The program only copies the numbers of a frame into a socket.
 """
 
 from __future__ import annotations
@@ -129,18 +129,21 @@ class OutputProcess(Closeable):
             if running is not None and self._ended.is_set() and self._newest is None:
                 running.process.kill()  # Nothing was sent, so nothing is lost.
             return
-        with contextlib.suppress(OSError):  # The thread sees the end of the process, too.
-            if not running.stream.flush():
-                return
-            if running.health != self._health:
+        try:
+            is_free = running.stream.flush()
+            if is_free and self._health != running.health:
                 running.health = self._health
-                running.stream.offer("health", self._health)
-            if self._newest is not None and running.stream.flush():
-                frame, events, self._newest = self._newest, tuple(self._events), None
-                self._events.clear()
-                running.send(frame if len(events) == len(frame.events) else replace(frame, events=events))
-            if self._ended.is_set() and running.stream.flush():
+                is_free = running.stream.offer("health", self._health)
+            if is_free and self._newest is not None:
+                frame, events, self._newest = self._newest, self._events, None
+                if len(events) != len(frame.events):
+                    frame = replace(frame, events=tuple(events))
+                events.clear()
+                is_free = running.send(frame)
+            if is_free and self._ended.is_set():
                 running.stream.socket.shutdown(socket.SHUT_WR)
+        except OSError:
+            pass  # The process has ended. The thread sees it, too.
 
     def _run(self) -> None:
         """Runs the process, again and again."""
@@ -181,7 +184,7 @@ class OutputProcess(Closeable):
             with self._lock:
                 self._running = None
             code = running.end()
-        return running.failure or _describe_exit(code)
+        return running.failure.rstrip(".") or _describe_exit(code)
 
     def _receive(self, running: _Running) -> None:
         """Receives the reports of the process until it closes the connection."""
@@ -241,13 +244,13 @@ class _Running:
             near.setblocking(False)
             stack.pop_all()
 
-    def send(self, frame: LiveFrame) -> None:
-        """Sends a frame without waiting.
+    def send(self, frame: LiveFrame) -> bool:
+        """Sends a frame without waiting. Returns True if the system has taken all of it.
 
         Raises:
             OSError: if the process has ended.
         """
-        self.stream.offer("frame", self._encoder.encode(frame, self._share_depth(frame)))
+        return self.stream.offer("frame", self._encoder.encode(frame, self._share_depth(frame)))
 
     def end(self) -> int:
         """Closes the connection, waits for the end of the process, and returns its exit code."""
@@ -284,9 +287,7 @@ def _start(far: socket.socket, depth: DepthMemory | None) -> subprocess.Popen[by
     environment.pop(PROGRAM_VARIABLE, None)
     command = [sys.executable, "-m", _MODULE]
     if sys.platform == "win32":
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment
-        )
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment)
         assert process.stdin is not None
         with process.stdin:
             process.stdin.write(far.share(process.pid))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+
 from enliven.outputs.address import Place
 from enliven.outputs.live_frame import LiveFrame
 from enliven.outputs.output import LiveOutput

@@ -25,6 +25,7 @@ from enliven.health import HealthKind, HealthState, Severity
 from enliven.outputs.foxglove.server import FoxgloveServer
 from enliven.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
 from enliven.outputs.opening import open_outputs
+from enliven.outputs.output_plan import plan_outputs
 from enliven.outputs.settings import LiveOutputSettings, outputs_of
 from enliven.person import Joint
 from enliven.rotation import rotate
@@ -295,13 +296,10 @@ def test_an_address_that_others_reach_needs_permission(port):
     word = f"foxglove:0.0.0.0:{port}"
     with pytest.raises(InputError, match=r"could watch the performers.*ssh -L.*insecure = true"):
         open_outputs(outputs_of([word], {}))
-    for outputs in (
-        open_outputs(outputs_of([word], {}), insecure=True),
-        open_outputs({"watch": LiveOutputSettings(word, insecure=True)}),
-    ):
-        with outputs:
-            until(lambda outputs=outputs: outputs.is_ready, "the server")
-            FoxgloveClient(port).__exit__()
+    (plan,) = plan_outputs(outputs_of([word], {}), insecure=True)
+    assert plan_outputs({"watch": LiveOutputSettings(word, insecure=True)})[0].place == plan.place
+    with plan.open(), FoxgloveClient(port):
+        pass
     with pytest.raises(InputError, match="insecure is not a key of vmc"):
         open_outputs({"x": LiveOutputSettings("vmc:127.0.0.1", insecure=True)})
 
