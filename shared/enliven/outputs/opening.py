@@ -9,8 +9,8 @@ from pathlib import Path
 from enliven.health import HealthState
 from enliven.outputs.live_frame import CharacterInfo, LiveFrame
 from enliven.outputs.output_plan import OutputPlan, plan_outputs
-from enliven.outputs.output_process import OutputProcess
-from enliven.outputs.output_status import OutputStatus
+from enliven.outputs.process.output_process import OutputProcess
+from enliven.outputs.process.output_status import OutputStatus
 from enliven.outputs.settings import LiveOutputSettings
 from enliven.supervision.closeable import Closeable
 

@@ -16,10 +16,10 @@ import threading
 from collections.abc import Sequence
 
 from enliven.errors import EnlivenError
-from enliven.outputs.depth_memory import DepthMemory
-from enliven.outputs.frame_codec import FrameDecoder
 from enliven.outputs.frame_thread import FrameThread
-from enliven.outputs.message_stream import MessageStream, inherited_end
+from enliven.outputs.process.depth_memory import DepthMemory
+from enliven.outputs.process.frame_codec import FrameDecoder
+from enliven.outputs.process.message_stream import MessageStream, inherited_end
 from enliven.outputs.sender import Sender
 
 _STATE_INTERVAL_S = 0.25

@@ -22,20 +22,20 @@ from typing import Any
 
 from enliven.health import HealthState
 from enliven.kernel_cache.program import PROGRAM_VARIABLE
-from enliven.outputs.depth_memory import DEPTH_INTERVAL_NS, DepthMemory, DepthReference
-from enliven.outputs.frame_codec import FrameEncoder
 from enliven.outputs.frame_thread import MAX_EVENTS
 from enliven.outputs.live_frame import LiveEvent, LiveFrame
-from enliven.outputs.message_stream import MessageStream, connected_ends
 from enliven.outputs.output_plan import OutputPlan
-from enliven.outputs.output_status import OutputStatus
+from enliven.outputs.process.depth_memory import DEPTH_INTERVAL_NS, DepthMemory, DepthReference
+from enliven.outputs.process.frame_codec import FrameEncoder
+from enliven.outputs.process.message_stream import MessageStream, connected_ends
+from enliven.outputs.process.output_status import OutputStatus
 from enliven.supervision.closeable import Closeable
 from enliven.supervision.lifetime import block_interrupts
 from enliven.supervision.schedule import RestartBackoff
 
 log = logging.getLogger(__name__)
 
-_MODULE = "enliven.outputs.sending_process"
+_MODULE = "enliven.outputs.process.sending_process"
 """The program of the process."""
 _FLUSH_INTERVAL_S = 0.25
 """Seconds after which a frame is offered again that the process did not take."""
@@ -267,7 +267,7 @@ class _Running:
         return code
 
     def _share_depth(self, frame: LiveFrame) -> DepthReference | None:
-        """Copies the depth image into shared memory, if somebody wants it and the last one is old enough."""
+        """Copies the depth image into shared memory, if an output sends it and the last one is old enough."""
         if self._depth is None or not self.wants_depth or frame.depth is None:
             return None
         if 0 <= frame.time_ns - self._last_depth_ns < DEPTH_INTERVAL_NS:

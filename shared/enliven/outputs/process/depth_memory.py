@@ -1,6 +1,6 @@
 """Depth images in memory that two processes share. The system frees it with the processes, however they end.
 
-On POSIX it is a file without a name, whose descriptor the second process inherits. On Windows it is a named
+On POSIX it is a file without a name. The second process inherits its descriptor. On Windows it is a named
 mapping that exists while a process has it open.
 """
 
