@@ -78,7 +78,7 @@ def test_killed_process_is_restarted_and_sends_again(caplog):
 
 
 def cloud() -> CharacterInfo:
-    """Returns a character with so many nodes that a connection keeps few of its poses."""
+    """Returns a character with 20,000 nodes, because a connection keeps few poses of that size."""
     corners, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (3, 1)))
     pivots = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, 3)).astype(np.float32)
