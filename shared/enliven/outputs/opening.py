@@ -38,7 +38,7 @@ class OutputSet(Closeable):
 
     @property
     def is_ready(self) -> bool:
-        """True if frames are sent: there are no outputs, or their process has started."""
+        """True if the process of the outputs has started, or if none is needed."""
         return self._process is None or self._process.is_ready
 
     @property
@@ -93,7 +93,7 @@ def open_outputs(
 
     Raises:
         InputError: for a bad address, a host that is not found, an output that occurs twice, a key of
-            another protocol, a wrong mapping file, or an output that other computers can read without
+            another protocol, or a wrong mapping file. Also for an output that other computers can read without
             ``insecure``.
         ResourceError: if a library is not installed, or a port is in use.
     """

@@ -71,9 +71,9 @@ class FrameDecoder:
         """Returns the frame."""
         time_ns, bodies, poses, characters, held, props, events, depth, place, mirrored = row
         if characters is not None:
-            known = self._characters
+            earlier = self._characters
             self._characters = {
-                name: known[name] if info is None else info for name, info in characters.items()
+                name: earlier[name] if info is None else info for name, info in characters.items()
             }
         return LiveFrame(
             time_ns,

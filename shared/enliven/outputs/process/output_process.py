@@ -167,7 +167,7 @@ class OutputProcess(Closeable):
             self._ended.wait(wait_s)
 
     def _waits_for_first_process(self) -> bool:
-        """Returns True if a frame waits and there was no process yet: the program ended very early."""
+        """Returns True if a frame waits for the first process: the program ended very early."""
         return self._newest is not None and not self._has_run
 
     def _run_once(self) -> str:
