@@ -93,8 +93,8 @@ def open_outputs(
 
     Raises:
         InputError: for a bad address, a host that is not found, an output that occurs twice, a key of
-            another protocol, or a wrong mapping file. Also for an output that other computers can read without
-            ``insecure``.
+            another protocol, or a wrong mapping file. Also for an output that other computers can read
+            without ``insecure``.
         ResourceError: if a library is not installed, or a port is in use.
     """
     return OutputSet(plan_outputs(settings, folder, insecure=insecure))

@@ -9,9 +9,9 @@ from live_scenes import four_characters
 
 from enliven.camera import Intrinsics
 from enliven.frames import DepthFrame
+from enliven.outputs.depth_memory import DepthMemory
 from enliven.outputs.live_frame import LiveEvent, LiveFrame
 from enliven.outputs.osc_tree import OscOutput
-from enliven.outputs.process.depth_memory import DepthMemory
 from enliven.outputs.process.frame_codec import FrameDecoder, FrameEncoder
 from enliven.outputs.rokoko import RokokoOutput
 from enliven.outputs.vmc import VmcOutput

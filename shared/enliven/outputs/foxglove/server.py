@@ -25,6 +25,7 @@ from foxglove.websocket import ChannelView, Client, ServerListener
 
 from enliven.errors import ResourceError
 from enliven.health import HealthState
+from enliven.outputs.depth_memory import DEPTH_INTERVAL_NS
 from enliven.outputs.foxglove import messages
 from enliven.outputs.foxglove.stage_encoders import (
     STAGE_SCHEMA,
@@ -33,7 +34,6 @@ from enliven.outputs.foxglove.stage_encoders import (
     TransformsEncoder,
 )
 from enliven.outputs.live_frame import LiveFrame
-from enliven.outputs.process.depth_memory import DEPTH_INTERVAL_NS
 from enliven.outputs.sender import Sender
 from enliven.outputs.warmup import sample_frame
 

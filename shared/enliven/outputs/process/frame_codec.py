@@ -14,8 +14,8 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import Character, Pose, Props, SkinWeights
 from enliven.frames import DepthFrame
+from enliven.outputs.depth_memory import DepthReference
 from enliven.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
-from enliven.outputs.process.depth_memory import DepthReference
 from enliven.person import Body
 
 

@@ -22,10 +22,10 @@ from typing import Any
 
 from enliven.health import HealthState
 from enliven.kernel_cache.program import PROGRAM_VARIABLE
+from enliven.outputs.depth_memory import DEPTH_INTERVAL_NS, DepthMemory, DepthReference
 from enliven.outputs.frame_thread import MAX_EVENTS
 from enliven.outputs.live_frame import LiveEvent, LiveFrame
 from enliven.outputs.output_plan import OutputPlan
-from enliven.outputs.process.depth_memory import DEPTH_INTERVAL_NS, DepthMemory, DepthReference
 from enliven.outputs.process.frame_codec import FrameEncoder
 from enliven.outputs.process.message_stream import MessageStream, connected_ends
 from enliven.outputs.process.output_status import OutputStatus

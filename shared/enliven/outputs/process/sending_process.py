@@ -16,8 +16,8 @@ import threading
 from collections.abc import Sequence
 
 from enliven.errors import EnlivenError
+from enliven.outputs.depth_memory import DepthMemory
 from enliven.outputs.frame_thread import FrameThread
-from enliven.outputs.process.depth_memory import DepthMemory
 from enliven.outputs.process.frame_codec import FrameDecoder
 from enliven.outputs.process.message_stream import MessageStream, inherited_end
 from enliven.outputs.sender import Sender
