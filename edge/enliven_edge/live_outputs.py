@@ -35,7 +35,7 @@ class LiveOutputs(Closeable):
         Raises:
             InputError: if one cannot.
         """
-        if self.outputs.senders:
+        if self.outputs.statuses:
             self.outputs.check(self._analyse(stage))
 
     def publish(
@@ -47,7 +47,7 @@ class LiveOutputs(Closeable):
             world_from_camera: (4, 4) pose of the sensor, or None if it is not known.
             mirrored: True if performers are mirrored.
         """
-        if not self.outputs.senders:
+        if not self.outputs.statuses:
             return
         self._time_ns = tick.time_ns
         numbered, events = self._numbers.number(tick.bodies, tick.time_ns)
@@ -81,7 +81,7 @@ class LiveOutputs(Closeable):
         ]
 
     def close(self) -> None:
-        """Ends all threads and closes the sockets."""
+        """Sends the last frame, and ends the process that sends."""
         self.outputs.close()
 
     def _analyse(self, stage: Stage) -> dict[str, CharacterInfo]:

@@ -1,4 +1,4 @@
-"""The thread that hands the newest frame to all outputs, so that the edge never waits for them."""
+"""The thread that sends the newest frame to all outputs, while another one receives the next frames."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from enliven.outputs.live_frame import LiveEvent, LiveFrame
 from enliven.outputs.sender import Sender
 from enliven.supervision.closeable import Closeable
 
-_MAX_EVENTS = 256
+MAX_EVENTS = 256
 """Maximum number of events that wait for the next frame."""
 _JOIN_TIMEOUT_S = 2.0
 """Seconds to wait for the thread at the end. It only sends, which takes less than a frame."""
@@ -38,7 +38,7 @@ class FrameThread(Closeable):
         self._senders = tuple(senders)
         self._changed = threading.Condition()
         self._newest: LiveFrame | None = None
-        self._events: deque[LiveEvent] = deque(maxlen=_MAX_EVENTS)
+        self._events: deque[LiveEvent] = deque(maxlen=MAX_EVENTS)
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="live outputs", daemon=True)
         self._thread.start()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import time
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from enliven.health import HealthState
-from enliven.outputs.live_frame import CharacterInfo, LiveFrame
+from enliven.outputs.live_frame import LiveFrame
 from enliven.supervision.closeable import Closeable
 
 log = logging.getLogger(__name__)
@@ -40,12 +40,10 @@ class Sender(Closeable):
         """Why frames are lost now. Empty if the output works."""
         return self._reason if time.monotonic() - self._failed_at < _CLEAR_AFTER_S else ""
 
-    def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        """Checks the characters that are on the stage at the start. Most outputs send any character.
-
-        Raises:
-            InputError: if the output cannot send the character that its address names.
-        """
+    @property
+    def wants_depth(self) -> bool:
+        """True if the output sends depth images now. Most outputs never do."""
+        return False
 
     def send(self, frame: LiveFrame) -> None:
         """Sends one frame. It never blocks, and counts a failure instead of raising it.

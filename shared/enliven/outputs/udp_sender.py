@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Mapping
 
 from enliven.outputs.address import Place
-from enliven.outputs.live_frame import CharacterInfo, LiveFrame
+from enliven.outputs.live_frame import LiveFrame
 from enliven.outputs.output import LiveOutput
 from enliven.outputs.sender import Sender
 
@@ -32,9 +31,6 @@ class UdpSender(Sender):
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
         self._place = place
         self._is_connected = False
-
-    def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        self._output.check(characters)
 
     def close(self) -> None:
         self._socket.close()

@@ -12,7 +12,6 @@ from posed_people import performer
 
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
-from enliven.outputs import sender
 from enliven.outputs.opening import open_outputs
 from enliven.outputs.settings import outputs_of
 from enliven.wire import HoldMessage
@@ -33,11 +32,10 @@ def port():
         return free.getsockname()[1]
 
 
-def test_lost_packets_are_a_health_state_and_are_logged_once(monkeypatch, caplog):
+def test_lost_packets_are_a_health_state_and_are_logged_once(caplog):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    monkeypatch.setattr(sender, "_CLEAR_AFTER_S", 0.3)
     stage = Stage()
     with (
         caplog.at_level(logging.WARNING),
@@ -103,8 +101,14 @@ def test_holds_become_events():
 def test_an_edge_without_outputs_does_nothing():
     outputs = LiveOutputs()
     outputs.publish(Tick(BodyFrame([performer()], 0, "made"), [performer()]), Stage())
-    assert outputs.health_states == [] and outputs.outputs.senders == []
+    assert outputs.health_states == [] and outputs.outputs.statuses == []
     outputs.close()
+
+
+def ready_client(kind, outputs: LiveOutputs, port: int):
+    """Returns a client of the process of the outputs, when it listens."""
+    until(lambda: outputs.outputs.is_ready, "the process of the outputs")
+    return kind(port, ["/health", "/stage"])
 
 
 def test_an_edge_reports_its_health_while_there_are_no_frames(port):
@@ -125,7 +129,7 @@ def test_an_edge_reports_its_health_while_there_are_no_frames(port):
     with (
         LiveOutputs(open_outputs(outputs_of([f"foxglove:127.0.0.1:{port}"], {}))) as outputs,
         Outlet(WireSettings(name="fox", port=0, control_port=0), "silent") as outlet,
-        FoxgloveClient(port, ["/health", "/stage"]) as client,
+        ready_client(FoxgloveClient, outputs, port) as client,
     ):
         edge = Edge(Silent(), Tracker(), Stage(), outlet, outputs=outputs)
         edge.step(BodyFrame([performer()], 10**9, "silent", np.eye(4)))

@@ -1,7 +1,7 @@
 """Tests of live outputs in the programs: the edge, a replay and a run, from the options to the receivers."""
 
 import socket
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 import pytest
@@ -91,15 +91,15 @@ def test_lost_packets_are_reported_in_the_heartbeat():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    frames = [BodyFrame([performer()], 10**9 + k * 33_000_000, "bodies", np.eye(4)) for k in range(600)]
+    frames = (BodyFrame([performer()], 10**9 + k * 33_000_000, "bodies", np.eye(4)) for k in count())
     with (
         LiveOutputs(open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {}))) as outputs,
         Outlet(WireSettings(name="outputs", port=0, control_port=0), "bodies") as outlet,
     ):
-        edge, remaining = Edge(Bodies(frames), Tracker(), Stage(), outlet, outputs=outputs), iter(frames)
+        edge = Edge(Bodies(frames), Tracker(), Stage(), outlet, outputs=outputs)
 
         def reported():
-            edge.step(next(remaining))
+            edge.step(next(frames))
             return [
                 state for state in outlet.publisher.status.health if state.kind == HealthKind.OUTPUT_FAILS
             ]

@@ -22,8 +22,10 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.health import HealthKind, HealthState, Severity
+from enliven.outputs.foxglove.server import FoxgloveServer
 from enliven.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
 from enliven.outputs.opening import open_outputs
+from enliven.outputs.output_plan import plan_outputs
 from enliven.outputs.settings import LiveOutputSettings, outputs_of
 from enliven.person import Joint
 from enliven.rotation import rotate
@@ -40,8 +42,8 @@ def port():
 
 @pytest.fixture
 def server(port):
-    with open_outputs(outputs_of([f"foxglove:127.0.0.1:{port}"], {})) as outputs:
-        yield outputs.senders[0]
+    with FoxgloveServer(f"foxglove:127.0.0.1:{port}", "127.0.0.1", port) as opened:
+        yield opened
 
 
 def shown(server, client, frame, topic):
@@ -284,17 +286,19 @@ def test_a_port_in_use_is_refused_and_leaves_nothing_running(server, port):
 
 def test_the_port_is_free_again_after_the_end(port):
     for _ in range(2):
-        with open_outputs(outputs_of([f"foxglove:localhost:{port}"], {})), FoxgloveClient(port) as client:
-            assert client.info["op"] == "serverInfo"
+        with open_outputs(outputs_of([f"foxglove:localhost:{port}"], {})) as outputs:
+            until(lambda outputs=outputs: outputs.is_ready, "the server")
+            with FoxgloveClient(port) as client:
+                assert client.info["op"] == "serverInfo"
 
 
 def test_an_address_that_others_reach_needs_permission(port):
     word = f"foxglove:0.0.0.0:{port}"
     with pytest.raises(InputError, match=r"could watch the performers.*ssh -L.*insecure = true"):
         open_outputs(outputs_of([word], {}))
-    with open_outputs(outputs_of([word], {}), insecure=True), FoxgloveClient(port):
-        pass
-    with open_outputs({"watch": LiveOutputSettings(word, insecure=True)}), FoxgloveClient(port):
+    (plan,) = plan_outputs(outputs_of([word], {}), insecure=True)
+    assert plan_outputs({"watch": LiveOutputSettings(word, insecure=True)})[0].place == plan.place
+    with plan.open(), FoxgloveClient(port):
         pass
     with pytest.raises(InputError, match="insecure is not a key of vmc"):
         open_outputs({"x": LiveOutputSettings("vmc:127.0.0.1", insecure=True)})
@@ -306,10 +310,10 @@ def test_log_of_the_library_does_not_reach_python(port, monkeypatch):
     handler = logging.Handler()
     handler.emit = records.append
     monkeypatch.setattr(logging.getLogger("foxglove"), "handlers", [handler])
-    with open_outputs(outputs_of([f"foxglove:127.0.0.1:{port}"], {})) as outputs:
+    with FoxgloveServer("fox", "127.0.0.1", port) as opened:
         logging.getLogger("foxglove").setLevel(logging.DEBUG)  # As a program could that hosts an edge.
         with FoxgloveClient(port, ["/stage"]) as client:
-            shown(outputs.senders[0], client, four_characters(), "/stage")
+            shown(opened, client, four_characters(), "/stage")
             again = [{"id": 100, "channelId": client.channels["/stage"]["id"]}]
             client.socket.send(json.dumps({"op": "subscribe", "subscriptions": again}))
             until(lambda: client.poll(0.05) or [text for text in client.texts if text["op"] == "status"])

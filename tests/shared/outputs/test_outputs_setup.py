@@ -73,7 +73,7 @@ def test_the_same_receiver_twice_is_refused():
     with pytest.raises(InputError, match="same output as"):
         open_outputs(outputs_of(["vmc:127.0.0.1", "vmc:127.0.0.1"], {}))
     with open_outputs(outputs_of(["vmc:127.0.0.1:7000", "osc:127.0.0.1:7000"], {})) as outputs:
-        assert len(outputs.senders) == 2, "two protocols are two outputs"
+        assert len(outputs.statuses) == 2, "two protocols are two outputs"
 
 
 def test_a_failed_start_leaves_no_thread():
@@ -132,7 +132,7 @@ def test_settings_and_command_line_are_joined():
     }
     settings = load_settings(EdgeSettings, text).outputs
     with open_outputs(outputs_of(["osc:127.0.0.1:7000"], settings)) as outputs:
-        names = [sender.name for sender in outputs.senders]
+        names = [status.name for status in outputs.statuses]
     assert names == ["vmc:127.0.0.1:39539", "vrchat:10.0.0.9:9000", "osc:127.0.0.1:7000"]
 
 

@@ -1,5 +1,6 @@
 """Tests that outputs never delay the edge or each other, and outlive their receivers."""
 
+import contextlib
 import socket
 import threading
 
@@ -8,8 +9,9 @@ from live_scenes import four_characters
 from patience import until
 from posed_people import performer
 
+from enliven.outputs.frame_thread import FrameThread
 from enliven.outputs.live_frame import LiveEvent, LiveFrame, PerformerSlots
-from enliven.outputs.opening import OutputSet, open_outputs
+from enliven.outputs.opening import open_outputs
 from enliven.outputs.settings import outputs_of
 from enliven.outputs.udp_sender import UdpSender
 
@@ -52,14 +54,21 @@ class Faulty(Collector):
         return super().packets(frame)
 
 
-def outputs_with(*outputs, port: int = 9) -> OutputSet:
+@contextlib.contextmanager
+def outputs_with(*outputs, port: int = 9):
+    """Yields a thread that sends to these outputs, and their senders."""
     place = ("127.0.0.1", port)
-    return OutputSet([UdpSender(type(output).__name__, output, socket.AF_INET, place) for output in outputs])
+    with contextlib.ExitStack() as stack:
+        senders = [
+            stack.enter_context(UdpSender(type(output).__name__, output, socket.AF_INET, place))
+            for output in outputs
+        ]
+        yield stack.enter_context(FrameThread(senders)), senders
 
 
 def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
     slow, other = Slow(), Collector()
-    with outputs_with(slow, other) as outputs:
+    with outputs_with(slow, other) as (outputs, _):
         outputs.put(LiveFrame(-1, {}))
         until(lambda: slow.begun, "the first frame")
         for k in range(500):  # They are handed over although none can be sent.
@@ -74,7 +83,7 @@ def test_a_slow_output_gets_the_newest_frame_with_all_events_and_never_blocks():
 
 def test_all_outputs_are_served_by_one_thread_that_ends_with_them():
     collectors = [Collector() for _ in range(5)]
-    with outputs_with(*collectors) as outputs:
+    with outputs_with(*collectors) as (outputs, _):
         for k in range(20):
             outputs.put(LiveFrame(k, {}))
             until(lambda k=k: all(output.times[-1:] == [k] for output in collectors), f"frame {k}")
@@ -86,7 +95,7 @@ def test_all_outputs_are_served_by_one_thread_that_ends_with_them():
 
 def test_the_last_frame_is_sent_before_the_end():
     collector = Collector()
-    with outputs_with(collector) as outputs:
+    with outputs_with(collector) as (outputs, _):
         for k in range(100):
             outputs.put(LiveFrame(k, {}))
     until(lambda: collector.times[-1:] == [99], "the last frame")
@@ -98,7 +107,7 @@ def test_a_receiver_may_start_late_and_restart():
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {})) as outputs:
-        (sender,) = outputs.senders
+        (sender,) = outputs.statuses
         frame = four_characters()
 
         def lost():
@@ -120,11 +129,11 @@ def test_a_receiver_may_start_late_and_restart():
 
 def test_a_fault_of_an_output_is_counted_and_stops_neither_its_next_frame_nor_others():
     faulty, after = Faulty(), Collector()
-    with outputs_with(faulty, after) as outputs:
+    with outputs_with(faulty, after) as (outputs, senders):
         outputs.put(LiveFrame(0, {}))
         until(lambda: after.times == [0], "the frame of the other output")
-        assert outputs.senders[0].errors == 1
-        assert "could not be converted (broken)" in outputs.troubles["Faulty"]
+        assert senders[0].errors == 1
+        assert "could not be converted (broken)" in senders[0].trouble
         outputs.put(LiveFrame(1, {}))
         until(lambda: faulty.times == [1] and after.times == [0, 1], "the next frame")
 
@@ -136,7 +145,7 @@ def test_an_absent_receiver_costs_the_others_nothing():
     with OscReceiver() as receiver:
         words = [f"osc:127.0.0.1:{absent}", f"vmc:127.0.0.1:{receiver.port}"]
         with open_outputs(outputs_of(words, {})) as outputs:
-            missing, present = outputs.senders
+            missing, present = outputs.statuses
 
             def both():
                 outputs.put(four_characters())
@@ -151,10 +160,10 @@ def test_a_packet_that_is_too_long_is_counted():
         def packets(self, frame):
             return [bytes(70_000)]
 
-    with outputs_with(Long()) as outputs:
+    with outputs_with(Long()) as (outputs, senders):
         outputs.put(LiveFrame(0, {}))
-        until(lambda: outputs.senders[0].errors)
-        assert outputs.troubles["Long"]
+        until(lambda: senders[0].errors)
+        assert senders[0].trouble
 
 
 def test_performers_keep_their_numbers_and_free_ones_are_used_again():

@@ -9,7 +9,7 @@ COUNTED = """
 import gc
 from numba.core.dispatcher import Dispatcher
 from live_scenes import four_characters
-from enliven.outputs.opening import open_outputs
+from enliven.outputs.output_plan import plan_outputs
 from enliven.outputs.settings import outputs_of
 
 
@@ -18,9 +18,10 @@ def kernels():
 
 frame = four_characters()
 for scheme in ("vmc", "vrchat", "rokoko", "osc"):
-    with open_outputs(outputs_of([f"{scheme}:127.0.0.1:9"], {})) as outputs:
+    (plan,) = plan_outputs(outputs_of([f"{scheme}:127.0.0.1:9"], {}))
+    with plan.open() as sender:
         before = kernels()
-        packets = outputs.senders[0]._output.packets(four_characters())
+        packets = sender._output.packets(four_characters())
         new = sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)})
         print(scheme, len(packets), *new, sep="|")
 """

@@ -41,7 +41,7 @@ class WindowOutputs(Closeable):
 
     def send(self) -> None:
         """Hands the shown stage to every output. Call it once for each picture. It returns at once."""
-        if not self._outputs.senders:
+        if not self._outputs.statuses:
             return
         frame = self._frame(time.monotonic_ns())
         self._check(dict(frame.characters))
@@ -49,7 +49,7 @@ class WindowOutputs(Closeable):
         self._show_troubles()
 
     def close(self) -> None:
-        """Ends all threads and closes the sockets."""
+        """Sends the last frame, and ends the process that sends."""
         self._outputs.close()
 
     def _frame(self, now_ns: int) -> LiveFrame:

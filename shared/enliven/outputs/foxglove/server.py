@@ -25,6 +25,7 @@ from foxglove.websocket import ChannelView, Client, ServerListener
 
 from enliven.errors import ResourceError
 from enliven.health import HealthState
+from enliven.outputs.depth_memory import DEPTH_INTERVAL_NS
 from enliven.outputs.foxglove import messages
 from enliven.outputs.foxglove.stage_encoders import (
     STAGE_SCHEMA,
@@ -38,8 +39,6 @@ from enliven.outputs.warmup import sample_frame
 
 _BACKLOG = 32
 """Maximum number of messages that wait for a slow client, about 0.3 s. The oldest are dropped."""
-_DEPTH_INTERVAL_NS = 100_000_000
-"""Nanoseconds of the sensor's clock between two depth images: 6 MB/s at 640x480."""
 _MAX_STOP_S = 1.0
 """Maximum seconds to wait at the end until the port is free. It takes about 10 ms."""
 _STOP_STEP_S = 0.005
@@ -111,6 +110,10 @@ class FoxgloveServer(Sender):
             raise ResourceError(problem, where=name, remedy=remedy) from None
         self._host, self.port = host, self._server.port
 
+    @property
+    def wants_depth(self) -> bool:
+        return bool(self._depth.has_sinks() or self._calibration.has_sinks())
+
     def put_health(self, states: Sequence[HealthState]) -> None:
         now = messages.timestamp(time.time_ns())
         new = {(state.kind, state.performer, state.since_ns): state for state in states}
@@ -144,7 +147,7 @@ class FoxgloveServer(Sender):
 
     def _send_depth(self, frame: LiveFrame, time_ns: int) -> None:
         """Sends the depth image and its camera with a limited rate."""
-        if frame.depth is None or 0 <= frame.time_ns - self._last_depth_ns < _DEPTH_INTERVAL_NS:
+        if frame.depth is None or 0 <= frame.time_ns - self._last_depth_ns < DEPTH_INTERVAL_NS:
             return
         self._last_depth_ns = frame.time_ns
         stamp = messages.timestamp(time_ns)

@@ -1,0 +1,104 @@
+"""Messages between a program and the process of its live outputs, over a pair of connected sockets."""
+
+from __future__ import annotations
+
+import pickle
+import socket
+import struct
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+_LENGTH = struct.Struct("<I")
+_BUFFER_BYTES = 1 << 20
+"""Wanted size of the system's buffer for messages that were not read yet. The system may give less."""
+_READ_BYTES = 1 << 16
+"""Maximum bytes of one read."""
+
+
+class MessageStream:
+    """One end of the connection. Reading and writing may happen in two threads.
+
+    Args:
+        end: the socket. Its methods :meth:`offer` and :meth:`flush` need a socket that does not block.
+    """
+
+    def __init__(self, end: socket.socket) -> None:
+        self.socket = end
+        self._unsent, self._received = memoryview(b""), bytearray()
+
+    def offer(self, kind: str, content: object) -> bool:
+        """Sends a message without waiting. Bytes that the system does not take now are sent by :meth:`flush`.
+
+        Call it only after :meth:`flush` has returned True. Returns True if nothing is left.
+
+        Raises:
+            OSError: if the other end is closed.
+        """
+        self._unsent = memoryview(_as_bytes(kind, content))
+        return self.flush()
+
+    def flush(self) -> bool:
+        """Sends the rest of the last message without waiting. Returns True if nothing is left.
+
+        Raises:
+            OSError: if the other end is closed.
+        """
+        while self._unsent:
+            try:
+                self._unsent = self._unsent[self.socket.send(self._unsent) :]
+            except BlockingIOError:
+                return False
+        return True
+
+    def send(self, kind: str, content: object) -> None:
+        """Sends a message, and waits until the system has taken it.
+
+        Raises:
+            OSError: if the other end is closed.
+        """
+        self.socket.sendall(_as_bytes(kind, content))
+
+    def receive(self) -> list[tuple[str, Any]] | None:
+        """Returns the messages that have arrived, after one read. None: the other end is closed."""
+        try:
+            data = self.socket.recv(_READ_BYTES)
+        except BlockingIOError:
+            return []
+        except OSError:
+            return None
+        if not data:
+            return None
+        self._received += data
+        messages, start = [], 0
+        while len(self._received) >= start + _LENGTH.size:
+            end = start + _LENGTH.size + _LENGTH.unpack_from(self._received, start)[0]
+            if len(self._received) < end:
+                break
+            messages.append(pickle.loads(memoryview(self._received)[start + _LENGTH.size : end].tobytes()))
+            start = end
+        del self._received[:start]
+        return messages
+
+
+def _as_bytes(kind: str, content: object) -> bytes:
+    data = pickle.dumps((kind, content), pickle.HIGHEST_PROTOCOL)
+    return _LENGTH.pack(len(data)) + data
+
+
+def connected_ends() -> tuple[socket.socket, socket.socket]:
+    """Returns two connected sockets with large buffers.
+
+    Raises:
+        OSError: if the system has no more sockets.
+    """
+    near, far = socket.socketpair()
+    near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+    return near, far
+
+
+def inherited_end(arguments: Sequence[str]) -> socket.socket:
+    """Returns the end of this process: its descriptor is an argument, or on Windows data in the input."""
+    if sys.platform == "win32":
+        return socket.fromshare(sys.stdin.buffer.read())
+    return socket.socket(fileno=int(arguments[0]))
