@@ -26,7 +26,7 @@ from rig_worlds import graph_world, skeleton_world
 from swaying import possessed_chair
 
 from enliven.document import Clip, Project, still_shape
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import refine
 from enliven.modeling.edits import paste_character
@@ -129,7 +129,7 @@ def _size() -> Iterator[Figure]:
     assert len(set(names)) == len(project.characters) == 10
     stored = project_bytes(project)
     tracemalloc.start()
-    read = project_of(stored)
+    read = parse_project(stored)
     used_bytes = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert (len(read.characters), len(read.takes), len(read.streams)) == (10, 6, 3)

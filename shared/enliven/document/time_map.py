@@ -182,7 +182,7 @@ class TimeMap:
 
     def _weight_within(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
         """Returns the weight of a layer without ``hold`` at a time of its lane, within a loop."""
-        begin, end = run_of(lane, number)
+        begin, end = find_clip_run(lane, number)
         if self.loop:
             # A gapless loop fades in only before its first round. The layer has no effect before its first
             # loop.
@@ -366,7 +366,7 @@ def ease_in_out(share: float) -> float:
     return share * share * (3.0 - 2.0 * share)
 
 
-def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
+def find_clip_run(lane: Sequence[Segment], number: int) -> tuple[float, float]:
     """Returns the start and end of the gapless run of segments around one of them."""
     low = high = number
     while low > 0 and lane[low - 1].end >= lane[low].begin - _TOUCHING_CLIPS_S:

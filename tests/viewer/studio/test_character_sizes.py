@@ -11,8 +11,8 @@ import pytest
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import handle_characters
@@ -56,7 +56,7 @@ class House:
         mesh = make_chair(0.08)
         graph = DeformationGraph.build(mesh, nodes=24, seed=0)
         self.actor = EmbeddedActor(
-            character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1, fade_pace=100.0)
+            character_from_graph(mesh, graph, "chair"), graph, ActorSettings(fade=0.1, fade_pace=100.0)
         )
         self.person = Person()
         self.edge = Edge(self.person, Tracker(), Stage([self.actor]), outlet)
@@ -101,7 +101,7 @@ def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     size = sizes.of("chair")
     house.until(lambda: editor.project.handling)
     assert editor.project.handling["chair"].size == pytest.approx(size)
-    kept = project_of(project_bytes(editor.project)).handling["chair"]
+    kept = parse_project(project_bytes(editor.project)).handling["chair"]
     assert kept.size == pytest.approx(size), "it is saved"
     # Undo and redo reach the stage.
     editor.undo()
@@ -123,7 +123,7 @@ def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> Non
     house.until(lambda: actor.exaggeration == 3.0)  # during the drag
     editor.edit("swing", lambda project: handle_characters(project, ["chair"], exaggeration=2.5))
     house.until(lambda: actor.exaggeration == 2.5)
-    assert project_of(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
+    assert parse_project(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
     editor.undo()
     house.until(lambda: actor.exaggeration is None)
     editor.redo()

@@ -18,7 +18,7 @@ from swaying import swaying
 from enliven.document.project import Project
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
-from enliven.modeling.edits import vertices_of
+from enliven.modeling.edits import compute_vertices
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.person.body import Body
 from enliven.samples.shipped import load_sample
@@ -170,7 +170,7 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
         chair = editor.project.graph("chair")
         assert chair.mesh is not None and len(chair.mesh.vertices) == len(mesh.vertices)
         moved = np.stack(
-            [vertices_of(editor.project, "chair", second) for second in np.linspace(0.1, 0.7, 7)]
+            [compute_vertices(editor.project, "chair", second) for second in np.linspace(0.1, 0.7, 7)]
         )
         # The dance that is recorded depends on the clock: in a slow moment it moves by 1 cm in 0.4 s.
         assert np.ptp(moved, axis=0).max() > 0.005

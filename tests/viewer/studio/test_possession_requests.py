@@ -11,7 +11,7 @@ from patience import PATIENCE
 from sample_meshes.chair import make_chair
 from staged_session import person, staged_sessions
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.wire import ScanMessage
 from enliven_viewer.studio.perform import possession_requests
@@ -22,7 +22,7 @@ from enliven_viewer.studio.workspace.files import add_sample
 def actor(name: str = "chair", **options: object) -> EmbeddedActor:
     mesh = make_chair(0.05)
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
-    return EmbeddedActor(character_from(mesh, graph, name), graph, ActorSettings(**options))
+    return EmbeddedActor(character_from_graph(mesh, graph, name), graph, ActorSettings(**options))
 
 
 @pytest.fixture

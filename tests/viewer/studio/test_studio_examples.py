@@ -21,7 +21,7 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project, same
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import motion_of, state_of
+from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion
 from enliven.modeling.edits import change_layers, rename_character
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point
@@ -77,7 +77,7 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     toasts = Toasts(5.0)
     solving, good = MotionSolver(toasts), posed()
     assert solved(solving, good)[1] is good.puppets["star"]
-    before = state_of(*solved(solving, good), 0.4).places
+    before = evaluate_state(*solved(solving, good), 0.4).places
     still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
     layer = good.puppets["star"].layers[0]
     wrong = PuppetLayer(layer.take, velocities=still)
@@ -87,7 +87,7 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     problem = solving.problem("star")
     assert problem is not None and "left" in problem.what and "contradicts" in problem.what
     assert [toast.is_error for toast in toasts.shown] == [True]
-    np.testing.assert_array_equal(state_of(*solved(solving, bad), 0.4).places, before)
+    np.testing.assert_array_equal(evaluate_state(*solved(solving, bad), 0.4).places, before)
     assert solved(solving, good)[1] is good.puppets["star"] and solving.problem("star") is None
     solving.close()
 
@@ -242,7 +242,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
     for held in (first, second, level):
         project = with_constraint(project, "star", 0, held)
     assert list_constraints(project, "star", 0) == (level, second)
-    places = state_of(project, project.puppets["star"], 10 / 30).places
+    places = evaluate_state(project, project.puppets["star"], 10 / 30).places
     np.testing.assert_allclose(places[1], second.place, atol=1e-8)
     assert list_constraints(without_constraint(project, "star", 0, second), "star", 0) == (level,)
 
@@ -341,4 +341,4 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
 
 def test_contacts_are_those_of_the_motion() -> None:
     project = change_layers(posed(), "star", [0], switches=(Switch(0, "contact"), Switch(30, "flight")))
-    assert motion_of(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")
+    assert solve_layer_motion(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")

@@ -14,7 +14,7 @@ from made_studio_puppets import project_with, star, studio
 
 from enliven.document.project import Project, same
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import state_of
+from enliven.examples.puppet_motion import evaluate_state
 from enliven.formats.motion.expmap import COLUMNS
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
@@ -102,7 +102,7 @@ def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     assert (
         list(project.puppets) == ["star", "star 2"] and workspace.puppets.puppet is project.puppets["star 2"]
     )
-    first, second = (state_of(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
+    first, second = (evaluate_state(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
     np.testing.assert_allclose(second.places, first.places, atol=1e-6)
     assert [name for name in project.takes if name.startswith("sway")] == ["sway"], "the take is the same one"
 

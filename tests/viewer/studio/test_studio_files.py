@@ -19,9 +19,9 @@ from made_bodies import man, meshed, random_motion
 
 from enliven.document.project import Project, same
 from enliven.errors import InputError, ResourceError
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters.gltf.write import build_glb
 from enliven.exporters.performance import Performance
-from enliven.exporters.sampling import performance_of
+from enliven.exporters.sampling import sample_performance
 from enliven.mapping.model_clips import play_own_clip, played_clip
 from enliven.modeling.edits import rename_character
 from enliven.motion.layers.evaluate import Player
@@ -303,7 +303,7 @@ def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
         back = clip.mapped(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
         project = Project().with_characters(shape).with_takes(back)
         performances.append(
-            performance_of(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0)
+            sample_performance(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0)
         )
     write_clips(path, [f"clip {number}" for number in range(len(loops))], performances)
     return path
@@ -311,10 +311,10 @@ def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
 
 def write_clips(path: Path, names: list[str], performances: list[Performance]) -> None:
     """Writes performances of one character as one model with an animation for each."""
-    whole = GLTF2.load_from_bytes(glb_of([performances[0]]))
+    whole = GLTF2.load_from_bytes(build_glb([performances[0]]))
     blob = bytearray(whole.binary_blob() or b"")
     for performance in performances[1:]:
-        other = GLTF2.load_from_bytes(glb_of([performance]))
+        other = GLTF2.load_from_bytes(build_glb([performance]))
         views, accessors = len(whole.bufferViews), len(whole.accessors)
         for view in other.bufferViews:
             view.byteOffset = (view.byteOffset or 0) + len(blob)

@@ -16,12 +16,12 @@ from test_character_laws import WORLDS, near
 
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
+    find_keys,
+    get_rig_edits,
     key_layer,
-    keys_of,
     move_character,
-    rig_of,
     set_key,
-    vertices_of,
 )
 from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.settings import RenderSettings
@@ -59,7 +59,7 @@ def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
     assert picture is not None and picture.bodies
     bodies = ghosts._known[name].bodies
     for moment, body in bodies.items():
-        vertices = vertices_of(editor.project, name, moment)
+        vertices = compute_vertices(editor.project, name, moment)
         if len(body.faces):
             near(body.rows[:, :3], vertices, 1e-5)
         else:
@@ -90,7 +90,7 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
         sampled = ghosts._known[name]
         for frame in (sampled.wanted.first, sampled.wanted.last):
             time = frame * sampled.wanted.step
-            pose, handles = rig_of(editor.project.characters[name]).player(
+            pose, handles = get_rig_edits(editor.project.characters[name]).player(
                 editor.project, editor.project.characters[name]
             )(time)
             near(sampled.points[frame], handles if len(handles) else pose.positions, 1e-5)
@@ -159,7 +159,7 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
         editor.select(**chosen)
         ghosts.settle()
         moments = ghosts._known[name].wanted.moments
-        assert set(moments) <= {key[0] for key in keys_of(project, name, handle)} and len(moments) == 4
+        assert set(moments) <= {key[0] for key in find_keys(project, name, handle)} and len(moments) == 4
     later = change_layers(project, name, [number], offset=0.5)
     moved = find_key_times(later, later.character(name), handle, number)
     assert moved == pytest.approx((0.7, 1.0, 1.6, 2.0))

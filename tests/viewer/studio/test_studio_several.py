@@ -10,6 +10,7 @@ from made_acting_stage import acting_stage, pixel_on
 
 from enliven.document.project import same
 from enliven.modeling.edits import (
+    compute_vertices,
     copy_characters,
     group_centre,
     mirror_character,
@@ -19,7 +20,6 @@ from enliven.modeling.edits import (
     shift_characters,
     turn_character,
     turn_characters,
-    vertices_of,
 )
 from enliven.rotation import from_rotation_vector, rotate
 from enliven_viewer.studio.viewport.selection import Selection
@@ -42,7 +42,7 @@ def _made(tmp_path_factory) -> None:
 
 
 def seen(project, name: str, time: float = 0.4) -> np.ndarray:
-    return vertices_of(project, name, time)
+    return compute_vertices(project, name, time)
 
 
 numbers = st.floats(-2.0, 2.0)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from enliven.document.project import same
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.sounds import SOUND_RATE, Sound, mix_sounds
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.sound.player import SoundPlayer
@@ -146,7 +146,7 @@ def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     editor.scrub(1.5)
     workspace.open(written(tmp_path / "song.wav"))
     assert editor.project.sounds["song"].begin == pytest.approx(1.5)
-    again = project_of(project_bytes(editor.project))
+    again = parse_project(project_bytes(editor.project))
     assert same(again.sounds["song"].samples, editor.project.sounds["song"].samples)
     editor.scrub(0.5)
     workspace.actions.do("sound.begin")

@@ -13,7 +13,7 @@ from strokes import limb
 from studio_driver import HeadlessStage, Key, play
 
 from enliven.formats.project.file import read_project
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.samples.shipped import load_sample
 from enliven.takes.overdub import has_motion
@@ -295,8 +295,8 @@ def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, nam
     if name == "cactus":
         project = workspace.editor.project
         puppet = next(iter(project.puppets.values()))
-        assert not rig_of(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
-        hands = [rig_of(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
+        assert not get_rig_edits(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
+        hands = [get_rig_edits(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
         assert np.abs(hands[1] - hands[0]).max() > 0.3, "it dances"
     assert not [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     workspace.actions.do("edit.undo")

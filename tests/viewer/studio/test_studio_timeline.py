@@ -30,7 +30,7 @@ from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.project_length import length_of
+from enliven_viewer.studio.viewport.project_length import measure_project_length
 from enliven_viewer.studio.window import measure_elapsed
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -55,7 +55,7 @@ speeds = st.floats(0.25, 4.0) | st.floats(-4.0, -0.25)
 @settings(max_examples=40, deadline=None)
 def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> None:
     project = project_of(offsets, [data.draw(speeds) for _ in offsets])
-    layout = TimelineLayout(length_of(project, 2.0), width, project=project)
+    layout = TimelineLayout(measure_project_length(project, 2.0), width, project=project)
     bars = layout.bars()
     assert len(bars) == len(offsets)
     for bar, offset in zip(bars, offsets, strict=True):
@@ -124,11 +124,13 @@ def test_loops_play_on_until_they_begin_again_together() -> None:
         project = project_of([0.0] * len(lengths), [2.0 / seconds for seconds in lengths])
         return change_layers(project, "s", range(len(lengths)), loop=True)
 
-    assert length_of(looped(1.8, 1.2), 2.0) == pytest.approx(3.6)
-    assert length_of(looped(2.0), 2.0) == pytest.approx(2.0)
-    assert length_of(looped(0.5, 0.75), 2.0) == pytest.approx(2.25 + 0.75)
-    assert length_of(looped(1.0, 1.618034), 2.0) <= 8.0 + 1.7, "it does not wait for ever"
-    assert length_of(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), "what does not loop ends"
+    assert measure_project_length(looped(1.8, 1.2), 2.0) == pytest.approx(3.6)
+    assert measure_project_length(looped(2.0), 2.0) == pytest.approx(2.0)
+    assert measure_project_length(looped(0.5, 0.75), 2.0) == pytest.approx(2.25 + 0.75)
+    assert measure_project_length(looped(1.0, 1.618034), 2.0) <= 8.0 + 1.7, "it does not wait for ever"
+    assert measure_project_length(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), (
+        "what does not loop ends"
+    )
 
 
 @given(st.data(), st.floats(RULER_HEIGHT + 80.0, 400.0))

@@ -26,7 +26,7 @@ from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.project_length import length_of
+from enliven_viewer.studio.viewport.project_length import measure_project_length
 from enliven_viewer.studio.viewport.selection import Selection
 from enliven_viewer.studio.viewport.snapping import Snapping
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
@@ -78,7 +78,7 @@ class Editor:
     @property
     def length(self) -> float:
         """Returns the duration of the project in seconds."""
-        return max(length_of(self.project, self.settings.shortest), self.growing)
+        return max(measure_project_length(self.project, self.settings.shortest), self.growing)
 
     @property
     def lens(self) -> Lens:

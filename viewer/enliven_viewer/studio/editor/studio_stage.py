@@ -7,7 +7,7 @@ from typing import Protocol
 
 from enliven.arrays import Float
 from enliven.document import Pose, Project, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.studio.viewport.colours import DrawnMeshes
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
@@ -69,5 +69,8 @@ class StudioStage:
         takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
         needs = (character, *takes)
         if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:
-            cached = self._players[character.id] = (needs, rig_of(character).player(project, character))
+            cached = self._players[character.id] = (
+                needs,
+                get_rig_edits(character).player(project, character),
+            )
         return StageCharacter(character, self._meshes.of(character), *cached[1](time))

@@ -15,7 +15,7 @@ from enliven.errors import EnlivenError
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import collect_material, missing
 from enliven.examples.puppet_solve import convert_to_reference
-from enliven.examples.suggest import SuggestedPoses, distance_to, further_poses, suggest_poses
+from enliven.examples.suggest import SuggestedPoses, distance_to, suggest_further_poses, suggest_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class CoverageCache:
                 without_examples = suggest_poses(poses)
             except EnlivenError:
                 return None
-        suggestions = further_poses(poses, example_poses)
+        suggestions = suggest_further_poses(poses, example_poses)
         distances = distance_to(poses, example_poses) / without_examples.gaps[0]
         return TakeCoverage(
             take,

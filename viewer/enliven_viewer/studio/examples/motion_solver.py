@@ -2,7 +2,7 @@
 
 solving = MotionSolver(editor.toasts)
 project, puppet = solving.newest_solution(project, "cactus")       # the newest with solved motions
-state = state_of(project, puppet, time)                  # so this costs nothing
+state = evaluate_state(project, puppet, time)            # so this costs nothing
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven_viewer.studio.toasts import Toasts
 
 _MAX_WAIT_S = 0.012
@@ -150,7 +150,8 @@ class MotionSolver:
 
 
 def _solve(request: _Request) -> None:
-    """Solves every audible motion into the cache of :func:`enliven.examples.puppet_motion.motion_of`."""
+    """Solves every audible motion into the cache of
+    :func:`enliven.examples.puppet_motion.solve_layer_motion`."""
     for number, layer in enumerate(request.puppet.layers):
         if not layer.muted and layer.weight > 0.0:
-            motion_of(request.project, request.puppet, number)
+            solve_layer_motion(request.project, request.puppet, number)

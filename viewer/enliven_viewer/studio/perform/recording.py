@@ -7,7 +7,7 @@ from typing import Literal
 
 from enliven.document import Project
 from enliven.errors import InputError
-from enliven.modeling.edits import alternatives_of, choose_take
+from enliven.modeling.edits import choose_take, find_alternatives
 from enliven.takes.performed import PerformedMotion, add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.live_stage import LiveStage
@@ -142,7 +142,7 @@ class StageRecording:
             if not self.last_recording:
                 self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
                 return
-            alternatives = alternatives_of(self.editor.project, self.last_recording)
+            alternatives = find_alternatives(self.editor.project, self.last_recording)
             if keeps_last:
                 self._mute_alternatives(alternatives)
             else:
@@ -253,7 +253,7 @@ class StageRecording:
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
         if self.loops:
-            if alternatives := alternatives_of(self.editor.project, self.last_recording):
+            if alternatives := find_alternatives(self.editor.project, self.last_recording):
                 self._mute_alternatives(alternatives)
             self._begin()
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Character, Puppet, RigBase, SkinWeights
-from enliven.examples.puppet_motion import State, in_world, pose_of_state
+from enliven.examples.puppet_motion import State, pose_of_state, to_world_frame
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
@@ -149,7 +149,7 @@ class PuppetStage:
         return self._make_stage_puppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 
     def _make_stage_puppet(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
-        handles = in_world(puppet, state, state.places)
+        handles = to_world_frame(puppet, state, state.places)
         return StagePuppet(
             puppet, self._meshes.of(puppet), pose_of_state(puppet, state), handles, state, surface
         )

@@ -8,7 +8,13 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
+from enliven.modeling.edits import (
+    get_rig_edits,
+    key_characters,
+    merge_characters,
+    move_characters,
+    root_motion,
+)
 from enliven.rotation import IDENTITY, from_rotation_vector
 from enliven_viewer.language import later
 from enliven_viewer.playback.document import find_bounds
@@ -46,7 +52,7 @@ class CharacterDrag:
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
         character, project = posed.character, editor.project
-        centre = rig_of(character).centre(character)
+        centre = get_rig_edits(character).centre(character)
         stands = root_motion(project, project.character(hit.character), editor.time)(centre[None])[0]
         self._about = self._at if self.rooted else stands
         editor.selection = editor.selection.with_active(hit.character)

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, Shape
-from enliven.modeling.edits import drag_handle, key_handle, keys_of
+from enliven.modeling.edits import drag_handle, find_keys, key_handle
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -84,7 +84,7 @@ class PoseTool(Tool):
         for character in editor.pickable_characters if editor.keying else ():
             chosen = editor.selection.handle if editor.selection.character == character.id else None
             for node, (x, y) in enumerate(editor.lens.project(np.asarray(character.nodes, np.float64))[0]):
-                keyed = bool(keys_of(editor.project, character.id, node))
+                keyed = bool(find_keys(editor.project, character.id, node))
                 colour = GOOD if node == chosen else ACCENT if keyed else QUIET
                 if np.isfinite([x, y]).all():
                     dots.append(

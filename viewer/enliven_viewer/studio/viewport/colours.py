@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.document import Character, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.theme import DEFAULT_COLOURS, Paint, get_theme
 
 
@@ -27,7 +27,7 @@ class DrawnMeshes:
     """
 
     def __init__(self, draw: Callable[[RigBase], Character] | None = None) -> None:
-        self._draw = draw or (lambda character: rig_of(character).drawn(character))
+        self._draw = draw or (lambda character: get_rig_edits(character).drawn(character))
         self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def of(self, character: RigBase) -> Character | None:

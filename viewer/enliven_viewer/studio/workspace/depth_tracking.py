@@ -11,7 +11,7 @@ from pathlib import Path
 from enliven.errors import EnlivenError, InputError
 from enliven.files import TemporaryFolder
 from enliven.recording import DEPTH_TOPIC, Recording
-from enliven.takes.recorded import clips_of_recording
+from enliven.takes.recorded import read_recorded_clips
 from enliven.wire import BODIES, POSE
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
@@ -98,7 +98,7 @@ class DepthTracking:
                 return
             output = Path(folder.name) / name
             try:
-                clips_of_recording(output, whole=True)
+                read_recorded_clips(output, whole=True)
                 add_file(self._editor, output)
             except EnlivenError as error:
                 remedy = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)

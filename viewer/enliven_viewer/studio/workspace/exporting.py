@@ -18,7 +18,7 @@ from enliven.exporters import (
     UP,
     Performance,
     exporter_of,
-    performance_of,
+    sample_performance,
 )
 from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
@@ -114,7 +114,7 @@ def write_export(
         progress.report(sampled * number / len(chosen))
         how = exporter.representation(morphs and isinstance(character, Puppet))
         rate, keyed = float(options.rate), exporter.keyed
-        performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
+        performances.append(sample_performance(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = mix_from(project.sounds.values(), first)
     progress.report(sampled)

@@ -17,12 +17,12 @@ from enliven.formats.project.one_character import project_of_mesh
 from enliven.formats.rig.rig import Rig, scale_to_height
 from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
-from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
+from enliven.modeling.edits import compute_vertices, get_rig_edits, move_character, paste_character
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.samples.shipped import dancing_cactus, load_sample
 from enliven.takes.files import read_take
 from enliven.takes.possessed import read_possessed
-from enliven.takes.recorded import clips_of_recording
+from enliven.takes.recorded import read_recorded_clips
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.contributions import FileType
 from enliven_viewer.studio.editor.editor import Editor
@@ -96,7 +96,7 @@ def list_exportable(project: Project) -> list[RigBase]:
         InputError: if there is none; the message contains what the first character lacks.
     """
     solid = [character for character in project.characters.values() if character.mesh is not None]
-    lacking = [rig_of(character).lacking(project, character) for character in solid]
+    lacking = [get_rig_edits(character).lacking(project, character) for character in solid]
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
         remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
@@ -207,7 +207,7 @@ def _add_played(
 ) -> None:
     """Adds a character of another project, with the motion that it plays."""
     added_ids: list[str] = []
-    box, low = editor.box(), vertices_of(source, character, 0.0)[:, 0].min()
+    box, low = editor.box(), compute_vertices(source, character, 0.0)[:, 0].min()
 
     def add(project: Project) -> Project:
         project = project.with_takes(*(t for t in source.takes.values() if t.id not in project.takes))
@@ -288,7 +288,7 @@ def _read_performance(path: Path) -> _RecordedTake:
     except InputError as error:
         refused.append(error)
     try:
-        clips = tuple(clips_of_recording(path, whole=True))
+        clips = tuple(read_recorded_clips(path, whole=True))
     except InputError as error:
         refused.append(error)
     if not clips and (meshes is None or not meshes.characters):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enliven.document import KEY_STEP
-from enliven.modeling.edits import keys_of, remove_key, set_key
+from enliven.modeling.edits import find_keys, remove_key, set_key
 from enliven_viewer.studio.editor.editor import Editor
 
 
@@ -52,5 +52,5 @@ class KeyCommands:
         name, handle = self._find_subject()
         # Keys lie on whole frames, so half a frame finds the key of the nearest frame.
         near = 0.501 * KEY_STEP
-        keys = keys_of(self.editor.project, name, handle) if name else ()
+        keys = find_keys(self.editor.project, name, handle) if name else ()
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)

@@ -17,8 +17,8 @@ from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.files import PART_SUFFIX, read_file, user_data_folder, write_file
 from enliven.formats.project.file import (
+    parse_project,
     project_bytes,
-    project_of,
     read_project,
     refuse_later_project,
     write_project,
@@ -124,7 +124,7 @@ class ProjectStore:
             InputError: if the file cannot be read.
         """
         data = read_file(path)
-        return solve_lost(project_of(data, str(path))), _compute_checksum(data)
+        return solve_lost(parse_project(data, str(path))), _compute_checksum(data)
 
     def take(self, path: Path, read: tuple[Project, str]) -> None:
         """Opens the project that :meth:`read` returned for a file."""

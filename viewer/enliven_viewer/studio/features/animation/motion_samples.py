@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32
 from enliven.document import Project, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 
 _MAX_CACHED_FRAMES = 4000
 """Maximum number of cached frames per character: some minutes."""
@@ -103,7 +103,7 @@ def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> Motion
         samples = MotionSamples(wanted)
     if samples._at is None:
         samples._at = _make_point_function(wanted.project, wanted.character)
-        samples._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
+        samples._surface = get_rig_edits(wanted.character).surface(wanted.project, wanted.character)
     if len(samples.points) > _MAX_CACHED_FRAMES:
         samples.points.clear()
     for frame in range(wanted.first, wanted.last + 1):
@@ -124,7 +124,7 @@ def _make_point_function(project: Project, character: RigBase) -> Callable[[floa
 
     A character without handles has the positions of its nodes.
     """
-    player = rig_of(character).player(project, character)
+    player = get_rig_edits(character).player(project, character)
 
     def at(time: float) -> Float:
         pose, handles = player(time)

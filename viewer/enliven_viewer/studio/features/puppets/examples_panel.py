@@ -8,7 +8,7 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import character_name, tooltip
@@ -103,7 +103,7 @@ def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], ob
 def draw_status(app: App, puppet: Puppet) -> None:
     """Shows what the puppet lacks, or the error that keeps it from moving, or that it moves."""
     project, solving = app.editor.project, app.editor.solving
-    lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
+    lacking, problem = get_rig_edits(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
         _draw_box(app, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
-from enliven.examples.performer import yaw_of
+from enliven.examples.performer import yaw_from_rotation
 from enliven.modeling.puppet.edits import play_take
 from enliven.skeletons.facing import facing_of, rotate_about_y
 from enliven_viewer.language import later, tr
@@ -167,7 +167,7 @@ class PerformerView:
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # Turn the performer into the direction of the mesh: remove the performer's yaw and the facing
         # direction of its rest pose.
-        back = -float(yaw_of(clip.turns[frame, 0])) - self._find_front_yaw(clip)
+        back = -float(yaw_from_rotation(clip.turns[frame, 0])) - self._find_front_yaw(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
         return PerformerFigure(clip.skeleton, rotate_about_y(joints, np.asarray(back)), max(height, 0.05))
 

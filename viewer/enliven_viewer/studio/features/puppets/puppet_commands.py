@@ -9,7 +9,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Puppet, RigBase, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
+from enliven.modeling.edits import compute_vertices, find_base_centre, get_rig_edits, move_character
 from enliven.modeling.puppet.baking import bake_puppet
 from enliven.modeling.puppet.edits import make_puppet
 from enliven_viewer.language import later, tr
@@ -112,7 +112,7 @@ class PuppetCommands:
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return "No puppet is chosen. Click one first."
-        return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
+        return " ".join(get_rig_edits(puppet).lacking(self.editor.project, puppet))
 
     def _find_solid(self) -> RigBase | None:
         """Returns the selected character if it has a surface and is not a puppet."""
@@ -125,7 +125,7 @@ class PuppetCommands:
         editor, chosen = self.editor, self._find_solid()
         if chosen is None or chosen.mesh is None:
             return None
-        seen = vertices_of(editor.project, chosen.id, editor.time)
+        seen = compute_vertices(editor.project, chosen.id, editor.time)
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
@@ -139,7 +139,7 @@ def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
         raise InputError(
             tr("it has no surface"), where=f"mesh {mesh.name!r}", remedy=tr("Open a mesh with faces.")
         )
-    place = foot_of(mesh.vertices)
+    place = find_base_centre(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place
 
 

@@ -9,7 +9,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits import (
     add_marker,
     blend_clips,
-    clips_of,
+    find_layer_clips,
     mirror_layers,
     remove_clip,
     remove_layer,
@@ -47,7 +47,7 @@ def _mirror(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
 
 def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
     """Removes a clip. Removing the last clip of a lane also removes the lane's layers."""
-    if len(clips_of(project, name, numbers[0])) > 1:
+    if len(find_layer_clips(project, name, numbers[0])) > 1:
         return remove_clip(project, name, numbers, clip)
     for number in sorted(numbers, reverse=True):
         project = remove_layer(project, name, number)

@@ -7,7 +7,7 @@ from typing import Any
 
 from enliven.document import Switch
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Edit, Editor
@@ -135,7 +135,7 @@ class PuppetRows:
         switches_by_layer = self._known[1]
         if layer not in switches_by_layer:
             try:
-                switches_by_layer[layer] = motion_of(project, shown, layer).switches
+                switches_by_layer[layer] = solve_layer_motion(project, shown, layer).switches
             except EnlivenError:
                 switches_by_layer[layer] = ()
         return switches_by_layer[layer]
