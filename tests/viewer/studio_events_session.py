@@ -35,7 +35,7 @@ def main() -> None:
         area, desktop = window.places.viewport, window.desktop
         x = area.x + area.width / 2 + RADIUS * math.cos(angle)
         y = area.y + area.height / 2 + RADIUS * math.sin(angle)
-        desktop._kept[0](desktop._window, x, y)
+        desktop._pointer_callbacks[0](desktop._window, x, y)
 
     def before(window: StudioWindow) -> None:
         if window.pictures == 5:

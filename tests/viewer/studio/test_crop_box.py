@@ -53,7 +53,7 @@ def test_a_side_comes_to_where_the_pointer_is_and_the_others_stay(side, share, t
     other = before[1 - end, axis]
     wanted = point + (share - 1.0) * (point[axis] - other) * direction
     assert box.press(pixel(lens, point), lens)
-    if box._held != side:
+    if box._held_handle != side:
         return  # another handle occludes this one
     box.drag(pixel(lens, wanted), lens)
     box.release()
@@ -161,7 +161,7 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     assert scan.box.corners[1, 1] == pytest.approx(0.6, abs=1e-6)
     np.testing.assert_array_equal(editor.camera.view(1.6).camera_from_world, yaw)
     passed.press(top, MIDDLE_BUTTON)
-    assert passed.busy and scan.box._held is None
+    assert passed.busy and scan.box._held_handle is None
     passed.release(top, MIDDLE_BUTTON)
     scan.done()
     (order,) = scan.perform.client.asked

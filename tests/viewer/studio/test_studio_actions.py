@@ -14,7 +14,7 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 from enliven.document.project import same
 from enliven.errors import InputError
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.search import score_match
 from enliven_viewer.studio.actions.table import ActionTable
@@ -212,7 +212,7 @@ def test_a_damaged_file_of_preferences_is_put_aside(tmp_path) -> None:
 
 
 def test_keys_are_written_as_on_a_keyboard() -> None:
-    assert [key_label(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
+    assert [format_key(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
         "Ctrl+Shift+Z",
         "Del",
         "Ctrl+,",

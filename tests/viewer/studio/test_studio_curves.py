@@ -163,7 +163,7 @@ def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
     before = editor.project.puppet(name).poses[dot.number].places
     x, y = curves.axis.scale.x(dot.time), curves.scale(group).y(dot.value)
     curves.press(x, y)
-    held = curves._held[0]
+    held = curves._held_key[0]
     curves.drag(x, y - 20)
     curves.release(x, y - 20)
     after = editor.project.puppet(name).poses[held.number].places

@@ -22,7 +22,7 @@ WIDGETS = {
 }
 """Functions of ImGui that derive an id from their first argument."""
 PREFIXES = ("slider_", "drag_", "input_", "v_slider_")
-HELPERS = {"button": 1, "choice": 1, "switch": 1, "modal": 0, "panel": 0}
+HELPERS = {"draw_button": 1, "draw_choice": 1, "draw_switch": 1, "open_modal": 0, "panel": 0}
 """Own functions that pass on a label, and its argument index: their callers are checked instead."""
 PASSED_ON = {
     *(("modal.py", word) for word in ("label", "title", "yes", "no")),

@@ -23,19 +23,19 @@ class PaletteSearch:
     typed: str = ""
     marked: int = 0
     refused: bool = False
-    _found: list[Action] | None = field(default=None, init=False)
+    _matches: list[Action] | None = field(default=None, init=False)
 
     @property
     def matches(self) -> list[Action]:
         """Returns the matching actions, best match first."""
-        if self._found is None:
-            self._found = self.table.find(self.typed)
-        return self._found
+        if self._matches is None:
+            self._matches = self.table.find(self.typed)
+        return self._matches
 
     def type(self, typed: str) -> None:
         """Changes the search text, and highlights the best match."""
         if typed != self.typed:
-            self.typed, self.marked, self._found = typed, 0, None
+            self.typed, self.marked, self._matches = typed, 0, None
 
     def step(self, count: int) -> None:
         """Moves the highlight down by `count`, or up if negative; wraps around."""

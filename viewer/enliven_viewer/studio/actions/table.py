@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.actions.search import rank_actions
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
@@ -115,7 +115,7 @@ class ActionTable:
 
     def shown_key(self, action: Action) -> str:
         """Returns the first shortcut of an action as displayed; empty if it has none."""
-        return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
+        return format_key(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
     def action_with_keys(self, key: str, workspace: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""

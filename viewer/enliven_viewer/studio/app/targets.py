@@ -42,11 +42,11 @@ class DrawnWidgets:
     picture: int = 0
     wanted: tuple[str, ...] = ()
     left_alone: bool = False
-    _drawn: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
+    _rectangles: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
 
     def note(self, name: str, rectangle: Rectangle) -> None:
         """Records where a widget is drawn in this frame."""
-        self._drawn[name] = self.picture, rectangle
+        self._rectangles[name] = self.picture, rectangle
 
     def want(self, names: tuple[str, ...]) -> None:
         """Sets the targeted widgets."""
@@ -56,7 +56,7 @@ class DrawnWidgets:
     def find(self, names: tuple[str, ...]) -> tuple[str, Rectangle] | None:
         """Returns the first of several widgets that is on screen, with its place; None if there is none."""
         for name in names:
-            picture, rectangle = self._drawn.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))
+            picture, rectangle = self._rectangles.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))
             if self.picture - picture <= _STALE_FRAMES:
                 return name, rectangle
         return None

@@ -227,15 +227,15 @@ class Editor:
 
     def advance(self, seconds: float) -> None:
         """Advances the playhead, camera and messages by a time step."""
-        self.moves.advance(self.camera, self._followed_box(), seconds)
+        self.moves.advance(self.camera, self._find_subject_box(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
         self.background.poll()
         if self.playing and self.draft is None:
-            self._play_on(seconds * self.speed)
+            self._advance_playhead(seconds * self.speed)
 
-    def _play_on(self, seconds: float) -> None:
+    def _advance_playhead(self, seconds: float) -> None:
         """Advances the playhead. Within the marked range it loops back to the in point.
 
         A playhead beyond the out point continues to the end, so that the rest can be played without removing
@@ -273,7 +273,7 @@ class Editor:
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
         """Moves the camera so that all characters are visible."""
-        self._frame(self.box(), at_once=at_once, reset=reset)
+        self._frame_box(self.box(), at_once=at_once, reset=reset)
 
     def frame_path(self) -> None:
         """Moves the camera so that all characters are visible on the whole path of the selection.
@@ -282,7 +282,7 @@ class Editor:
         """
         box = self.box()
         if box is None:
-            self._frame(None)
+            self._frame_box(None)
             return
         corner_points = [np.stack(box)]
         chosen = [
@@ -294,13 +294,13 @@ class Editor:
                 corner_points.append(
                     sample_path_boxes(*self._solve_character(character.id), self.time, extent)
                 )
-        self._frame(find_bounds(corner_points))
+        self._frame_box(find_bounds(corner_points))
 
     def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
         return self.solving.shown(self.project, name)
 
-    def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
+    def _frame_box(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)
         self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, margin=_FRAMING_MARGIN)
 
@@ -310,7 +310,7 @@ class Editor:
         self.look = names[(names.index(self.look) + 1) % len(names)]
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
-    def _followed_box(self) -> Box | None:
+    def _find_subject_box(self) -> Box | None:
         """Returns the bounding box of the camera's subject: the selected characters, or all.
 
         Returns None if following is off.

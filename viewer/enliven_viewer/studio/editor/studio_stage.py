@@ -32,10 +32,10 @@ class StudioStage:
     """
 
     def __init__(self, editor: ShownState, solved: Mapping[str, Callable[[RigBase], StageCharacter]]) -> None:
-        self._editor, self._solved = editor, solved
+        self._editor, self._placing_functions = editor, solved
         self._meshes = DrawnMeshes()
         self._players: dict[str, tuple[tuple[object, ...], Callable[[float], tuple[Pose, Float]]]] = {}
-        self._known: tuple[Project, float, dict[str, StageCharacter]] | None = None
+        self._cache: tuple[Project, float, dict[str, StageCharacter]] | None = None
 
     @property
     def characters(self) -> tuple[StageCharacter, ...]:
@@ -50,14 +50,14 @@ class StudioStage:
         """
         project, time = self._editor.project, self._editor.time
         character = project.character(character_id)
-        if character.kind in self._solved:
-            return self._solved[character.kind](character)
-        if self._known is None or self._known[0] is not project or self._known[1] != time:
-            self._known = (project, time, {})
+        if character.kind in self._placing_functions:
+            return self._placing_functions[character.kind](character)
+        if self._cache is None or self._cache[0] is not project or self._cache[1] != time:
+            self._cache = (project, time, {})
             self._players = {
                 name: player for name, player in self._players.items() if name in project.characters
             }
-        characters = self._known[2]
+        characters = self._cache[2]
         if character_id not in characters:
             characters[character_id] = self._place_character(project, character, time)
         return characters[character_id]

@@ -49,8 +49,8 @@ class CoverageCache:
     """A cache of the coverage of the last few takes."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
-        self._alone: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
+        self._coverages: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
+        self._suggestions: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
     def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
         """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
@@ -61,10 +61,10 @@ class CoverageCache:
         values = (clip, puppet.mesh, puppet.symmetry, *shown)
         plays = any(layer.take == take for layer in puppet.layers)
         key = (puppet.id, take, marks, paired, plays)
-        cached = self._known.get(key)
+        cached = self._coverages.get(key)
         if cached is None or any(a is not b for a, b in zip(cached[0], values, strict=True)):
             cached = (values, self._compute_coverage(project, puppet, clip, take))
-            self._known = {**dict(list(self._known.items())[-7:]), key: cached}
+            self._coverages = {**dict(list(self._coverages.items())[-7:]), key: cached}
         return cached[1]
 
     def _compute_coverage(
@@ -102,7 +102,7 @@ class CoverageCache:
     def _suggest_poses(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
         """Returns the suggested key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
-        cached = self._alone.get(key)
+        cached = self._suggestions.get(key)
         if cached is None or cached[0] is not clip:
             poses = performed(clip, joints).poses
             try:
@@ -110,7 +110,7 @@ class CoverageCache:
             except EnlivenError:
                 suggested = None
             cached = (clip, suggested, poses)
-            self._alone = {**dict(list(self._alone.items())[-3:]), key: cached}
+            self._suggestions = {**dict(list(self._suggestions.items())[-3:]), key: cached}
         return cached[1], cached[2]
 
 

@@ -59,7 +59,7 @@ class MotionSolver:
         self.patience = patience
         self._toasts = toasts
         self._pool: ThreadPoolExecutor | None = None
-        self._known: dict[str, _SolveState] = {}
+        self._states: dict[str, _SolveState] = {}
 
     def shown(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
         """Returns a character that can be shown now: a puppet with its newest solution, or any other
@@ -74,7 +74,7 @@ class MotionSolver:
         The returned puppet may have other control points than the project's, so draw the returned one.
         """
         request = _Request(project, project.puppets[puppet_id])
-        solved = self._known.setdefault(puppet_id, _SolveState())
+        solved = self._states.setdefault(puppet_id, _SolveState())
         if request.same(solved.good) and solved.problem is None:
             assert solved.good is not None
             return solved.good.project, request.puppet
@@ -83,19 +83,19 @@ class MotionSolver:
             return project, request.puppet.with_changes(
                 layers=()
             ) if request.puppet.layers else request.puppet
-        self._ask(solved, request)
+        self._request_solution(solved, request)
         if solved.good is None:
             return project, request.puppet.with_changes(layers=())
         return solved.good.project, solved.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
         """Returns the error of a puppet's newest motions; None if they can be solved."""
-        solved = self._known.get(puppet_id)
+        solved = self._states.get(puppet_id)
         return solved.problem if solved else None
 
     def busy(self, puppet_id: str) -> bool:
         """Returns True if a motion of the puppet is being solved."""
-        solved = self._known.get(puppet_id)
+        solved = self._states.get(puppet_id)
         return solved is not None and solved.future is not None
 
     def settle(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
@@ -105,7 +105,7 @@ class MotionSolver:
         """
         shown = self.shown(project, character_id)
         while self.busy(character_id):
-            future = self._known[character_id].future
+            future = self._states[character_id].future
             if future is not None:
                 wait_for([future])
             shown = self.shown(project, character_id)
@@ -117,7 +117,7 @@ class MotionSolver:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
-    def _ask(self, solved: _SolveState, request: _Request) -> None:
+    def _request_solution(self, solved: _SolveState, request: _Request) -> None:
         """Starts solving a request unless it was refused before.
 
         Waits for it at most as long as a frame may take.

@@ -78,24 +78,24 @@ class _Reader:
         self.left, self._units = tokens[::-1], units
 
     def sum(self) -> float:
-        value = self._product()
+        value = self._read_product()
         while self.left and self.left[-1] in "+-":
-            value += self._product() if self.left.pop() == "+" else -self._product()
+            value += self._read_product() if self.left.pop() == "+" else -self._read_product()
         return value
 
-    def _product(self) -> float:
-        value = self._value()
+    def _read_product(self) -> float:
+        value = self._read_value()
         while self.left and self.left[-1] in "*/":
-            times, by = self.left.pop() == "*", self._value()
+            times, by = self.left.pop() == "*", self._read_value()
             if not times and by == 0.0:
                 raise self.refused(tr("it divides by zero"))
             value = value * by if times else value / by
         return value
 
-    def _value(self) -> float:
+    def _read_value(self) -> float:
         token = self.left.pop() if self.left else ""
         if token in ("-", "+"):
-            return self._value() if token == "+" else -self._value()
+            return self._read_value() if token == "+" else -self._read_value()
         if token == "(":
             value = self.sum()
             if not self.left or self.left.pop() != ")":

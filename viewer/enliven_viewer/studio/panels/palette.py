@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.panels.modal import modal
+from enliven_viewer.studio.panels.modal import open_modal
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
@@ -17,7 +17,7 @@ _DIALOG_SIZE = (600.0, 420.0)
 
 def draw_palette(workspace: Workspace) -> None:
     """Draws the palette while it is open."""
-    with modal("Find an action", *_DIALOG_SIZE) as shown:
+    with open_modal("Find an action", *_DIALOG_SIZE) as shown:
         if not shown:
             return
         finding = workspace.finding

@@ -72,12 +72,12 @@ def make_perform_actions(session: PerformSession) -> Iterator[Action]:
         )
 
 
-def _on_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
+def _require_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """Returns a function on the followed stage or take; without one it does nothing."""
     return lambda session: act(session.live) if session.live is not None else None
 
 
-def _make_step_in(mode: Mode) -> Callable[[PerformSession], object]:
+def _make_possess_function(mode: Mode) -> Callable[[PerformSession], object]:
     """Returns a function that lets a performer possess a character, as soon as that is possible."""
     return lambda session: session.possession_requests.press(mode)
 
@@ -87,7 +87,7 @@ def _make_group(
 ) -> Iterator[PerformAction]:
     """Yields actions on the followed stage for one submenu: label, shortcut and function of each."""
     for label, key, act in rows:
-        yield PerformAction(label, key, _on_live_stage(act), rooms, group=group)
+        yield PerformAction(label, key, _require_live_stage(act), rooms, group=group)
 
 
 def _make_workspace_switch(workspace_name: str) -> Callable[[PerformSession], object]:
@@ -155,14 +155,14 @@ PERFORM_ACTIONS = (
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _make_step_in("alone"), _LIVE_WORKSPACES, apart=True),
-    PerformAction("Possess beside others", "j", _make_step_in("join"), _LIVE_WORKSPACES),
-    PerformAction("Hold with these parts as well", "e", _make_step_in("extend"), _LIVE_WORKSPACES),
-    PerformAction("Release", "r", _on_live_stage(LiveStage.release), _LIVE_WORKSPACES),
+    PerformAction("Possess alone", "p", _make_possess_function("alone"), _LIVE_WORKSPACES, apart=True),
+    PerformAction("Possess beside others", "j", _make_possess_function("join"), _LIVE_WORKSPACES),
+    PerformAction("Hold with these parts as well", "e", _make_possess_function("extend"), _LIVE_WORKSPACES),
+    PerformAction("Release", "r", _require_live_stage(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
         "Scale with both hands, or let it stay",
         "x",
-        _on_live_stage(LiveStage.scale_by_hands),
+        _require_live_stage(LiveStage.scale_by_hands),
         _LIVE_WORKSPACES,
         why_not=PerformSession.lacks_edge,
     ),
@@ -177,7 +177,7 @@ PERFORM_ACTIONS = (
         PerformAction(
             f"With: {part}",
             str(n + 1),
-            _on_live_stage(lambda live, n=n: live.choose_parts(n)),
+            _require_live_stage(lambda live, n=n: live.choose_parts(n)),
             _LIVE_WORKSPACES,
             group="With",
             apart=n == 0,

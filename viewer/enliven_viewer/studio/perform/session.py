@@ -89,7 +89,7 @@ class PerformSession:
         self._client: EdgeClient | None = None
         self._feed: EdgeFeed | None = None
         self._local_edge: LocalEdge | None = None
-        self._framed: tuple[str, ...] = ()
+        self._framed_objects: tuple[str, ...] = ()
         self._awaiting_stage: tuple[str, ...] = ()  # These characters wait for a stage.
 
     @property
@@ -108,10 +108,10 @@ class PerformSession:
         Raises:
             InputError: if the address is invalid.
         """
-        self._follow(address.strip(), settings)
+        self._follow_edge(address.strip(), settings)
         self.addresses.remember(address.strip())
 
-    def _follow(self, address: str, settings: PlaybackSettings | None = None) -> None:
+    def _follow_edge(self, address: str, settings: PlaybackSettings | None = None) -> None:
         """Follows the edge at an address in place of the current one."""
         client = EdgeClient([address], "enliven window")
         self.disconnect()
@@ -168,7 +168,7 @@ class PerformSession:
             ResourceError: if the edge's program is not installed.
         """
         edge = LocalEdge(*words)
-        self._follow(str(edge.endpoint))
+        self._follow_edge(str(edge.endpoint))
         self._local_edge = edge
         if self.live is not None:
             self.live.is_local = True
@@ -317,9 +317,9 @@ class PerformSession:
         self.scene = merge_scenes(self._live_overlay.merge(self.live.scene, telling), self.secondary_edges)
         self.editor.live_box = self.scene.box
         self.close_up.advance(seconds, self.scene if performs else None, self.target)
-        if performs and self.live.present != self._framed and self.live.scene.box:
-            self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
-            self._framed = self.live.present
+        if performs and self.live.present != self._framed_objects and self.live.scene.box:
+            self.editor.frame_all(at_once=not self._framed_objects, reset=not self._framed_objects)
+            self._framed_objects = self.live.present
 
     def _advance_stages(self, live: LiveStage, seconds: float) -> None:
         """Processes the messages of all edges, and makes their scenes of one moment."""

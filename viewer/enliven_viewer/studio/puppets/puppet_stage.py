@@ -80,10 +80,10 @@ class PuppetStage:
     def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
         self.editor, self.posing = editor, posing
         self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), create_puppet_meshes()
-        self._known: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
-        self._polls = 0
+        self._cache: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
+        self._version = 0
         self._ghost: StagePuppet | None = None
-        self._wanted: tuple[tuple[object, ...], Future[Float]] | None = None
+        self._ghost_request: tuple[tuple[object, ...], Future[Float]] | None = None
 
     @property
     def ghost(self) -> StagePuppet | None:
@@ -93,11 +93,15 @@ class PuppetStage:
         if puppet is None or pose is None or now is None or not posing.silhouette:
             return None
         key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
-        if self._wanted is None or not _is_unchanged(self._wanted[0], key):
+        if self._ghost_request is None or not _is_unchanged(self._ghost_request[0], key):
             future = self.surfaces.solve_in_background(puppet, pose.places)
-            self._wanted = None if future is None else (key, future)
-        if self._wanted is not None and self._wanted[1].done() and self._wanted[1].exception() is None:
-            surface = self._wanted[1].result()
+            self._ghost_request = None if future is None else (key, future)
+        if (
+            self._ghost_request is not None
+            and self._ghost_request[1].done()
+            and self._ghost_request[1].exception() is None
+        ):
+            surface = self._ghost_request[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
                 state = State(pose.places, now.state.yaw, now.state.root)
                 self._ghost = self._make_stage_puppet(puppet, state, surface)
@@ -106,19 +110,19 @@ class PuppetStage:
 
     def wait(self) -> None:
         """Waits for the ghost. For sessions without a window."""
-        if self.ghost is None and self._wanted is not None:
-            self._wanted[1].result()
+        if self.ghost is None and self._ghost_request is not None:
+            self._ghost_request[1].result()
 
     @property
     def puppets(self) -> tuple[StagePuppet, ...]:
         """Returns all puppets, in the project's order."""
         editor, posing = self.editor, self.posing
         project = editor.project
-        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
-        if self._known is None or not _is_unchanged(self._known[0], key):
+        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._version)
+        if self._cache is None or not _is_unchanged(self._cache[0], key):
             self.surfaces.keep_only(set(project.puppets))
-            self._known = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
-        return self._known[1]
+            self._cache = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
+        return self._cache[1]
 
     def find(self, puppet_id: str) -> StagePuppet | None:
         """Returns one of the puppets; None for an unknown id."""
@@ -132,7 +136,7 @@ class PuppetStage:
         """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
         self.surfaces.improve()
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
-            self._polls += 1
+            self._version += 1
 
     def _place_puppet(self, puppet: Puppet) -> StagePuppet:
         editor, posing, newest = self.editor, self.posing, puppet

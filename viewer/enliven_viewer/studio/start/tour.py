@@ -42,19 +42,19 @@ class Tour:
     """
 
     def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
-        self._toured, self._widgets = TourState(desk), widgets
+        self._state, self._widgets = TourState(desk), widgets
         self.number, self.ticked, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
         self.shows = False
         self.demonstration: Demonstration | None = None
         self.target = Target()
         self.card: Point | None = None
         self.card_key: tuple[object, ...] = ()
-        self._shown: TourPart | None = None
-        self._rested, self._hand = 0.0, (0.0, 0.0)
-        self._missing = 0.0
-        self._before = self._toured.counts
-        self._is_new, self._holds_still = True, False
-        while self.number and not TOUR_STEPS[self.number].ready(self._toured):
+        self._demonstrated_part: TourPart | None = None
+        self._idle_s, self._hand = 0.0, (0.0, 0.0)
+        self._missing_s = 0.0
+        self._counts_before = self._state.counts
+        self._is_new, self._has_paused = True, False
+        while self.number and not TOUR_STEPS[self.number].ready(self._state):
             self.number -= 1
 
     @property
@@ -66,7 +66,7 @@ class Tour:
     def part(self) -> TourPart | None:
         """Returns the current part of the step; None once the step or the tour is done."""
         step = self.step
-        return None if step is None or self.ticked > 0.0 else step.part(self._toured, self._before)
+        return None if step is None or self.ticked > 0.0 else step.part(self._state, self._counts_before)
 
     @property
     def title(self) -> str:
@@ -108,7 +108,7 @@ class Tour:
 
         Returns None without a chair.
         """
-        box = find_chair_in_image(self._toured.desk.editor, self._toured.extent).box
+        box = find_chair_in_image(self._state.desk.editor, self._state.extent).box
         if box is None:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
@@ -130,9 +130,9 @@ class Tour:
                 self._check_preconditions(step, seconds)
         if self._is_new and self.step is not None:
             self._is_new = False
-            self.step.begin(self._toured)
+            self.step.begin(self._state)
         part = self.part
-        self.target = Target() if part is None else part.target(self._toured)
+        self.target = Target() if part is None else part.target(self._state)
         self._widgets.want(self.target.widgets)
         self._pause_near_target()
         self._continue_demonstration(seconds, origin)
@@ -140,7 +140,7 @@ class Tour:
     def skip(self) -> None:
         """Moves to the next step with its preconditions met."""
         self._go_to_step(self.number + 1)
-        while self.number < len(TOUR_STEPS) - 1 and not TOUR_STEPS[self.number].ready(self._toured):
+        while self.number < len(TOUR_STEPS) - 1 and not TOUR_STEPS[self.number].ready(self._state):
             self._go_to_step(self.number + 1)
 
     def back(self) -> None:
@@ -152,24 +152,24 @@ class Tour:
     def show(self, start: Point) -> None:
         """Demonstrates the step. The hand starts at a pixel of the window."""
         if self.part is not None and not self.shows:
-            self.shows, self._hand, self._shown = True, start, None
+            self.shows, self._hand, self._demonstrated_part = True, start, None
 
     def _pause_near_target(self) -> None:
         """Pauses playback while the pointer is near the target, since a dancing leg is hard to hit."""
-        editor, hands = self._toured.desk.editor, self._toured.desk.input
+        editor, hands = self._state.desk.editor, self._state.desk.input
         if hands.busy or self.demonstration is not None:
             return
         path, box = self.target.path, self.target.box
         is_pointer_near = bool(path) and box is not None and _is_near(hands.at, box, path[0])
         if is_pointer_near and editor.playing:
-            editor.playing, self._holds_still = False, True
+            editor.playing, self._has_paused = False, True
         elif not is_pointer_near:
             self._resume_playback()
 
     def _resume_playback(self) -> None:
         """Resumes playback that the tour has paused."""
-        if self._holds_still:
-            self._toured.desk.editor.playing, self._holds_still = True, False
+        if self._has_paused:
+            self._state.desk.editor.playing, self._has_paused = True, False
 
     def leave(self) -> None:
         """Restores playback, pointer and widgets."""
@@ -179,8 +179,8 @@ class Tour:
 
     def _go_to_step(self, number: int) -> None:
         self._stop_demonstration()
-        self.number, self.ticked, self.reviewing, self._missing = number, 0.0, False, 0.0
-        self._before, self._is_new = self._toured.counts, True
+        self.number, self.ticked, self.reviewing, self._missing_s = number, 0.0, False, 0.0
+        self._counts_before, self._is_new = self._state.counts, True
 
     def _mark_done(self, seconds: float) -> None:
         self.ticked -= seconds
@@ -188,14 +188,14 @@ class Tour:
             self._go_to_step(self.number + 1)
 
     def _is_done(self, step: TourStep) -> bool:
-        return step.part(self._toured, self._before) is None
+        return step.part(self._state, self._counts_before) is None
 
     def _check_preconditions(self, step: TourStep, seconds: float) -> None:
         """Goes back if the preconditions of a step have been missing for a while."""
-        self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
-        if self._missing > _MISSING_TIMEOUT_S:
+        self._missing_s = 0.0 if step.ready(self._state) else self._missing_s + seconds
+        if self._missing_s > _MISSING_TIMEOUT_S:
             number = self.number
-            while number and not TOUR_STEPS[number].ready(self._toured):
+            while number and not TOUR_STEPS[number].ready(self._state):
                 number -= 1
             self._go_to_step(number)
 
@@ -211,15 +211,15 @@ class Tour:
             middle = (outline[0] + outline[2]) / 2, (outline[1] + outline[3]) / 2
         self.demonstration.advance(seconds, self.target, middle, origin)
         if self.demonstration.ended:
-            self._hand, self.demonstration, self._rested = self.demonstration.hand, None, 0.0
+            self._hand, self.demonstration, self._idle_s = self.demonstration.hand, None, 0.0
 
     def _demonstrate_next(self, seconds: float) -> None:
         """Starts to demonstrate the next part of the step once the last one had its effect."""
-        part, self._rested = self.part, self._rested + seconds
-        if part is None or part.waits or (part is self._shown and self._rested < _REPEAT_DELAY_S):
+        part, self._idle_s = self.part, self._idle_s + seconds
+        if part is None or part.waits or (part is self._demonstrated_part and self._idle_s < _REPEAT_DELAY_S):
             return
-        self._shown = part
-        self.demonstration = Demonstration(self._toured, part, self._hand)
+        self._demonstrated_part = part
+        self.demonstration = Demonstration(self._state, part, self._hand)
 
     def _stop_demonstration(self) -> None:
         self.shows = False

@@ -141,14 +141,14 @@ class TourState:
     def chair(self) -> GraphShape | None:
         """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
         held = self._held_characters()
-        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
+        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _measure_size(shape)))
         return chairs[-1] if chairs else None
 
     @property
     def piece(self) -> GraphShape | None:
         """Returns the smallest part that was cut off the chair; None if there is none."""
         pieces = [chair for chair in self.chairs if chair is not self.chair]
-        return min(pieces, key=_size) if pieces else None
+        return min(pieces, key=_measure_size) if pieces else None
 
     @property
     def has_workshop(self) -> bool:
@@ -215,5 +215,5 @@ class TourState:
         return [holder.character for holder in self.desk.perform.holders if holder.character in graphs]
 
 
-def _size(shape: GraphShape) -> int:
+def _measure_size(shape: GraphShape) -> int:
     return len(shape.mesh.vertices)

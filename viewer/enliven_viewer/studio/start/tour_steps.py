@@ -95,7 +95,7 @@ def _call_dancer(toured: TourState) -> None:
     toured.desk.attempt(lambda: toured.desk.perform.connect_local("--loop"))
 
 
-def _step_in(toured: TourState) -> None:
+def _possess_chair(toured: TourState) -> None:
     if toured.chair is not None:
         toured.desk.editor.choose(toured.chair.id)
     toured.desk.actions.do("perform.possess_alone")
@@ -131,7 +131,7 @@ def _look_at_chair(toured: TourState) -> None:
             )
 
 
-def _save(toured: TourState) -> None:
+def _save_project(toured: TourState) -> None:
     browser = toured.desk.browser
     if browser is not None:
         toured.desk.attempt(lambda: toured.desk.chosen(browser.chosen()))
@@ -142,7 +142,7 @@ def _has_name(toured: TourState) -> bool:
     return browser is not None and browser.name.partition(".")[0] not in ("", "Untitled")
 
 
-def _drag(toured: TourState) -> None:
+def _drag_along_path(toured: TourState) -> None:
     """Does nothing: the demonstration drags along the target's path."""
 
 
@@ -207,7 +207,7 @@ TOUR_STEPS = (
                 later("Click “Possess”: the dancer slips into the chair."),
                 _target_perform_widget("possess"),
                 lambda t, before: t.is_held,
-                _step_in,
+                _possess_chair,
             ),
         ),
         lambda t: t.has_dancer,
@@ -253,7 +253,7 @@ TOUR_STEPS = (
                 later("Drag across the leg, along the arrow: the chair holds still for you."),
                 _target_leg,
                 lambda t, before: len(t.chairs) > before.chairs,
-                _drag,
+                _drag_along_path,
             ),
         ),
         lambda t: bool(t.chairs),
@@ -274,7 +274,7 @@ TOUR_STEPS = (
                 later("Hold the Shift key, and drag the leg along the arrow."),
                 _target_piece,
                 lambda t, before: t.counts.merges > before.merges,
-                _drag,
+                _drag_along_path,
                 shift=True,
             ),
         ),
@@ -301,7 +301,7 @@ TOUR_STEPS = (
                 later("Click “Save”: now nothing is lost."),
                 _target_widget("dialog Save"),
                 lambda t, before: t.is_saved,
-                _save,
+                _save_project,
             ),
         ),
     ),

@@ -30,12 +30,12 @@ class PoseTool(Tool):
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self._held: tuple[CharacterDrag, int] | None = None
-        self._node: tuple[str, int, Float] | None = None
+        self._held_handle: tuple[CharacterDrag, int] | None = None
+        self._held_node: tuple[str, int, Float] | None = None
 
     @property
     def hint(self) -> str:
-        if self._held is not None:
+        if self._held_handle is not None:
             return "Let go to keep the pose; Esc cancels."
         if self.editor.puppets.puppet is not None:
             return "Drag a puppet sideways to turn it where it stands. K poses it."
@@ -48,22 +48,24 @@ class PoseTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         node = self._node_at(pointer)
         if node is not None:
-            self.editor.playing, self._node = False, node
+            self.editor.playing, self._held_node = False, node
             self.editor.choose(node[0], node[1])
             return True
         hit = self.character_at(pointer)
-        self._held = None if hit is None else (CharacterDrag(self.editor, hit, pointer), max(hit.handle, 0))
+        self._held_handle = (
+            None if hit is None else (CharacterDrag(self.editor, hit, pointer), max(hit.handle, 0))
+        )
         return hit is not None
 
     def drag(self, pointer: Pointer) -> None:
-        if self._held is not None or self._node is not None:
+        if self._held_handle is not None or self._held_node is not None:
             self.editor.sketch(lambda project: self._apply_pose(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
-        if self._node is not None and self.editor.draft is not None:
-            self.editor.edit(later("key {0}", self._node[0]), lambda p: self._apply_pose(p, pointer))
-        elif self._held is not None and self.editor.draft is not None:
-            whole, handle = self._held
+        if self._held_node is not None and self.editor.draft is not None:
+            self.editor.edit(later("key {0}", self._held_node[0]), lambda p: self._apply_pose(p, pointer))
+        elif self._held_handle is not None and self.editor.draft is not None:
+            whole, handle = self._held_handle
             keyed = (
                 later("key {0}", whole.character)
                 if self.editor.keying
@@ -71,11 +73,11 @@ class PoseTool(Tool):
             )
             name = keyed if handle else later("turn {0}", whole.description)
             self.editor.edit(name, lambda p: self._apply_pose(p, pointer))
-        self._held = self._node = None
+        self._held_handle = self._held_node = None
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._node = None
+        self._held_handle = self._held_node = None
 
     def overlay(self) -> Overlay:
         """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
@@ -108,13 +110,13 @@ class PoseTool(Tool):
         return best[1:] if best is not None and best[0] <= editor.settings.reach else None
 
     def _apply_pose(self, project: Project, pointer: Pointer) -> Project:
-        if self._node is not None:
-            name, node, position = self._node
+        if self._held_node is not None:
+            name, node, position = self._held_node
             return key_handle(
                 project, name, node, self.editor.lens.on_plane(pointer.at, position), self.editor.time
             )
-        assert self._held is not None
-        (whole, handle), editor = self._held, self.editor
+        assert self._held_handle is not None
+        (whole, handle), editor = self._held_handle, self.editor
         if not handle:
             return whole.turn(project, pointer)
         place = editor.lens.on_plane(pointer.at, whole.handles[handle])

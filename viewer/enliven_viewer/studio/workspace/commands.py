@@ -51,7 +51,7 @@ class Commands:
 
     def delete(self) -> None:
         """Removes the selected joint, or else the selected characters."""
-        names, joint = self._names, self.editor.selection.handle
+        names, joint = self._selected_names, self.editor.selection.handle
         if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
         else:
@@ -59,8 +59,8 @@ class Commands:
 
     def copy(self) -> None:
         """Copies the selection, with its motion, to the clipboard."""
-        if self._names:
-            self._copied, self._pasted = (self.editor.project, self._names), 0
+        if self._selected_names:
+            self._copied, self._pasted = (self.editor.project, self._selected_names), 0
             self.editor.toasts.say(
                 tr("Copied {0} with its motion", self._describe_selection()),
                 tr("Ctrl+V puts a copy next to it."),
@@ -68,8 +68,8 @@ class Commands:
 
     def cut_out(self) -> None:
         """Copies the selection to the clipboard and deletes it from the project."""
-        if self._names:
-            self._copied, self._pasted = (self.editor.project, self._names), -1
+        if self._selected_names:
+            self._copied, self._pasted = (self.editor.project, self._selected_names), -1
             self._delete_selection(later("cut out {0}"))
 
     def paste(self) -> None:
@@ -80,33 +80,39 @@ class Commands:
 
     def duplicate(self) -> None:
         """Duplicates the selection next to itself. The clipboard stays unchanged."""
-        if self._names:
-            self._copy(later("duplicate {0}"), self.editor.project, self._names, 1)
+        if self._selected_names:
+            self._copy(later("duplicate {0}"), self.editor.project, self._selected_names, 1)
 
     def mirror(self) -> None:
         """Mirrors the selection left to right, as seen from the camera."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
-        self._change(later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal))
+        self._edit_selection(
+            later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal)
+        )
 
     def scale(self, factor: float) -> None:
         """Scales the selection in place."""
-        self._change(later("scale {0}"), lambda project, names: scale_characters(project, names, factor))
+        self._edit_selection(
+            later("scale {0}"), lambda project, names: scale_characters(project, names, factor)
+        )
 
     def turn(self, degrees: float) -> None:
         """Rotates the selection in place, in the image plane. Positive degrees turn counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
-        self._change(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
+        self._edit_selection(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
 
     def shift(self, seconds: float) -> None:
         """Shifts all motion of the selection in time: later if `seconds` is positive, earlier if negative."""
-        self._change(later("shift {0}"), lambda project, names: shift_characters(project, names, seconds))
+        self._edit_selection(
+            later("shift {0}"), lambda project, names: shift_characters(project, names, seconds)
+        )
 
     def mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if all of it is muted."""
         on = not self.is_muted()
         edit_name = later("mute {0}") if on else later("unmute {0}")
-        self._change(edit_name, lambda project, names: mute_characters(project, names, on))
+        self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, on))
 
     def is_muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
@@ -173,9 +179,9 @@ class Commands:
 
         self.editor.edit("clear motion", change)
 
-    def _change(self, edit_name: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
+    def _edit_selection(self, edit_name: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
         """Applies one edit to the whole selection."""
-        names = self._names
+        names = self._selected_names
         if names:
             self.editor.edit(
                 later(edit_name, self._describe_selection()), lambda project: change(project, names)
@@ -187,7 +193,7 @@ class Commands:
                 project = delete_character(project, name)
             return project
 
-        self._change(edit_name, change)
+        self._edit_selection(edit_name, change)
 
     def _copy(self, edit_name: str, source: Project, names: tuple[str, ...], times: int) -> None:
         """Pastes copies next to their originals as one edit, and selects the copies."""
@@ -207,7 +213,7 @@ class Commands:
 
     def lacks_character(self) -> str:
         """Returns why a command on a character is unavailable; empty if it is available."""
-        return "" if self._names else "Nothing is chosen. Click a shape first."
+        return "" if self._selected_names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
         """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
@@ -240,12 +246,12 @@ class Commands:
         return "" if self.editor.history.redo_name else "Nothing is left to redo."
 
     @property
-    def _names(self) -> tuple[str, ...]:
+    def _selected_names(self) -> tuple[str, ...]:
         return tuple(character.id for character in self.editor.chosen_all)
 
     def _describe_selection(self, names: tuple[str, ...] | None = None) -> str:
         """Returns the name of the only selected shape, or the number of shapes."""
-        names = self._names if names is None else names
+        names = self._selected_names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:

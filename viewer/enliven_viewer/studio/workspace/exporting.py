@@ -159,7 +159,7 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
 
 
 @cache
-def supported_options(suffix: str) -> frozenset[str]:
+def list_supported_options(suffix: str) -> frozenset[str]:
     """Returns the options that a format supports. None of them for an unknown suffix."""
     try:
         return exporter_of(Path(f"export{suffix}")).options

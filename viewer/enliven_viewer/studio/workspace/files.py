@@ -52,11 +52,13 @@ def add_file(editor: Editor, path: Path, types: Sequence[FileType] | None = None
     Raises:
         InputError: if the file cannot be read, or its type is not supported.
     """
-    add, value = read_to_add(path, FILE_TYPES if types is None else types)
+    add, value = read_addable_file(path, FILE_TYPES if types is None else types)
     add(editor, path, value)
 
 
-def read_to_add(path: Path, types: Sequence[FileType]) -> tuple[Callable[[Editor, Path, Any], None], Any]:
+def read_addable_file(
+    path: Path, types: Sequence[FileType]
+) -> tuple[Callable[[Editor, Path, Any], None], Any]:
     """Reads a file.
 
     Returns the function that adds it to the project, and the content. Reading may run in a thread.
@@ -81,10 +83,10 @@ def list_suffixes(types: Sequence[FileType]) -> tuple[str, ...]:
 def add_sample(editor: Editor, name: str) -> None:
     """Adds a sample of enliven: one that plays, one to possess, or one to animate by examples."""
     if name == "cactus":
-        _add_played(editor, "cactus", dancing_cactus(), name, ())
+        _add_playing_character(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
     elif name == "chair":
-        _add_played(editor, name, project_of_mesh(load_sample(name), name), name, ())
+        _add_playing_character(editor, name, project_of_mesh(load_sample(name), name), name, ())
     elif name == "lamp":
         _add_puppet(editor, Path(name), load_sample(name), ())
 
@@ -130,7 +132,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _CHARACTER_GAP_M
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
-        project, names = _with_clips(project.with_characters(shape), rig.clips)
+        project, names = _add_clips(project.with_characters(shape), rig.clips)
         first = clip_to_open(shape, rig.clips)
         return project if first is None else play_own_clip(project, shape.id, names[first.id])
 
@@ -140,7 +142,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         editor.frame_path()
 
 
-def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
+def _add_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
     """Returns the project with a model's clips, and the name of each clip there.
 
     Identical existing clips are not added again.
@@ -199,10 +201,10 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
 
 
 def _add_session(editor: Editor, path: Path, session: Session) -> None:
-    _add_played(editor, path.name, session.project, session.puppet, session.notes)
+    _add_playing_character(editor, path.name, session.project, session.puppet, session.notes)
 
 
-def _add_played(
+def _add_playing_character(
     editor: Editor, file_name: str, source: Project, character: str, notes: tuple[str, ...]
 ) -> None:
     """Adds a character of another project, with the motion that it plays."""
@@ -244,7 +246,7 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
     before = set(editor.project.characters)
 
     def add(project: Project) -> Project:
-        project, names = _with_performed(project, path, read)
+        project, names = _add_performed(project, path, read)
         added.extend(names)
         return project
 
@@ -270,7 +272,7 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
     Raises:
         InputError: if the file is not a recording, or nothing in it moves.
     """
-    return _with_performed(project, path, _read_performance(path))
+    return _add_performed(project, path, _read_performance(path))
 
 
 @dataclass(frozen=True)
@@ -296,7 +298,7 @@ def _read_performance(path: Path) -> _RecordedTake:
     return _RecordedTake(meshes, clips)
 
 
-def _with_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[Project, tuple[str, ...]]:
+def _add_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[Project, tuple[str, ...]]:
     added = list[str]()
     if read.meshes is not None:
         for name in read.meshes.characters:

@@ -46,7 +46,7 @@ class MotionClipboard:
         If a performance was copied, its performers possess the selected mesh instead.
         """
         if self._performed is not None and self.editor.chosen() is not None:
-            self._give_performance(self._performed)
+            self._transfer_performance(self._performed)
         target, lens = find_selected_chain(self.editor), self.editor.lens
         if self._copied is not None and target is not None:
             source, chain = self._copied
@@ -95,7 +95,7 @@ class MotionClipboard:
         shape = self.editor.chosen(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
 
-    def _give_performance(self, source: str) -> None:
+    def _transfer_performance(self, source: str) -> None:
         """Transfers the performance of a mesh to the selected character.
 
         It starts from that character's current pose.
@@ -134,9 +134,9 @@ class MotionClipboard:
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.background.begin(message, work, partial(self._put_mesh, edit_name, guarded))
+        self.editor.background.begin(message, work, partial(self._insert_mesh, edit_name, guarded))
 
-    def _put_mesh(self, edit_name: str, guarded: RigBase, solved: _SolvedMesh) -> None:
+    def _insert_mesh(self, edit_name: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""
         solved_project, name, notes = solved
         shape = solved_project.graph(name)

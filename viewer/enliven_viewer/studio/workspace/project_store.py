@@ -63,7 +63,7 @@ class ProjectStore:
         self.folder = folder or user_data_folder()
         self._saved: Project = editor.history.project
         self._autosaved: Project = self._saved
-        self._since = time.monotonic()
+        self._saved_at = time.monotonic()
         self._pause = 0.0
         # This is the checksum of the file's content when this window last read or wrote it.
         self._content = ""
@@ -198,8 +198,8 @@ class ProjectStore:
         if self._writing is not None:
             if self._writing[0].done():
                 self.settle()
-        elif now - self._since >= max(self.editor.settings.autosave, self._pause):
-            self._since = now
+        elif now - self._saved_at >= max(self.editor.settings.autosave, self._pause):
+            self._saved_at = now
             self._begin_writing()
 
     def autosave_now(self) -> None:

@@ -38,7 +38,7 @@ from enliven_viewer.studio.workspace.files import (
     add_sample,
     list_exportable,
     list_suffixes,
-    read_to_add,
+    read_addable_file,
     save_session,
 )
 from enliven_viewer.studio.workspace.project_comparison import (
@@ -105,7 +105,7 @@ class Workspace(App):
         self.compared: tuple[Difference, ...] | None = None
         self.tour: Tour | None = None
         self._after = ""
-        self._wanted: Path | None = None
+        self._path_to_open: Path | None = None
         register_features(self)
 
     @classmethod
@@ -159,7 +159,7 @@ class Workspace(App):
             InputError: if the file cannot be read.
         """
         if path.suffix.lower() == PROJECT_SUFFIX and self.store.dirty:
-            self._after, self._wanted, self.asking = "open", path, "unsaved"
+            self._after, self._path_to_open, self.asking = "open", path, "unsaved"
             return
         if _is_large(path) and not lacks_tracking(path):
             self._open_beside(path)
@@ -193,7 +193,7 @@ class Workspace(App):
             return (
                 self.store.read(path)
                 if path.suffix.lower() == PROJECT_SUFFIX
-                else read_to_add(path, self.file_types)
+                else read_addable_file(path, self.file_types)
             )
 
         self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
@@ -320,7 +320,7 @@ class Workspace(App):
 
     def cancel(self) -> None:
         """Closes the dialogue and drops the waiting command."""
-        self.asking, self._after, self._wanted = "", "", None
+        self.asking, self._after, self._path_to_open = "", "", None
 
     def _draw_tracking(self) -> None:
         # Imported when a window draws, because a workspace without one needs no ImGui.
@@ -373,7 +373,7 @@ class Workspace(App):
     def _go_on(self) -> None:
         """Runs the command that waited until the work was saved or discarded."""
         after, self._after = self._after, ""
-        wanted, self._wanted = self._wanted, None
+        wanted, self._path_to_open = self._path_to_open, None
         if after == "open" and wanted is not None:
             self.attempt(lambda: self.open(wanted))
         elif after:

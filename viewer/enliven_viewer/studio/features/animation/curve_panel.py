@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, ImVec2Like, imgui
 from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -80,7 +80,9 @@ def _draw_names(app: App, curves: CurveInput, groups: dict[str, CurveGroup], sho
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             app.remember("fit curves")
-            tooltip("Show all values. The wheel shows more or less of them, the middle button moves them.")
+            draw_tooltip(
+                "Show all values. The wheel shows more or less of them, the middle button moves them."
+            )
             _draw_values(curves, shown)
     imgui.end_child()
 

@@ -37,16 +37,16 @@ class Ghosts:
     def __init__(self, editor: Editor) -> None:
         self.editor, self.on = editor, False
         self._pool: ThreadPoolExecutor | None = None
-        self._known: dict[str, MotionSamples] = {}
-        self._work: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
-        self._refused: dict[str, SampleRequest] = {}
+        self._samples: dict[str, MotionSamples] = {}
+        self._sampling: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
+        self._failed_requests: dict[str, SampleRequest] = {}
 
     def toggle(self) -> None:
         """Shows or hides the ghosts."""
         self.on = not self.on
         if not self.on:
-            self._known.clear()
-            self._refused.clear()
+            self._samples.clear()
+            self._failed_requests.clear()
 
     def picture(self) -> GhostPicture | None:
         """Returns the ghosts and trails that have already been computed; None while they are off.
@@ -55,7 +55,7 @@ class Ghosts:
         """
         if not self.on:
             return None
-        self._take()
+        self._collect_samples()
         characters = self._list_shown_characters()
         self._begin([self._sample_request(character) for character in characters])
         return self._draw_ghosts(characters)
@@ -66,15 +66,15 @@ class Ghosts:
         For sessions without a window.
         """
         picture = self.picture()
-        while self._work is not None:
-            wait_for([self._work[2]])
+        while self._sampling is not None:
+            wait_for([self._sampling[2]])
             picture = self.picture()
         return picture
 
     def _draw_ghosts(self, characters: list[RigBase]) -> GhostPicture:
         editor, bodies, rows = self.editor, [], [np.zeros((0, 12), np.float32)]
         for character in characters:
-            sampled = self._known.get(character.id)
+            sampled = self._samples.get(character.id)
             if sampled is None:
                 continue
             bodies += make_ghost_bodies(sampled, editor.time)
@@ -118,30 +118,30 @@ class Ghosts:
     def _begin(self, wanted: list[SampleRequest]) -> None:
         """Starts computing the first outdated request, if no computation is running."""
         names = {request.character.id for request in wanted}
-        self._known = {name: sampled for name, sampled in self._known.items() if name in names}
-        if self._work is not None:
+        self._samples = {name: sampled for name, sampled in self._samples.items() if name in names}
+        if self._sampling is not None:
             return
         for request in wanted:
             name = request.character.id
-            sampled, refused = self._known.get(name), self._refused.get(name)
+            sampled, refused = self._samples.get(name), self._failed_requests.get(name)
             if request.same(refused) or (sampled is not None and request.same(sampled.wanted)):
                 continue
             self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
-            self._work = (name, request, self._pool.submit(sample_motion, request, sampled))
+            self._sampling = (name, request, self._pool.submit(sample_motion, request, sampled))
             return
 
-    def _take(self) -> None:
+    def _collect_samples(self) -> None:
         """Takes the finished result from the background thread."""
-        if self._work is None or not self._work[2].done():
+        if self._sampling is None or not self._sampling[2].done():
             return
-        (name, wanted, future), self._work = self._work, None
+        (name, wanted, future), self._sampling = self._sampling, None
         error = future.exception()
         if error is None:
-            self._known[name] = future.result()
+            self._samples[name] = future.result()
         else:
             if not isinstance(error, EnlivenError):
                 # Report only internal errors here, because the panel that plays the character reports the
                 # other errors.
                 self.editor.toasts.tell(error)
-            self._known.pop(name, None)
-            self._refused[name] = wanted
+            self._samples.pop(name, None)
+            self._failed_requests[name] = wanted

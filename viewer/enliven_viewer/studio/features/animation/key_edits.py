@@ -99,7 +99,7 @@ def clamp_value(project: Project, subject: CurveSubject, group: str, time: float
     return min(max(value / find_value_scale(project, subject, group, time), low), high)
 
 
-def clamp_warning(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> str:
+def describe_clamping(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> str:
     """Returns a sentence if a value is outside the playable range and was clamped; else empty."""
     if group not in LAYER_KEY_ATTRIBUTES or not np.isfinite(value):
         return ""

@@ -77,7 +77,7 @@ class MotionSamples:
     wanted: SampleRequest
     points: dict[int, Float] = field(default_factory=dict)
     bodies: dict[float, GhostSurface] = field(default_factory=dict)
-    _at: Callable[[float], Float] | None = None
+    _compute_points: Callable[[float], Float] | None = None
     _surface: Callable[[float], Float] | None = None
 
     def place(self, seconds: float) -> Float:
@@ -98,23 +98,25 @@ def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> Motion
         EnlivenError: if the character cannot be played.
     """
     if before is not None and wanted.can_reuse(before.wanted):
-        samples = MotionSamples(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
+        samples = MotionSamples(
+            wanted, dict(before.points), dict(before.bodies), before._compute_points, before._surface
+        )
     else:
         samples = MotionSamples(wanted)
-    if samples._at is None:
-        samples._at = _make_point_function(wanted.project, wanted.character)
+    if samples._compute_points is None:
+        samples._compute_points = _make_point_function(wanted.project, wanted.character)
         samples._surface = get_rig_edits(wanted.character).surface(wanted.project, wanted.character)
     if len(samples.points) > _MAX_CACHED_FRAMES:
         samples.points.clear()
     for frame in range(wanted.first, wanted.last + 1):
         if frame not in samples.points:
-            samples.points[frame] = samples._at(frame * wanted.step)
+            samples.points[frame] = samples._compute_points(frame * wanted.step)
     samples.bodies = {moment: samples.bodies[moment] for moment in wanted.moments if moment in samples.bodies}
     assert samples._surface is not None
     for moment in wanted.moments:
         if moment not in samples.bodies:
             samples.bodies[moment] = _make_ghost_surface(
-                wanted.character, samples._surface(moment), samples._at(moment)
+                wanted.character, samples._surface(moment), samples._compute_points(moment)
             )
     return samples
 

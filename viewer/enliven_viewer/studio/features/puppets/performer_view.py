@@ -61,9 +61,9 @@ class PerformerView:
         self.linked = True
         self.hovered: int | None = None
         self._take: str | None = None
-        self._framed: tuple[object, ...] = ()
+        self._framed_subject: tuple[object, ...] = ()
         self._facing: tuple[Skeleton, float] | None = None
-        self._last: Point | None = None
+        self._last_pixel: Point | None = None
         self._figures: dict[tuple[str, int], tuple[Clip, PerformerFigure]] = {}
 
     @property
@@ -133,8 +133,8 @@ class PerformerView:
             return
         aspect = self.size[0] / max(self.size[1], 1.0)
         framed = (figure.skeleton, aspect)
-        if self._framed != framed:
-            self._framed = framed
+        if self._framed_subject != framed:
+            self._framed_subject = framed
             half, height = 0.42 * figure.height, 1.06 * figure.height
             box = np.array([-half, 0.0, -half]), np.array([half, height, half])
             self.camera.frame(box, aspect, at_once=True, reset=True, margin=_FRAMING_MARGIN)
@@ -182,7 +182,7 @@ class PerformerView:
     def press(self, pixel: Point) -> None:
         """Pairs the clicked joint with the selected control point, or begins to turn the view."""
         joint, figure = self.joint_at(pixel), self.figure()
-        self._last = pixel if joint is None else None
+        self._last_pixel = pixel if joint is None else None
         if joint is not None and figure is not None:
             self.pair(figure.skeleton.names[joint])
 
@@ -212,19 +212,19 @@ class PerformerView:
 
     def move(self, pixel: Point) -> None:
         """Highlights the joint under the pointer, or turns the view (and the stage with it)."""
-        if self._last is None:
+        if self._last_pixel is None:
             self.hovered = self.joint_at(pixel)
             return
-        across, down = pixel[0] - self._last[0], pixel[1] - self._last[1]
+        across, down = pixel[0] - self._last_pixel[0], pixel[1] - self._last_pixel[1]
         turned = self.editor.camera if self.linked else self.camera
         turned.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
         if not self.linked:
             self.camera.advance(10.0)
-        self._last = pixel
+        self._last_pixel = pixel
 
     def release(self) -> None:
         """Handles the release of the button."""
-        self._last = None
+        self._last_pixel = None
 
     def wheel(self, up: float) -> None:
         """Zooms in or out."""

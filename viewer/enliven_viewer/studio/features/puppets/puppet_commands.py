@@ -74,11 +74,11 @@ class PuppetCommands:
             return False
         project = editor.project
         editor.background.begin(
-            tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
+            tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._make_bake_edit(puppet)
         )
         return True
 
-    def _put_baked(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
+    def _make_bake_edit(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
         """Returns the function that puts a baked puppet into the project.
 
         It refuses a puppet that has changed meanwhile.
@@ -105,7 +105,7 @@ class PuppetCommands:
 
     def lacks_mesh(self) -> str:
         """Returns why making a puppet is unavailable; empty if it is available."""
-        return "" if self._find_solid() else "No shape with a surface is chosen. Click one first."
+        return "" if self._find_solid_character() else "No shape with a surface is chosen. Click one first."
 
     def lacks_examples(self) -> str:
         """Returns why baking a puppet is unavailable; empty if it is available."""
@@ -114,7 +114,7 @@ class PuppetCommands:
             return "No puppet is chosen. Click one first."
         return " ".join(get_rig_edits(puppet).lacking(self.editor.project, puppet))
 
-    def _find_solid(self) -> RigBase | None:
+    def _find_solid_character(self) -> RigBase | None:
         """Returns the selected character if it has a surface and is not a puppet."""
         chosen = self.editor.chosen()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
@@ -122,7 +122,7 @@ class PuppetCommands:
 
     def _find_selected_mesh(self) -> tuple[str, Mesh] | None:
         """Returns the selected character's id and its mesh in the current pose."""
-        editor, chosen = self.editor, self._find_solid()
+        editor, chosen = self.editor, self._find_solid_character()
         if chosen is None or chosen.mesh is None:
             return None
         seen = compute_vertices(editor.project, chosen.id, editor.time)

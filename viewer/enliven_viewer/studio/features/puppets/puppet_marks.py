@@ -43,10 +43,10 @@ class PointDrag:
     def __init__(self, editor: Editor, standing: StagePuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
-        self._from: Float = np.array(standing.handles[point])
+        self._start_place: Float = np.array(standing.handles[point])
         # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but the movement is
         # measured from where it started.
-        self._manipulator = Gizmo(self._from, editor.lens)
+        self._manipulator = Gizmo(self._start_place, editor.lens)
         self.moved = False
 
     def drag(self, pointer: Pointer) -> None:
@@ -55,7 +55,7 @@ class PointDrag:
         if offset is None or (not self.moved and not offset.any()):
             return
         self.moved = True
-        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._from + offset))
+        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._start_place + offset))
 
     def drop(self) -> None:
         """Handles the release of the button: keeps the pose."""

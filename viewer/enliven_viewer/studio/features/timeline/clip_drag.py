@@ -84,17 +84,17 @@ class ClipDrag:
             overlap = clip.end - self.lane.clips[item + 1].begin
             return lambda p: blend_clips(p, name, numbers, item, max(overlap + 2.0 * moved, 0.0)), None
         if self.how == "bar":
-            snap_offset_s, stuck = self._snap(clip.begin + moved, clip.end + moved)
+            snap_offset_s, stuck = self._find_snap_times(clip.begin + moved, clip.end + moved)
             delay = moved + snap_offset_s
             return lambda p: move_clip(p, name, numbers, item, delay), stuck
         dragged_end = clip.begin if self.how in ("begin", "stretch begin") else clip.end
-        snap_offset_s, stuck = self._snap(dragged_end + moved)
+        snap_offset_s, stuck = self._find_snap_times(dragged_end + moved)
         dragged_end += moved + snap_offset_s
         end = {"begin" if self.how in ("begin", "stretch begin") else "end": dragged_end}
         change = stretch_clip if self.how.startswith("stretch") else trim_clip
         return lambda p: change(p, name, numbers, item, **end), stuck
 
-    def _snap(self, *times: float) -> tuple[float, float | None]:
+    def _find_snap_times(self, *times: float) -> tuple[float, float | None]:
         if self.frame <= 0.0:
             return 0.0, None
         places = snap_times(self.layout, self.playhead, self.handle)

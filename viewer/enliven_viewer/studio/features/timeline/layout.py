@@ -143,10 +143,10 @@ class TimelineLayout(TimeScale):
 
     def lanes(self) -> tuple[Lane, ...]:
         """Returns all rows from the top: a bar for each layer, and the details of its rig below it."""
-        return self._lanes
+        return self._cached_lanes
 
     @cached_property
-    def _lanes(self) -> tuple[Lane, ...]:
+    def _cached_lanes(self) -> tuple[Lane, ...]:
         top, lanes = RULER_HEIGHT - self.scrolled, list[Lane]()
         shared = group_layers(self.project, self.opened)
         named, before = len({name for name, _ in shared}) > 1, ""

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import later
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import action_tip, tooltip
+from enliven_viewer.studio.app.fields import draw_action_tooltip, draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -114,7 +114,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    tooltip("Begin again at the end, or at the out point")
+    draw_tooltip("Begin again at the end, or at the out point")
     _draw_loop_points(app)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
@@ -124,7 +124,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    tooltip("Drag: how fast it plays here; the project does not change")
+    draw_tooltip("Drag: how fast it plays here; the project does not change")
     for draw_section in app.transport_sections:
         draw_section()
     _draw_buttons(app, timeline)
@@ -141,7 +141,7 @@ def _draw_loop_points(app: App) -> None:
             if imgui.button(f"{label}##{action}", ImVec2(26, 0)):
                 app.actions.do(action)
         app.remember(action)
-        action_tip(app, action)
+        draw_action_tooltip(app, action)
 
 
 def _draw_buttons(app: App, timeline: TimelineInput) -> None:
@@ -150,23 +150,23 @@ def _draw_buttons(app: App, timeline: TimelineInput) -> None:
     if imgui.button(_SPLIT_ICON + "##split", ImVec2(34, 0)):
         app.actions.do("clip.split")
     app.remember("split")
-    tooltip("Split the clip under the playhead  (Shift+S)")
+    draw_tooltip("Split the clip under the playhead  (Shift+S)")
     imgui.same_line()
     if imgui.button(_FLAG_ICON + "##marker", ImVec2(34, 0)):
         app.actions.do("clip.mark")
     app.remember("add marker")
-    tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
+    draw_tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
     imgui.same_line()
     with push_colours(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
         if imgui.button(_MAGNET_ICON + "##snap", ImVec2(34, 0)):
             timeline.snapping = not timeline.snapping
     app.remember("snapping")
-    tooltip("Dragged items snap to clips, markers, the playhead and frames")
+    draw_tooltip("Dragged items snap to clips, markers, the playhead and frames")
     imgui.same_line()
     if imgui.button(_ALL_ICON + "##all", ImVec2(34, 0)):
         app.time_axis.show_all()
     app.remember("show all")
-    tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
+    draw_tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
 def _handle_pointer(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:

@@ -41,7 +41,7 @@ class PuppetRows:
         self.marked: LaneHandle | None = None
         self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose
-        self._known: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
+        self._switch_cache: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
 
     @property
     def details(self) -> PuppetDetails:
@@ -130,9 +130,9 @@ class PuppetRows:
         project, shown = editor.solving.newest_solution(editor.project, puppet.id)
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
-        if self._known[0] is not shown:
-            self._known = (shown, {})
-        switches_by_layer = self._known[1]
+        if self._switch_cache[0] is not shown:
+            self._switch_cache = (shown, {})
+        switches_by_layer = self._switch_cache[1]
         if layer not in switches_by_layer:
             try:
                 switches_by_layer[layer] = solve_layer_motion(project, shown, layer).switches

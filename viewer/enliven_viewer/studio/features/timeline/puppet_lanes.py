@@ -54,14 +54,14 @@ class PuppetDetails:
         return tuple(
             (number, layout.x_of(lane, pose.time))
             for number, pose in enumerate(poses)
-            if pose.take == lane.layer.take and _plays(layout, lane, pose.time)
+            if pose.take == lane.layer.take and _is_time_played(layout, lane, pose.time)
         )
 
     def suggested_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
-        return tuple((t, layout.x_of(lane, t)) for t in times if _plays(layout, lane, t))
+        return tuple((t, layout.x_of(lane, t)) for t in times if _is_time_played(layout, lane, t))
 
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
         """Returns each switch with the x coordinates between which it is valid."""
@@ -119,7 +119,7 @@ class PuppetDetails:
         return self.chosen.layers[number]
 
 
-def _plays(layout: TimelineLayout, lane: Lane, second: float) -> bool:
+def _is_time_played(layout: TimelineLayout, lane: Lane, second: float) -> bool:
     """Returns True if a time of the take is played, that is, not trimmed off."""
     return lane.layer.plays(second, layout.project.length_of(lane.layer))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     CLOSED_EYE_ICON,
     EYE_ICON,
@@ -132,7 +132,7 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         _handle_drag(outliner, row)
     if outliner.renaming == row.key:
         imgui.same_line(start + _FOLD_WIDTH)
-        _rename_field(workspace, outliner, row)
+        _draw_rename_field(workspace, outliner, row)
     else:
         _draw_row_texts(outliner, row, position, width - switches)
     if row.kind == CHARACTER:
@@ -141,14 +141,14 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
             delete_take_row(workspace.editor, row.id)
-        tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
+        draw_tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(
             workspace, "live", CLOSED_EYE_ICON if outliner.live_hidden else EYE_ICON, outliner.live_hidden
         ):
             outliner.live_hidden = not outliner.live_hidden
-        tooltip("Show the live stage while you animate and model")
+        draw_tooltip("Show the live stage while you animate and model")
     imgui.pop_id()
 
 
@@ -208,7 +208,7 @@ def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: b
             workspace.input.take("puppet")
 
 
-def _rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _draw_rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     """Draws the field of a name that is edited in place. Enter, or a click elsewhere, accepts it."""
     if not imgui.is_any_item_active():
         imgui.set_keyboard_focus_here()
@@ -234,11 +234,11 @@ def _draw_switches(workspace: Workspace, outliner: Outliner, row: Row, right: fl
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
     if _draw_switch(workspace, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
         outliner.hide(*names, on=not now.hidden)
-    tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
+    draw_tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH_WIDTH)
     if _draw_switch(workspace, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
         outliner.lock(*names, on=not now.locked)
-    tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
+    draw_tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
 
 
 def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:

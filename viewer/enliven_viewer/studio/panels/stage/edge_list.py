@@ -12,7 +12,7 @@ from enliven.wire import CameraMessage
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.link.edge_search import EdgeSearch
 from enliven_viewer.render.gl.context import get_window_context
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_note, open_list_box, pack_colour, use_small_text
 from enliven_viewer.studio.panels.stage.cameras import shorten_text
 from enliven_viewer.studio.picture.preview_textures import PreviewTextures
@@ -50,7 +50,7 @@ def draw_edge_list(workspace: Workspace) -> None:
             _draw_edge(workspace, search, edge, number, available_width)
         if search.problem:
             draw_note("Cameras on the network are not searched. Type the address below.")
-            tooltip(search.problem)
+            draw_tooltip(search.problem)
         elif not search.edges:
             draw_note("Looking for cameras on the network ...")
     workspace.remember("found edges")
@@ -79,7 +79,7 @@ def _draw_edge(
     imgui.end_disabled()
     workspace.remember(f"found {number}")
     state_text = describe_edge_state(edge)
-    tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
+    draw_tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
     if pressed:
         workspace.attempt(partial(workspace.perform.connect, str(edge.endpoint)))
     low = ImVec2(position.x, position.y + 2)
