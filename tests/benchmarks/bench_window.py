@@ -91,7 +91,7 @@ def _scrub() -> Figure:
         take, chain = arm.layers[0].take, range(len(arm.skeleton))
         project = bind_chain(project, arm.id, chain, take, arm.layers[0].chain, offset=0.1 * number)
     workspace = Workspace(Editor(project=project))
-    workspace.editor.solving.settle(project, names[2])
+    workspace.editor.motion_solver.settle(project, names[2])
     surfaces, puppet = workspace.puppets.stage.surfaces, project.puppet(names[2])
     while not surfaces.is_prepared(puppet):
         time.sleep(TURN)

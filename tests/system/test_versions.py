@@ -86,7 +86,7 @@ def test_preferences_and_keys_of_0_1_are_used(stored):
     assert kept.refusal is None and kept.recent == ["/home/ada/chair.enliven"]
     assert (kept.text_size, kept.timeline_height, kept.toured) == (1.3, 321.0, True)
     workspace = Workspace.new(Editor(), stored)
-    assert workspace.actions.keys_of(workspace.actions["view.light_theme"]) == ("ctrl+f11",)
+    assert workspace.actions.find_shortcuts(workspace.actions["view.light_theme"]) == ("ctrl+f11",)
     lost = [action for action in kept.keys if action not in workspace.actions]
     assert not lost, "these actions have another id: give Preferences a table of old ids"
 

@@ -27,7 +27,7 @@ def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     settings = StudioSettings(render=render, width=1000, height=660)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
-    workspace.input.take("sketch")
+    workspace.input.activate_tool("sketch")
     window = StudioWindow(workspace)
     drawn: list[np.ndarray] = []
 

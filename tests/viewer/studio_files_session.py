@@ -76,7 +76,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Chooses "no clip" and then the clip again for the dropped model."""
     editor = window.workspace.editor
-    dropped = editor.chosen(Shape)
+    dropped = editor.find_selected(Shape)
     assert dropped is not None
     report["clip"] = [played_clip(editor.project, dropped)]
     for name in ("no clip", str(report["clip"][0])):

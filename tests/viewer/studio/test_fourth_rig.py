@@ -40,7 +40,7 @@ def perform(session: StagedSession) -> Project:
     session.perform.possession_requests.press()
     session.until(lambda: session.held == {"chair"}, "the cage is held")
     session.perform.recording.count_in = False
-    session.perform.recording.record()
+    session.perform.recording.toggle()
     session.until(lambda: session.perform.recording.phase == "recording", "the recording")
     for step in range(31):
         body = person()

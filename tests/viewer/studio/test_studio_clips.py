@@ -186,7 +186,7 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     drag(workspace, x, RULER_HEIGHT / 2, timeline.layout.x(0.8) - x)
     assert editor.project.markers["marker"].seconds == pytest.approx(0.8)
     assert editor.history.names[-1] == "move marker"
-    assert timeline.double(timeline.layout.x(0.8), RULER_HEIGHT / 2) and timeline.marker == "marker"
+    assert timeline.double_click(timeline.layout.x(0.8), RULER_HEIGHT / 2) and timeline.marker == "marker"
 
 
 @settings(max_examples=60, deadline=None)

@@ -42,7 +42,7 @@ def desk(rig: str, handle: int | None = BONE, keyed: bool = False) -> tuple[Edit
             project = set_key(project, name, BONE, frame * KEY_STEP, degrees)
     editor = Editor(project=project)
     if rig == "points":
-        editor.solving.settle(project, name)
+        editor.motion_solver.settle(project, name)
     editor.choose(name, handle if rig != "graph" else None)
     curves = CurveInput(editor, TimeAxis(editor))
     curves.toggle()
@@ -131,7 +131,7 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     group = curves.shown_group()
     assert group is not None and group.name == "keys"
     x, y = curves.axis.scale.x(30 * KEY_STEP), curves.scale(group).y(33.0)
-    curves.double(x, y)
+    curves.double_click(x, y)
     keys = find_keys(editor.project, name, BONE)
     assert len(keys) == 4 and 33.0 in [pytest.approx(value, abs=0.01) for value in keys[2][1].degrees]
     curves.press(*at(curves, 2, 0))
@@ -147,7 +147,7 @@ def test_a_bone_without_keys_gets_its_first_by_a_double_click() -> None:
     editor, curves, name = desk("bones")
     group = curves.shown_group()
     assert group is not None and not group.dots
-    curves.double(curves.axis.scale.x(0.5), curves.scale(group).y(3.0))
+    curves.double_click(curves.axis.scale.x(0.5), curves.scale(group).y(3.0))
     ((time, key),) = find_keys(editor.project, name, BONE)
     assert time == pytest.approx(0.5) and max(key.degrees) == pytest.approx(3.0)
     assert isinstance(editor.project.characters[name].playing[-1], Layer)
@@ -193,10 +193,10 @@ def test_posing_sets_keys_while_that_is_on() -> None:
     editor, _, name = desk("bones")
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
-    editor.time, editor.keying = 0.7, True
+    editor.time, editor.is_auto_key = 0.7, True
     modeled = editor.project.shape(name).modeling
     tool = PoseTool(editor)
-    start = editor.lens.pixels_of(editor.stage_character(name).handles[[BONE]])[0]
+    start = editor.lens.project_visible(editor.stage_character(name).handles[[BONE]])[0]
     assert tool.press(Pointer(start))
     tool.drag(Pointer((start[0] + 40, start[1] + 30)))
     tool.release(Pointer((start[0] + 40, start[1] + 30)))
@@ -236,9 +236,9 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
     KeyCommands(editor).set()  # at 0 s it is unchanged
-    editor.time, editor.keying = 1.0, True
+    editor.time, editor.is_auto_key = 1.0, True
     before = compute_vertices(editor.project, name, 1.0)
-    x, y = editor.lens.pixels_of(before.mean(0)[None])[0]
+    x, y = editor.lens.project_visible(before.mean(0)[None])[0]
     drag(MoveTool(editor), (x, y), (90, -20))
     assert editor.history.names == ("set key", f"move {name}")
     (_, still), (time, key) = find_keys(editor.project, name, None)
@@ -247,11 +247,13 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     np.testing.assert_allclose(after - before, np.broadcast_to(key.metres, after.shape), atol=1e-6)
     np.testing.assert_allclose(start, compute_vertices(WORLDS[rig][0], name, 0.0), atol=1e-6)
     if rig == "points":
-        editor.solving.settle(editor.project, name)
+        editor.motion_solver.settle(editor.project, name)
     seen = editor.stage_character(name).vertices  # a puppet's surface is solved in the background
     if rig != "points":
         np.testing.assert_allclose(seen, after, atol=1e-5)
-    handles = get_rig_edits(editor.chosen()).player(editor.project, editor.chosen())(1.0).handles
+    handles = (
+        get_rig_edits(editor.find_selected()).player(editor.project, editor.find_selected())(1.0).handles
+    )
     np.testing.assert_allclose(editor.stage_character(name).handles, handles, atol=1e-6)
     curves.group = "moves"
     group = curves.shown_group()
@@ -274,7 +276,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         shown = curves.shown_group()
         assert shown is not None and shown.name == group and not shown.dots
         for second, value in ((0.3, 0.8), (0.9, 0.5)):
-            curves.double(curves.axis.scale.x(second), curves.scale(shown).y(value))
+            curves.double_click(curves.axis.scale.x(second), curves.scale(shown).y(value))
         shown = curves.settle()[group]
         assert [dot.time for dot in shown.dots] == pytest.approx([0.3, 0.9], abs=0.02)
         drawn = np.interp([dot.time for dot in shown.dots], curves.times, shown.values[:, 0])
@@ -306,10 +308,10 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     editor.frame_all(at_once=True)
     editor.time, tool = 0.6, PoseTool(editor)
     assert not any(isinstance(mark, Disc) for mark in tool.overlay().marks), "no dots before it sets keys"
-    editor.keying = True
+    editor.is_auto_key = True
     assert len(tool.overlay().marks) == len(editor.project.graph(name).positions)
     nodes = np.array(editor.stage_character(name).nodes, float)
-    pixels = np.array(editor.lens.pixels_of(nodes))
+    pixels = np.array(editor.lens.project_visible(nodes))
     distances = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
     node = int(distances.min(1).argmax())  # one that is alone in the image
     drag(tool, tuple(pixels[node]), (0, -40))
@@ -317,7 +319,7 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     ((time, key),) = find_keys(editor.project, name, node)
     assert time == pytest.approx(0.6, abs=KEY_STEP) and np.abs(key.metres).max() > 0.01
     moved = np.array(editor.stage_character(name).nodes, float)
-    (pixel,) = editor.lens.pixels_of(moved[[node]])
+    (pixel,) = editor.lens.project_visible(moved[[node]])
     np.testing.assert_allclose(pixel, pixels[node] + (0, -40), atol=0.5)
     assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3
     commands = KeyCommands(editor)

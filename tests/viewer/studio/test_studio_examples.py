@@ -109,22 +109,22 @@ def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> 
 
 def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
     coverages, take = CoverageCache(), "sway"
-    none = coverages.of(
+    none = coverages.find_coverage(
         project_with(*NAMES, take=take), project_with(*NAMES, take=take).puppets["star"], take
     )
-    assert none is not None and none.needed >= 2 and not none.away.any()
+    assert none is not None and none.needed >= 2 and not none.distances.any()
     lefts = []
     for count in (1, 2, 3):
         project = posed((0.0, 0.75, 2.25)[:count])
-        coverage = coverages.of(project, project.puppets["star"], take)
+        coverage = coverages.find_coverage(project, project.puppets["star"], take)
         assert coverage is not None
         frames = [round(pose.time / coverage.step) for pose in project.puppets["star"].poses]
-        assert np.abs(coverage.away[frames]).max() < 1e-9 and coverage.left == pytest.approx(
-            coverage.away.max()
-        )
+        assert np.abs(
+            coverage.distances[frames]
+        ).max() < 1e-9 and coverage.remaining_distance == pytest.approx(coverage.distances.max())
         assert not set(coverage.frames[: coverage.needed]) & set(frames)
-        assert coverages.of(project, project.puppets["star"], take) is coverage, "kept"
-        lefts.append(coverage.left)
+        assert coverages.find_coverage(project, project.puppets["star"], take) is coverage, "kept"
+        lefts.append(coverage.remaining_distance)
     assert lefts == sorted(lefts, reverse=True)
 
 
@@ -133,7 +133,7 @@ def test_still_take_has_no_coverage() -> None:
     clip = project.takes["sway"]
     still = replace(clip, id="still", turns=clip.turns[:1].repeat(20, 0), root=clip.root[:1].repeat(20, 0))
     project = project.with_takes(still)
-    assert CoverageCache().of(project, project.puppets["star"], "still") is None
+    assert CoverageCache().find_coverage(project, project.puppets["star"], "still") is None
 
 
 def test_unnamed_points_are_named_after_their_joint() -> None:
@@ -250,7 +250,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
     view = workspace.state(PerformerView)
-    view.follow()
+    view.update()
     figure = view.figure()
     assert figure is not None
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
@@ -272,13 +272,13 @@ def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
         view.linked = linked
         editor.camera.face(0.3, 0.2)
         editor.advance(10.0)
-        view.follow()
+        view.update()
         before = view.lens.forward
         view.press((1.0, 200.0))
         view.move((61.0, 200.0))
         view.release()
         editor.advance(10.0)
-        view.follow()
+        view.update()
         angle = math.acos(np.clip(before @ view.lens.forward, -1, 1))
         assert angle == pytest.approx(0.48 * math.cos(0.2), abs=0.03)
         assert (np.linalg.norm(view.lens.forward - editor.lens.forward) < 1e-6) == linked
@@ -309,7 +309,7 @@ def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_pa
 
 def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
-    workspace.input.take("choose")
+    workspace.input.activate_tool("choose")
     workspace.editor.edit("later", lambda project: change_layers(project, "star", [0], offset=0.4))
     workspace.state(KeyPoseNavigator).begin("sway", 0.61)
     workspace.state(KeyPoseNavigator).begin("sway", 1.5)

@@ -95,7 +95,7 @@ def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
         and workspace.browser is not None
         and workspace.browser.name == "star.toml"
     )
-    workspace.chosen(tmp_path / "star.toml")
+    workspace.finish_file_dialog(tmp_path / "star.toml")
     assert (tmp_path / "star.toml").is_file()
     workspace.open(tmp_path / "star.toml")
     project = workspace.editor.project
@@ -117,7 +117,7 @@ def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace.store.new(acting())
     before = workspace.editor.project
     workspace.ask("export")
-    workspace.chosen(tmp_path / "star.glb")
+    workspace.finish_file_dialog(tmp_path / "star.glb")
     assert workspace.editor.background.busy
     workspace.editor.background.finish()
     assert not workspace.editor.background.busy and same(workspace.editor.project, before)
@@ -135,7 +135,7 @@ def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     workspace.store.new(acting())
     (tmp_path / "file").write_text("in the way")
     workspace.ask("export")
-    workspace.chosen(tmp_path / "file" / "star.glb")
+    workspace.finish_file_dialog(tmp_path / "file" / "star.glb")
     workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.say)
     assert "still running" in said(workspace)
     workspace.editor.background.finish()

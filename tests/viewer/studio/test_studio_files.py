@@ -95,7 +95,7 @@ def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_
     workspace.ask(wish)
     workspace.go_on(discard=False)
     assert workspace.asking == "save as" and workspace.browser is not None
-    workspace.chosen(tmp_path / "kept.enliven")
+    workspace.finish_file_dialog(tmp_path / "kept.enliven")
     assert (tmp_path / "kept.enliven").is_file()
     assert workspace.ended if wish == "quit" else "limb" not in workspace.editor.project.shapes
 
@@ -166,7 +166,7 @@ def test_unknown_file_type_is_reported_with_known_types(workspace: Workspace, tm
 def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) -> None:
     workspace.ask("export")
     assert workspace.asking == "export" and workspace.browser is not None
-    workspace.chosen(tmp_path / "out.glb")
+    workspace.finish_file_dialog(tmp_path / "out.glb")
     workspace.editor.background.finish()
     assert "Wrote 1 shape" in said(workspace)
     before = workspace.editor.project.shapes["limb"]
@@ -185,7 +185,7 @@ def test_empty_export_gives_advice(workspace: Workspace, tmp_path) -> None:
     workspace.store.new()
     workspace.asking = "export"
     with pytest.raises(InputError, match="Sketch"):
-        workspace.chosen(tmp_path / "out.glb")
+        workspace.finish_file_dialog(tmp_path / "out.glb")
 
 
 def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
@@ -197,10 +197,10 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
     assert [path.name for path in browser.folders()] == ["inner"]
     assert [path.name for path in browser.files()] == ["A.GLB", "b.glb"]
     browser.name = "b.glb"
-    assert browser.chosen() == tmp_path / "b.glb"
+    assert browser.get_path() == tmp_path / "b.glb"
     browser.name = "nothing.glb"
     with pytest.raises(InputError, match="no such file"):
-        browser.chosen()
+        browser.get_path()
     browser.enter(tmp_path / "inner")
     assert browser.name == "" and browser.files() == []
     browser.enter(tmp_path / "gone")
@@ -209,10 +209,10 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
 
 def test_a_saved_name_gets_its_ending(tmp_path) -> None:
     browser = FileBrowser(tmp_path, (".enliven",), "squid v1.2", saving=True)
-    assert browser.chosen() == tmp_path / "squid v1.2.enliven"
+    assert browser.get_path() == tmp_path / "squid v1.2.enliven"
     browser.name = "  "
     with pytest.raises(InputError, match="no file"):
-        browser.chosen()
+        browser.get_path()
 
 
 def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
@@ -242,10 +242,10 @@ def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
     (tmp_path / "old.enliven").write_text("precious")
     browser = FileBrowser(tmp_path, (".enliven",), "old", saving=True)
     with pytest.raises(InputError, match="Save again"):
-        browser.chosen()
-    assert browser.chosen() == tmp_path / "old.enliven"
+        browser.get_path()
+    assert browser.get_path() == tmp_path / "old.enliven"
     own = FileBrowser(tmp_path, (".enliven",), "old", saving=True, project_path=tmp_path / "old.enliven")
-    assert own.chosen() == tmp_path / "old.enliven"
+    assert own.get_path() == tmp_path / "old.enliven"
 
 
 @pytest.mark.slow
@@ -367,7 +367,7 @@ def test_two_models_with_clips_of_one_name_keep_their_own(tmp_path) -> None:
 def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspace, tmp_path) -> None:
     assert "Ctrl+O" in workspace.actions["file.again"].why_not()
     workspace.ask("save")
-    workspace.chosen(tmp_path / "work.enliven")
+    workspace.finish_file_dialog(tmp_path / "work.enliven")
     after = Workspace.new(Editor(), tmp_path / "recovery")
     assert [Path(name).name for name in after.preferences.recent] == ["work.enliven"]
     assert after.actions.do("file.again") and "limb" in after.editor.project.shapes
@@ -380,9 +380,9 @@ def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -
     workspace.ask("quit")
     workspace.go_on(discard=False)
     with pytest.raises(ResourceError):
-        workspace.chosen(tmp_path / "file" / "work.enliven")
+        workspace.finish_file_dialog(tmp_path / "file" / "work.enliven")
     workspace.ask("save")
-    workspace.chosen(tmp_path / "work.enliven")
+    workspace.finish_file_dialog(tmp_path / "work.enliven")
     assert not workspace.ended and not workspace.store.dirty
 
 

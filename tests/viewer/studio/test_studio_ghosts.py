@@ -44,7 +44,7 @@ def desk(rig: str, time: float = 0.8) -> tuple[Editor, Ghosts, str]:
     project = change_layers(project, name, range(len(project.characters[name].playing)), offset=0.0)
     editor = Editor(project=project)
     if rig == "points":
-        editor.solving.settle(project, name)
+        editor.motion_solver.settle(project, name)
     editor.choose(name)
     editor.time = time
     ghosts = Ghosts(editor)
@@ -85,11 +85,11 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
     for offset in (0.0, 1.5):
         if offset:
             editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
-            editor.solving.settle(editor.project, name) if rig == "points" else None
+            editor.motion_solver.settle(editor.project, name) if rig == "points" else None
             ghosts.settle()
         sampled = ghosts._samples[name]
-        for frame in (sampled.wanted.first, sampled.wanted.last):
-            time = frame * sampled.wanted.step
+        for frame in (sampled.request.first, sampled.request.last):
+            time = frame * sampled.request.step
             pose, handles = get_rig_edits(editor.project.characters[name]).player(
                 editor.project, editor.project.characters[name]
             )(time)
@@ -128,7 +128,7 @@ def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
     free.set()
     ghosts.settle()
     assert threading.current_thread() not in threads
-    assert ghosts._samples[name].wanted.character is editor.project.characters[name]
+    assert ghosts._samples[name].request.character is editor.project.characters[name]
 
 
 def test_a_chosen_bone_has_the_trail() -> None:
@@ -138,7 +138,7 @@ def test_a_chosen_bone_has_the_trail() -> None:
     single = ghosts.settle()
     assert every is not None and single is not None
     sampled = ghosts._samples[name]
-    line = np.stack([sampled.points[k][1] for k in range(sampled.wanted.first, sampled.wanted.last + 1)])
+    line = np.stack([sampled.points[k][1] for k in range(sampled.request.first, sampled.request.last + 1)])
     away = np.linalg.norm(single.tubes[:, None, :3] - line[None], axis=2).min(1)
     assert away.max() < 0.1, "all of it lies along the way of that joint"
 
@@ -153,12 +153,12 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
     assert number is not None
     editor.edit("keys", lambda _: project)
     if rig == "points":
-        editor.solving.settle(editor.project, name)
+        editor.motion_solver.settle(editor.project, name)
     for chosen in ({"handle": handle}, {"layer": number}):
         editor.choose(name)
         editor.select(**chosen)
         ghosts.settle()
-        moments = ghosts._samples[name].wanted.moments
+        moments = ghosts._samples[name].request.moments
         assert set(moments) <= {key[0] for key in find_keys(project, name, handle)} and len(moments) == 4
     later = change_layers(project, name, [number], offset=0.5)
     moved = find_key_times(later, later.character(name), handle, number)

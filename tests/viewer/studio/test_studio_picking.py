@@ -125,7 +125,7 @@ def test_a_ray_goes_through_its_pixel_and_a_plane_gives_it_back(lens: Lens, x: f
     ahead = lens.view.eye + np.outer([0.5, 2.0, 7.0], lens.ray((x, y)))
     assert np.abs(lens.project(ahead)[0] - [x, y]).max() < 1e-6
     through = np.array([0.3, 0.8, -0.2])
-    place = lens.on_plane((x, y), through)
+    place = lens.intersect_plane((x, y), through)
     assert np.abs(lens.project(place[None])[0][0] - [x, y]).max() < 1e-6
     assert abs((place - through) @ lens.forward) < 1e-9
 

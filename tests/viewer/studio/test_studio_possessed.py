@@ -175,7 +175,7 @@ def test_recorded_take_contains_the_possessed_mesh(tmp_path, box) -> None:
 
 def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     workspace.asking = "export"
-    workspace.chosen(tmp_path / "posts.glb")
+    workspace.finish_file_dialog(tmp_path / "posts.glb")
     workspace.editor.background.finish()
     assert (tmp_path / "posts.glb").stat().st_size > 1000 and "2 shapes" in workspace.editor.toasts.shown[
         -1

@@ -117,10 +117,10 @@ def test_a_step_goes_on_a_moment_after_its_deed_and_not_by_another(workspace: Wo
     workspace.actions.do("view.play")
     workspace.actions.do("sample.cactus")
     workspace.watch_tour(0.1)
-    assert tour.number == 0 and tour.ticked == 0.0, "a cactus is no chair"
+    assert tour.number == 0 and tour.done_display_s == 0.0, "a cactus is no chair"
     workspace.actions.do("sample.chair")
     workspace.watch_tour(0.1)
-    assert tour.number == 0 and tour.ticked > 0.0 and not tour.text, "a tick first"
+    assert tour.number == 0 and tour.done_display_s > 0.0 and not tour.text, "a tick first"
     workspace.watch_tour(5.0)
     workspace.watch_tour(0.1)
     assert tour.number == 1 and tour.target.widgets[0] == "recorded person"
@@ -199,7 +199,7 @@ def test_playback_pauses_during_a_stroke_and_resumes(
 ) -> None:
     editor, hands = workspace.editor, workspace.input
     editor.time, editor.playing = 1.3, was_playing
-    hands.take(tool)
+    hands.activate_tool(tool)
     x, y = limb_there.mean(0).tolist()
     wide = 20.0 + float(np.ptp(limb_there[:, 0]))
     hands.press((x - wide * (tool == "cut"), y))
@@ -211,7 +211,7 @@ def test_playback_pauses_during_a_stroke_and_resumes(
     assert editor.playing == was_playing and editor.time == pytest.approx(1.3)
     assert len(editor.project.characters) == 1 + (tool == "cut")
     hands.press((x, y))
-    hands.drop()
+    hands.cancel_tool()
     assert editor.playing == was_playing, "also where the stroke is dropped"
 
 
@@ -253,7 +253,7 @@ def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[floa
 
 def draw_cut(workspace: Workspace, path: tuple[tuple[float, float], ...]) -> bool:
     """Draws a stroke with the scissors; returns True if it cut."""
-    workspace.input.take("cut")
+    workspace.input.activate_tool("cut")
     count, (start, end) = len(workspace.editor.project.graphs), np.array(path)
     workspace.input.press(tuple(start))
     for share in np.linspace(0.0, 1.0, 12):

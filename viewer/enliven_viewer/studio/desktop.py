@@ -34,7 +34,7 @@ class Desktop:
         self._install_pointer_callbacks()
         self._fit_to_screen()
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Opens dropped files, and updates the window title. Call once per frame."""
         dropped, self._dropped = self._dropped, []
         self._workspace.drop(dropped)

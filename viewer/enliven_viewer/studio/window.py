@@ -213,7 +213,7 @@ class StudioWindow:
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.is_quiet
         still = still and not self._idle_loop.loss
-        still = still and (self.workspace.tour is None or not self.workspace.tour.moves)
+        still = still and (self.workspace.tour is None or not self.workspace.tour.is_moving)
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
@@ -274,7 +274,7 @@ class StudioWindow:
             self._handle_input(places.viewport, keys=not asking)
         self.workspace.store.autosave()
         if self.desktop is not None:
-            self.desktop.follow()
+            self.desktop.update()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()

@@ -21,7 +21,7 @@ class PaletteSearch:
 
     table: ActionTable
     typed: str = ""
-    marked: int = 0
+    highlighted: int = 0
     refused: bool = False
     _matches: list[Action] | None = field(default=None, init=False)
 
@@ -32,16 +32,16 @@ class PaletteSearch:
             self._matches = self.table.find(self.typed)
         return self._matches
 
-    def type(self, typed: str) -> None:
+    def set_text(self, typed: str) -> None:
         """Changes the search text, and highlights the best match."""
         if typed != self.typed:
-            self.typed, self.marked, self._matches = typed, 0, None
+            self.typed, self.highlighted, self._matches = typed, 0, None
 
-    def step(self, count: int) -> None:
+    def move_highlight(self, count: int) -> None:
         """Moves the highlight down by `count`, or up if negative; wraps around."""
-        self.marked = (self.marked + count) % max(len(self.matches), 1)
+        self.highlighted = (self.highlighted + count) % max(len(self.matches), 1)
 
     def highlighted_action(self) -> Action | None:
         """Returns the highlighted action if there is one and it is available."""
-        action = self.matches[self.marked] if self.matches else None
+        action = self.matches[self.highlighted] if self.matches else None
         return action if action is not None and not action.why_not() else None

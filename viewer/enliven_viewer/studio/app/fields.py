@@ -37,7 +37,7 @@ def draw_slider(
         changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(number_format), flags)
     app.remember(name)
     if changed:
-        app.editor.sketch(lambda project: change(project, wanted))
+        app.editor.preview_edit(lambda project: change(project, wanted))
     if imgui.is_item_deactivated_after_edit():
         last = wanted if changed else value
         app.editor.edit(later("change {0}", later(name.partition(" ")[2] or name)), lambda p: change(p, last))

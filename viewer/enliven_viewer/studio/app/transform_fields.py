@@ -48,8 +48,8 @@ def draw_transform_fields(app: App) -> None:
 def _draw_start_time(app: App) -> None:
     """Draws the start time of the selected layer."""
     editor = app.editor
-    character, number = editor.chosen(), editor.selection.layer
-    if character is None or number is None or editor.selection.several:
+    character, number = editor.find_selected(), editor.selection.layer
+    if character is None or number is None or editor.selection.has_several:
         return
     name, numbers = character.id, [number]
 

@@ -51,13 +51,13 @@ class ViewportInput:
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)
-        self.first: Callable[[str], bool] = lambda key: False
+        self.key_filter: Callable[[str], bool] = lambda key: False
         self._held_button: int | None = None
         self._is_tool_drag = self._resumes_playback = False
         self.handles: list[Handles] = []
         self._grabbed_handles: Handles | None = None
 
-    def take(self, name: str) -> None:
+    def activate_tool(self, name: str) -> None:
         """Makes another tool the active one."""
         self.tool.cancel()
         self.tool = self.tools[name]
@@ -114,9 +114,9 @@ class ViewportInput:
 
         Returns whether it had an effect.
         """
-        return self.first(key) or self.tool.type(key) or self.actions.press(key)
+        return self.key_filter(key) or self.tool.type(key) or self.actions.press(key)
 
-    def drop(self) -> None:
+    def cancel_tool(self) -> None:
         """Cancels the tool's current operation."""
         self.tool.cancel()
         self._release_button()
@@ -140,7 +140,7 @@ def make_tool_action(user_input: ViewportInput, kind: type[Tool]) -> Action:
         "Tools",
         kind.label,
         (kind.key,),
-        lambda: user_input.take(kind.name),
+        lambda: user_input.activate_tool(kind.name),
         is_on=lambda: user_input.tool.name == kind.name,
         icon=kind.icon,
     )

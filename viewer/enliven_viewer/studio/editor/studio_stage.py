@@ -40,9 +40,9 @@ class StudioStage:
     @property
     def characters(self) -> tuple[StageCharacter, ...]:
         """Returns all characters, in the project's order."""
-        return tuple(self.of(name) for name in self._editor.project.characters)
+        return tuple(self.find(name) for name in self._editor.project.characters)
 
-    def of(self, character_id: str) -> StageCharacter:
+    def find(self, character_id: str) -> StageCharacter:
         """Returns one of the characters.
 
         Raises:
@@ -73,4 +73,4 @@ class StudioStage:
                 needs,
                 get_rig_edits(character).player(project, character),
             )
-        return StageCharacter(character, self._meshes.of(character), *cached[1](time))
+        return StageCharacter(character, self._meshes.get_mesh(character), *cached[1](time))

@@ -33,10 +33,10 @@ class TakeCoverage:
     """
 
     take: str
-    away: Float
+    distances: Float
     frames: tuple[int, ...]
     needed: int
-    left: float
+    remaining_distance: float
     step: float
 
     @property
@@ -52,7 +52,7 @@ class CoverageCache:
         self._coverages: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
         self._suggestions: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
-    def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
+    def find_coverage(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
         """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)

@@ -132,7 +132,7 @@ class Outliner:
 
     # Visibility, locks and order --------------------------------------------------------------------------
 
-    def handling(self, name: str) -> DisplayState:
+    def find_handling(self, name: str) -> DisplayState:
         """Returns the visibility and lock state of a character."""
         return self.editor.project.handling.get(name, FREE)
 
@@ -167,6 +167,6 @@ class Outliner:
                 later("reorder {0}", name), lambda project: order_characters(project, name, place)
             )
 
-    def place_of(self, name: str) -> int:
+    def find_place(self, name: str) -> int:
         """Returns the position of a character in the list."""
         return list(self.editor.project.characters).index(name)

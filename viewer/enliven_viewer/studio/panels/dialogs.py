@@ -163,11 +163,11 @@ def _shorten_path(text: str, max_width: float) -> str:
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     """Finishes the file dialogue, or shows an error if the choice cannot be used."""
     try:
-        path = browser.chosen()
+        path = browser.get_path()
     except EnlivenError as error:
         browser.refusal, browser.awaits_retry = f"{error.what}. {error.remedy}", True
         return
-    workspace.attempt(lambda: workspace.chosen(path))
+    workspace.attempt(lambda: workspace.finish_file_dialog(path))
 
 
 def _draw_recovery(workspace: Workspace) -> None:

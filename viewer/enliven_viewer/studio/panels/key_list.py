@@ -68,8 +68,8 @@ def make_parts(actions: ActionTable) -> list[Part]:
                 if action.workspaces
                 else tr(menu)
             )
-            if actions.keys_of(action):
-                parts.setdefault(title, []).append((actions.shown_key(action), tr(action.label)))
+            if actions.find_shortcuts(action):
+                parts.setdefault(title, []).append((actions.format_shortcut(action), tr(action.label)))
     return list(parts.items())
 
 

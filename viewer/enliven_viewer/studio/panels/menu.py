@@ -71,7 +71,7 @@ def _draw_entries(workspace: Workspace, group: str, actions: list[Action], *, fi
 def _draw_entry(workspace: Workspace, action: Action) -> None:
     """Draws one menu entry; grey if the action is unavailable."""
     actions, on = workspace.actions, action.is_on is not None and action.is_on()
-    key, possible = actions.shown_key(action), not action.why_not()
+    key, possible = actions.format_shortcut(action), not action.why_not()
     if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
         actions.do(action.id)
     workspace.remember(f"menu {action.place}")

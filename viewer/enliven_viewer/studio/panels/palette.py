@@ -32,15 +32,15 @@ def draw_palette(workspace: Workspace) -> None:
             imgui.InputTextFlags_.enter_returns_true,
         )
         workspace.remember("palette")
-        finding.type(typed)
+        finding.set_text(typed)
         moved = imgui.is_key_pressed(imgui.Key.down_arrow) - imgui.is_key_pressed(imgui.Key.up_arrow)
         if moved:
-            finding.step(moved)
+            finding.move_highlight(moved)
         imgui.begin_child("##found")
         picked = None
         for number, action in enumerate(finding.matches):
-            if _draw_row(workspace, action, number == finding.marked, bool(moved)):
-                finding.marked, picked = number, action
+            if _draw_row(workspace, action, number == finding.highlighted, bool(moved)):
+                finding.highlighted, picked = number, action
         if not finding.matches:
             imgui.text_disabled(tr("Nothing has this name."))
         imgui.end_child()
@@ -65,7 +65,7 @@ def _draw_row(workspace: Workspace, action: Action, marked: bool, follow: bool) 
 
     Returns True if it was clicked.
     """
-    reason, key = action.why_not(), workspace.actions.shown_key(action)
+    reason, key = action.why_not(), workspace.actions.format_shortcut(action)
     position, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, 24))[0]
     workspace.remember(f"palette {action.id}")

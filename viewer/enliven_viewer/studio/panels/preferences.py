@@ -46,7 +46,7 @@ def draw_preferences(workspace: Workspace) -> None:
         if draw_button(workspace, "Close") or (imgui.is_key_pressed(imgui.Key.escape) and not asking):
             workspace.cancel()
         imgui.same_line()
-        imgui.begin_disabled(not workspace.actions.changed)
+        imgui.begin_disabled(not workspace.actions.has_custom_shortcuts)
         if imgui.button(f"{tr('Reset all shortcuts')}###usual"):
             workspace.actions.reset_shortcuts()
         workspace.remember("usual keys")
@@ -108,7 +108,7 @@ def _draw_choice(
 
 def _draw_row(workspace: Workspace, action: Action) -> None:
     """Draws an action with the buttons that change its shortcut."""
-    wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
+    wanted, key = workspace.wanted_key, workspace.actions.format_shortcut(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
     imgui.same_line(imgui.get_content_region_avail().x - _KEY_WIDTH - _REMOVE_WIDTH)

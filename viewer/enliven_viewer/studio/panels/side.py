@@ -45,8 +45,8 @@ def draw_side(workspace: Workspace, area: Area) -> None:
     """Draws the right panel."""
     editor = workspace.editor
     with open_panel("side", area):
-        chosen = editor.chosen()
-        several = editor.selection.several
+        chosen = editor.find_selected()
+        several = editor.selection.has_several
         draw_options = workspace.tool_options.get(workspace.input.tool.name)
         if several:
             _draw_several_actions(workspace)
@@ -54,7 +54,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
             draw_options()
         elif chosen is not None:
             _draw_selection(workspace, chosen)
-        chosen, layer = editor.chosen(), editor.selection.layer
+        chosen, layer = editor.find_selected(), editor.selection.layer
         if chosen is not None and layer is not None and not several:
             for draw_section in workspace.layer_sections:
                 draw_section(chosen, layer)
@@ -64,7 +64,7 @@ def _draw_selection(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
     draw_heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
     draw_character_name(workspace, character)
-    if editor.chosen() is not character:
+    if editor.find_selected() is not character:
         return
     jointed = bool((character.parents >= 0).any())
     draw_note(describe_parts(character))

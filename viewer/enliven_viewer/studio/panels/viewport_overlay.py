@@ -66,10 +66,10 @@ def _draw_brackets(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area
     Those of the active character are brighter.
     """
     editor = workspace.editor
-    if not editor.selection.several:
+    if not editor.selection.has_several:
         return
     for character in editor.visible_characters:
-        pixels = editor.lens.pixels_of(
+        pixels = editor.lens.project_visible(
             np.asarray(character.extent, float)[:: max(len(character.extent) // 300, 1)]
         )
         if character.id not in editor.selection.characters or not pixels:

@@ -82,7 +82,7 @@ class CameraSearch:
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     @property
-    def searching(self) -> bool:
+    def is_searching(self) -> bool:
         """Returns True if a search is running."""
         return self._search is not None
 

@@ -34,7 +34,7 @@ class CharacterSizes:
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self.words: tuple[str, str] | None = None
+        self.text: tuple[str, str] | None = None
         self._edge_sizes: dict[str, SizeMessage] = {}
         self._sent_values: dict[tuple[str, str], tuple[float | None, float]] = {}
         self._text_until = 0.0
@@ -44,7 +44,7 @@ class CharacterSizes:
         """Returns the character that hands are scaling; None for none."""
         return next((name for name, message in self._edge_sizes.items() if message.body >= 0), None)
 
-    def of(self, name: str) -> float:
+    def find_size(self, name: str) -> float:
         """Returns the size of a character on the stage, relative to its own size."""
         return self._edge_sizes[name].size if name in self._edge_sizes else 1.0
 
@@ -69,13 +69,13 @@ class CharacterSizes:
                 continue
             if name in before and before[name].body >= 0:
                 self._store_size(name)
-            elif abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+            elif abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
                 size = self.wanted_size(name)
                 self._send_value(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
         """Discards the edge's sizes after the link was closed."""
-        self.words, self._edge_sizes, self._sent_values = None, {}, {}
+        self.text, self._edge_sizes, self._sent_values = None, {}, {}
 
     def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
         """Resets the size of a character; as an edit if the character is in the project."""
@@ -88,7 +88,7 @@ class CharacterSizes:
         """Returns why the size cannot be reset, with advice; empty if it can."""
         if (
             name is not None
-            and max(abs(self.of(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
+            and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
         ):
             return ""
         return "It has its own size. Scale it with both hands first"
@@ -97,21 +97,21 @@ class CharacterSizes:
         """Updates the displayed text."""
         now = time.monotonic()
         if self.scaled_character is not None:
-            size = f"{self.scaled_character}: {self.of(self.scaled_character):.0%}"
-            self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
+            size = f"{self.scaled_character}: {self.find_size(self.scaled_character):.0%}"
+            self.text = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
             self._text_until = now + _TEXT_S
-        elif self.words is not None:
+        elif self.text is not None:
             ended = next((name for name, message in before.items() if message.body >= 0), None)
             if ended is not None:
-                self.words = f"{ended}: {self.of(ended):.0%}", tr("It stays.")
+                self.text = f"{ended}: {self.find_size(ended):.0%}", tr("It stays.")
                 self._editor.frame_all(reset=False)
             if now > self._text_until:
-                self.words = None
+                self.text = None
 
     def _store_size(self, name: str) -> None:
         """Stores a size set by hands as an edit of the project."""
-        if abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
-            self._edit(name, self.of(name))
+        if abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+            self._edit(name, self.find_size(name))
 
     def _edit(self, name: str, size: float) -> None:
         self._editor.edit(

@@ -37,7 +37,7 @@ class CloseUp:
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
-        self.on = False
+        self.is_on = False
         self.box: Box | None = None
         self._previous_view: tuple[float, ...] | None = None
         self._own_view: tuple[float, ...] = ()
@@ -46,16 +46,16 @@ class CloseUp:
 
     def toggle(self) -> None:
         """Switches the automatic view on or off."""
-        self.on = not self.on
+        self.is_on = not self.is_on
 
     def advance(self, seconds: float, scene: Scene | None, character_id: str | None) -> None:
         """Moves the view to the part that is about to be attached, of a given character or of any."""
         self._framed_for_s += seconds
-        box = None if scene is None or not self.on else find_pending_limb_box(scene, character_id)
+        box = None if scene is None or not self.is_on else find_pending_limb_box(scene, character_id)
         if (
             box is None
             and self.box is not None
-            and self.on
+            and self.is_on
             and scene is not None
             and self._framed_for_s < _MIN_STAY_S
         ):

@@ -201,7 +201,7 @@ class PossessionRequests:
         ):
             return ""
         if name in project_characters and name not in stage.sender.states and stage.client is not None:
-            stage.sender.put(stage.client.stage, stage.editor.project, name)
+            stage.sender.send(stage.client.stage, stage.editor.project, name)
         return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
 
     def _describe_busy_stage(self, press: _PendingPress) -> str:

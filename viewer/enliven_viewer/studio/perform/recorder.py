@@ -31,7 +31,7 @@ class LiveRecorder:
     def __init__(self) -> None:
         self.holders = Holders()
         self.newest_ns: int | None = None
-        self.cut, self.stillness = False, Stillness()
+        self.is_cut_short, self.stillness = False, Stillness()
         self._earlier_frames: deque[BodyFrame] = deque(maxlen=_MAX_EARLIER_FRAMES)
         self._recording: PerformedMotion | None = None
         self._delay_ns: int | None = None
@@ -47,7 +47,7 @@ class LiveRecorder:
         return 0 if self._recording is None else self._recording.since_ns
 
     @property
-    def still(self) -> float:
+    def still_s(self) -> float:
         """Returns for how many seconds all performers have held still, after they moved in this recording."""
         return self.stillness.seconds(self.newest_ns or 0)
 
@@ -64,7 +64,7 @@ class LiveRecorder:
         Args:
             delay_ns: latency from a performer's movement to its arrival here.
         """
-        self._recording, self.cut, self._delay_ns = PerformedMotion(name), False, delay_ns
+        self._recording, self.is_cut_short, self._delay_ns = PerformedMotion(name), False, delay_ns
         self.stillness = Stillness()
         if self.newest_ns is not None:
             self._start_at(self._recording, self.newest_ns + delay_ns)
@@ -108,24 +108,24 @@ class LiveRecorder:
             self._follow_clock(value.time_ns)
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._earlier_frames.append(frame)
-            self.stillness.see(frame)
-            if self._recording is not None and not self.cut:
+            self.stillness.add_frame(frame)
+            if self._recording is not None and not self.is_cut_short:
                 self._recording.frames.append(frame)
         elif topic is HOLDS:
             self.holders.take(value)
-            if self._recording is not None and not self.cut:
+            if self._recording is not None and not self.is_cut_short:
                 self._recording.events.append(value)
 
-    def restarted(self) -> None:
+    def handle_restart(self) -> None:
         """Handles a restart: a new clock begins, and all attachments are gone."""
-        self.newest_ns, self.cut = None, self.recording and self._delay_ns is None
+        self.newest_ns, self.is_cut_short = None, self.recording and self._delay_ns is None
         self._earlier_frames.clear()
         self.holders.forget()
 
     def _record_pose(self, received: Any) -> None:
         pose, kept = received.pose, self._recording
         self._follow_clock(pose.time_ns)
-        if kept is None or self.cut or received.character is None or pose.time_ns < kept.since_ns:
+        if kept is None or self.is_cut_short or received.character is None or pose.time_ns < kept.since_ns:
             return
         key = pose.character, received.revision
         kept.characters.setdefault(key, received.character)

@@ -62,7 +62,7 @@ class StageRecording:
         self.editor = editor
         self.recorder = LiveRecorder()
         self.phase: Phase = "idle"
-        self.pressed: Phase = "idle"
+        self.phase_when_pressed: Phase = "idle"
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0
         self.loops = False
@@ -84,14 +84,16 @@ class StageRecording:
                 self._begin()
         elif self.phase == "recording":
             # Move the playhead by the sensor's clock, regardless of the frame rate.
-            self.editor.growing = self.editor.time = self._start_time + self.seconds
+            self.editor.recorded_until_s = self.editor.time = self._start_time + self.seconds
             is_connected = self._connected() or any(guest.connected for guest in self._secondary_edges)
             self._silent_s = 0.0 if is_connected else self._silent_s + seconds
-            if self.hold_still and self.recorder.still > self.hold_still:
+            if self.hold_still and self.recorder.still_s > self.hold_still:
                 self.stop(self.recorder.stillness.since_ns)
             elif self.span is not None and self.seconds >= self.span[1] - self._start_time:
                 self._end_span(self.span)
-            elif (self.recorder.cut and not self._secondary_edges) or self._silent_s > _SILENCE_TIMEOUT_S:
+            elif (
+                self.recorder.is_cut_short and not self._secondary_edges
+            ) or self._silent_s > _SILENCE_TIMEOUT_S:
                 self.stop()
                 self.editor.toasts.say(
                     tr("The connection to the stage was lost, so the recording ended"),
@@ -117,7 +119,7 @@ class StageRecording:
 
         Returns None without one.
         """
-        return (self._start_time, self.editor.growing) if self.phase == "recording" else None
+        return (self._start_time, self.editor.recorded_until_s) if self.phase == "recording" else None
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -125,20 +127,20 @@ class StageRecording:
 
         Returns None to record from the playhead on.
         """
-        return self.editor.marked
+        return self.editor.marked_range
 
     @span.setter
     def span(self, span: tuple[float, float] | None) -> None:
-        self.editor.marked = span
+        self.editor.marked_range = span
 
-    def record(self) -> None:
+    def toggle(self) -> None:
         """Starts a recording with its count-in, or ends it."""
         if self.phase != "idle":
             self.stop()
         elif self._check_availability(self._find_refusal()):
             self.phase, self._count_in_left_s = "counting", _COUNT_IN_S if self.count_in else 0.0
 
-    def again(self, *, keeps_last: bool = False) -> None:
+    def record_again(self, *, keeps_last: bool = False) -> None:
         """Starts again where the recording began. A running recording is dropped; a finished one is undone.
 
         Args:
@@ -156,10 +158,10 @@ class StageRecording:
                 self.editor.undo()
         elif self.phase == "recording":
             self._end_recorders()
-            self.editor.growing = 0.0
+            self.editor.recorded_until_s = 0.0
         self.phase = "idle"
         self.editor.scrub(self._start_time)
-        self.record()
+        self.toggle()
 
     @property
     def last_recording(self) -> str:
@@ -174,12 +176,12 @@ class StageRecording:
         )
         self._alternatives = alternatives
 
-    def mark(self, end: int) -> None:
+    def set_span_end(self, end: int) -> None:
         """Sets the start (0) or the end (1) of the recording span to the playhead.
 
         An empty span is removed.
         """
-        self.editor.mark(end)
+        self.editor.set_loop_point(end)
 
     def stop(self, until_ns: int | None = None) -> None:
         """Ends the count-in, or ends the recording and adds its takes and layers to the project as one edit.
@@ -198,7 +200,7 @@ class StageRecording:
         if until_ns is not None:
             others = [other.until(other.since_ns + until_ns - performed.since_ns) for other in others]
             performed = performed.until(until_ns)
-        editor.growing, editor.playing = 0.0, False
+        editor.recorded_until_s, editor.playing = 0.0, False
         added: list[str] = []
 
         def change(project: Project) -> Project:
@@ -231,13 +233,13 @@ class StageRecording:
             project, copies, start, replaces=replaces, alternatives=alternatives
         )[0]
 
-    def drop(self) -> None:
+    def discard(self) -> None:
         """Discards the count-in or the running recording."""
         phase, self.phase = self.phase, "idle"
         alternatives, self._alternatives = self._alternatives, ""
         if phase == "recording":
             self._end_recorders()
-            self.editor.growing, self.editor.playing = 0.0, False
+            self.editor.recorded_until_s, self.editor.playing = 0.0, False
         if alternatives and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
 
@@ -269,7 +271,7 @@ class StageRecording:
         assert live is not None
         self.phase, self._silent_s = "recording", 0.0
         default_start = editor.time if editor.time < editor.length - _MIN_SPAN_S else 0.0
-        self._start_time = editor.growing = default_start if self.span is None else self.span[0]
+        self._start_time = editor.recorded_until_s = default_start if self.span is None else self.span[0]
         name = self._make_name()
         self.recorder.begin(name, self._measure_delay_ns())
         for guest in self._secondary_edges:

@@ -34,7 +34,7 @@ class StageSender:
         self._sent: dict[str, RigBase] = {}
         self._edited: dict[str, tuple[RigBase, float]] = {}
 
-    def put(self, stage: StageLink, project: Project, name: str) -> None:
+    def send(self, stage: StageLink, project: Project, name: str) -> None:
         """Sends a character. It is sent again automatically after edits."""
         character = project.character(name)
         is_resent = self.states.get(name) == "on the stage"
@@ -66,12 +66,12 @@ class StageSender:
             if self._edited.get(name, (None, 0.0))[0] is not character:
                 self._edited[name] = character, now
             elif now - self._edited[name][1] >= _SEND_DELAY_S:
-                self.put(stage, project, name)
+                self.send(stage, project, name)
 
-    def again(self, stage: StageLink, project: Project) -> None:
+    def send_all_again(self, stage: StageLink, project: Project) -> None:
         """Sends everything again to a restarted edge, which has an empty stage."""
         for name in [name for name in self._sent if name in project.characters]:
-            self.put(stage, project, name)
+            self.send(stage, project, name)
 
     def forget(self) -> None:
         """Discards the state of the stage after the link was closed."""

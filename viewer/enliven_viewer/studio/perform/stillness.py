@@ -29,7 +29,7 @@ class Stillness:
         self._has_moved = False
         self._places: dict[int, Float] = {}
 
-    def see(self, frame: BodyFrame) -> None:
+    def add_frame(self, frame: BodyFrame) -> None:
         """Processes the performers of a frame."""
         moved = len(frame.bodies) == 0
         for body in frame.bodies:

@@ -24,7 +24,7 @@ class PreviewTextures:
         self._ctx = ctx
         self._textures: dict[str, tuple[CameraMessage, moderngl.Texture, object]] = {}
 
-    def of(self, name: str, camera: CameraMessage | None) -> int | None:
+    def get_texture(self, name: str, camera: CameraMessage | None) -> int | None:
         """Returns the OpenGL number of the texture with an edge's newest camera image.
 
         Returns None if there is no image.

@@ -47,7 +47,7 @@ class KeyPoses(PuppetSelection):
         return self._edited_pose[1] if self._edited_pose[1] < len(puppet.poses) else None
 
     @property
-    def posing(self) -> bool:
+    def is_posing(self) -> bool:
         """Returns True if a key pose is being edited."""
         return self.number is not None
 

@@ -35,7 +35,7 @@ class PuppetOverlay:
         self._mask: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
-    def outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
+    def draw_outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
         """Draws the outline of a mesh (V, 3) metres in the world over everything.
 
         `size` is the mesh's size in metres.
@@ -55,7 +55,7 @@ class PuppetOverlay:
         self._quad.render(moderngl.TRIANGLES, vertices=3)
         picture.resolve()
 
-    def crossing(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
+    def draw_intersections(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
         """Highlights the self-intersecting faces (K, 3) of a surface.
 
         They are fainter where other geometry covers them.
@@ -79,7 +79,9 @@ class PuppetOverlay:
         array.release()
         buffer.release()
 
-    def shade(self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8) -> None:
+    def draw_shading(
+        self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8
+    ) -> None:
         """Draws colours over a mesh (V, 3) metres in the world: (V, 4) uint8 sRGB and opacity."""
         data = (np.asarray(vertices, np.float32), tints, np.asarray(faces, np.int32))
         places, colours, order = (self.ctx.buffer(np.ascontiguousarray(values).tobytes()) for values in data)

@@ -135,7 +135,7 @@ class PuppetStage:
     def improve(self) -> None:
         """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
         self.surfaces.improve()
-        if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
+        if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):
             self._version += 1
 
     def _place_puppet(self, puppet: Puppet) -> StagePuppet:
@@ -149,13 +149,13 @@ class PuppetStage:
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
             puppet = cast(Puppet, bake_root_layers(editor.project, puppet, editor.time))
-        warm = editor.playing or editor.scrubbing or posing.dragging
-        return self._make_stage_puppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+        warm = editor.playing or editor.scrubbing or posing.is_dragging
+        return self._make_stage_puppet(puppet, state, self.surfaces.solve(puppet, state.places, warm=warm))
 
     def _make_stage_puppet(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
         handles = to_world_frame(puppet, state, state.places)
         return StagePuppet(
-            puppet, self._meshes.of(puppet), pose_of_state(puppet, state), handles, state, surface
+            puppet, self._meshes.get_mesh(puppet), pose_of_state(puppet, state), handles, state, surface
         )
 
 

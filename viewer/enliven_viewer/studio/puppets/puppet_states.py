@@ -22,7 +22,7 @@ def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet,
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
-    project, solved = editor.solving.newest_solution(editor.project, puppet.id)
+    project, solved = editor.motion_solver.newest_solution(editor.project, puppet.id)
     if not solved.layers:
         return puppet, make_rest_state(puppet)
     try:

@@ -34,7 +34,7 @@ class SelfIntersectionSearch:
         self._mesh: Mesh | None = None
         self._finder: SelfIntersection | None = None
 
-    def look(self, puppet: Puppet, surface: Float) -> None:
+    def start_check(self, puppet: Puppet, surface: Float) -> None:
         """Starts a self-intersection check of the surface (V, 3) metres in the background.
 
         Call once per frame; does not block.

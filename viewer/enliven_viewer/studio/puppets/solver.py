@@ -56,12 +56,12 @@ class Solver:
                 tr("Everything else goes on meanwhile."),
             )
 
-    def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+    def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
         """Returns (V, 3) metres, the surface with control points at ``places`` (P, 3).
 
         Returns the last valid surface while it is being prepared, or if it cannot be solved.
         """
-        surface = self.ready(puppet)
+        surface = self.find_prepared(puppet)
         if surface is None:
             return self._shown_surface
         if not puppet.points:
@@ -70,7 +70,7 @@ class Solver:
             self._shown_surface = self._move_points(surface, places, warm=warm)
         return self._shown_surface
 
-    def ready(self, puppet: Puppet) -> PuppetSurface | None:
+    def find_prepared(self, puppet: Puppet) -> PuppetSurface | None:
         """Returns the solver with the puppet's control points, or None while it is being prepared."""
         held = find_held_points(puppet)
         if self._refused == held or (self._preparation is not None and not self._preparation.done()):
@@ -80,7 +80,7 @@ class Solver:
             if self._refused is not None:
                 self._refused, self._held_points, self._places = None, held, None
                 self._preparation = self._begin(puppet)
-                return self.ready(puppet)
+                return self.find_prepared(puppet)
             if self._preparation is not None:
                 work, self._preparation = self._preparation, None
                 self._use_prepared(work.result())

@@ -29,7 +29,7 @@ class PuppetSurfaces:
         self._background = ThreadPoolExecutor(1, "another pose")
         self.version = 0
 
-    def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+    def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
         """Returns (V, 3) metres in the mesh's frame: the surface with control points at ``places`` (P, 3).
 
         While the mesh is being prepared, returns the rest surface. If the positions are invalid, returns the
@@ -46,7 +46,7 @@ class PuppetSurfaces:
 
         The drag is not affected.
         """
-        surface = self._get_solver(puppet).ready(puppet)
+        surface = self._get_solver(puppet).find_prepared(puppet)
         if surface is None or not puppet.points:
             return None
         return self._background.submit(surface.settle_separately, places)
@@ -78,7 +78,7 @@ class PuppetSurfaces:
 
     def is_prepared(self, puppet: Puppet) -> bool:
         """Returns True if the surface is prepared. The first call starts the preparation."""
-        return self._get_solver(puppet).ready(puppet) is not None
+        return self._get_solver(puppet).find_prepared(puppet) is not None
 
     def keep_only(self, ids: set[str]) -> None:
         """Discards the solvers of removed puppets."""

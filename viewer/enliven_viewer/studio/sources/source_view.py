@@ -105,7 +105,7 @@ class SourceView:
         self.chain, self._chain_start = (), None
 
     @property
-    def choosing(self) -> bool:
+    def is_choosing(self) -> bool:
         """Returns True if the end of the chain still has to be clicked."""
         return self._chain_start is not None
 

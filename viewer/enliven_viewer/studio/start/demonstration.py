@@ -84,8 +84,8 @@ class Demonstration:
     def cancel(self) -> None:
         """Stops the demonstration and cancels a stroke that it began."""
         if self._path:
-            self._state.desk.input.tool.cancel()
-            self._state.desk.input.release(self._path[-1])
+            self._state.workspace.input.tool.cancel()
+            self._state.workspace.input.release(self._path[-1])
         self._end()
 
     def _find_path_start(self, target: Target) -> Point | None:
@@ -97,14 +97,14 @@ class Demonstration:
     def _begin(self, target: Target) -> None:
         """Presses the button. Playback pauses from then on, so that the path stays valid."""
         self._path, self._elapsed_s, self.shift = target.path, 0.0, self.part.shift
-        hands = self._state.desk.input
+        hands = self._state.workspace.input
         hands.press(self._path[0], shift=False)
         self._last_point = self._path[0]
 
     def _drag(self) -> None:
         fraction = min(self._elapsed_s / _DRAG_S, 1.0)
         aim = _find_path_point(self._path, fraction)
-        hands = self._state.desk.input
+        hands = self._state.workspace.input
         for point in _list_path_points(self._last_point, aim):
             hands.move(point, shift=self.shift)
         self._last_point = aim
@@ -129,7 +129,7 @@ class Demonstration:
 
 def _find_free_name(toured: TourState, name: str) -> str:
     """Returns a file name that does not exist yet, so that nothing is replaced."""
-    browser, number, free = toured.desk.browser, 1, name
+    browser, number, free = toured.workspace.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
         number += 1
         free = f"{name} {number}"

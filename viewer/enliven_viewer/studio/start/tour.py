@@ -43,8 +43,8 @@ class Tour:
 
     def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
         self._state, self._widgets = TourState(desk), widgets
-        self.number, self.ticked, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
-        self.shows = False
+        self.number, self.done_display_s, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
+        self.is_demonstrating = False
         self.demonstration: Demonstration | None = None
         self.target = Target()
         self.card: Point | None = None
@@ -66,7 +66,9 @@ class Tour:
     def part(self) -> TourPart | None:
         """Returns the current part of the step; None once the step or the tour is done."""
         step = self.step
-        return None if step is None or self.ticked > 0.0 else step.part(self._state, self._counts_before)
+        return (
+            None if step is None or self.done_display_s > 0.0 else step.part(self._state, self._counts_before)
+        )
 
     @property
     def title(self) -> str:
@@ -87,9 +89,9 @@ class Tour:
         return any(name.startswith("do ") for name in self.target.widgets)
 
     @property
-    def moves(self) -> bool:
+    def is_moving(self) -> bool:
         """Returns True if the tour is animating, so that the window must not idle."""
-        return self.shows or self.ticked > 0.0
+        return self.is_demonstrating or self.done_display_s > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
         """Returns the bounding box of the target, in the window's pixels; None if it is not visible.
@@ -108,7 +110,7 @@ class Tour:
 
         Returns None without a chair.
         """
-        box = find_chair_in_image(self._state.desk.editor, self._state.extent).box
+        box = find_chair_in_image(self._state.workspace.editor, self._state.extent).box
         if box is None:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
@@ -118,13 +120,13 @@ class Tour:
         step = self.step
         if step is None:
             self.target = Target()
-            self._widgets.want(())
+            self._widgets.set_targets(())
             return
-        if self.ticked > 0.0:
+        if self.done_display_s > 0.0:
             self._mark_done(seconds)
         elif not self.reviewing:
             if self._is_done(step):
-                self.ticked = _DONE_DISPLAY_S
+                self.done_display_s = _DONE_DISPLAY_S
                 self._stop_demonstration()
             else:
                 self._check_preconditions(step, seconds)
@@ -133,7 +135,7 @@ class Tour:
             self.step.begin(self._state)
         part = self.part
         self.target = Target() if part is None else part.target(self._state)
-        self._widgets.want(self.target.widgets)
+        self._widgets.set_targets(self.target.widgets)
         self._pause_near_target()
         self._continue_demonstration(seconds, origin)
 
@@ -151,12 +153,12 @@ class Tour:
 
     def show(self, start: Point) -> None:
         """Demonstrates the step. The hand starts at a pixel of the window."""
-        if self.part is not None and not self.shows:
-            self.shows, self._hand, self._demonstrated_part = True, start, None
+        if self.part is not None and not self.is_demonstrating:
+            self.is_demonstrating, self._hand, self._demonstrated_part = True, start, None
 
     def _pause_near_target(self) -> None:
         """Pauses playback while the pointer is near the target, since a dancing leg is hard to hit."""
-        editor, hands = self._state.desk.editor, self._state.desk.input
+        editor, hands = self._state.workspace.editor, self._state.workspace.input
         if hands.busy or self.demonstration is not None:
             return
         path, box = self.target.path, self.target.box
@@ -169,22 +171,22 @@ class Tour:
     def _resume_playback(self) -> None:
         """Resumes playback that the tour has paused."""
         if self._has_paused:
-            self._state.desk.editor.playing, self._has_paused = True, False
+            self._state.workspace.editor.playing, self._has_paused = True, False
 
     def leave(self) -> None:
         """Restores playback, pointer and widgets."""
         self._stop_demonstration()
         self._resume_playback()
-        self._widgets.want(())
+        self._widgets.set_targets(())
 
     def _go_to_step(self, number: int) -> None:
         self._stop_demonstration()
-        self.number, self.ticked, self.reviewing, self._missing_s = number, 0.0, False, 0.0
+        self.number, self.done_display_s, self.reviewing, self._missing_s = number, 0.0, False, 0.0
         self._counts_before, self._is_new = self._state.counts, True
 
     def _mark_done(self, seconds: float) -> None:
-        self.ticked -= seconds
-        if self.ticked <= 0.0:
+        self.done_display_s -= seconds
+        if self.done_display_s <= 0.0:
             self._go_to_step(self.number + 1)
 
     def _is_done(self, step: TourStep) -> bool:
@@ -200,7 +202,7 @@ class Tour:
             self._go_to_step(number)
 
     def _continue_demonstration(self, seconds: float, origin: Point) -> None:
-        if not self.shows:
+        if not self.is_demonstrating:
             return
         if self.demonstration is None:
             self._demonstrate_next(seconds)
@@ -222,7 +224,7 @@ class Tour:
         self.demonstration = Demonstration(self._state, part, self._hand)
 
     def _stop_demonstration(self) -> None:
-        self.shows = False
+        self.is_demonstrating = False
         if self.demonstration is not None:
             self.demonstration.cancel()
             self.demonstration = None

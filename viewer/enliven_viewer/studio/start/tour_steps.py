@@ -38,7 +38,7 @@ class TourPart:
 
     text: str
     target: Callable[[TourState], Target]
-    done: Callable[[TourState, TourCounts], bool]
+    is_done: Callable[[TourState, TourCounts], bool]
     command: Callable[[TourState], object] = _do_nothing
     shift: bool = False
     types: str = ""
@@ -71,7 +71,7 @@ class TourStep:
         """Returns the first part that is not done; None once the step is done."""
         if self.parts[-1].done(toured, before):
             return None
-        return next(part for part in self.parts if not part.done(toured, before))
+        return next(part for part in self.parts if not part.is_done(toured, before))
 
 
 def _target_widget(*names: str) -> Callable[[TourState], Target]:
@@ -80,49 +80,49 @@ def _target_widget(*names: str) -> Callable[[TourState], Target]:
 
 def _target_perform_widget(*names: str) -> Callable[[TourState], Target]:
     """Targets a widget of the Perform panel, or the one that leads back to that panel from another one."""
-    return lambda toured: Target((*names, *(panel.back for panel in toured.desk.panels if panel.back)))
+    return lambda toured: Target((*names, *(panel.back for panel in toured.workspace.panels if panel.back)))
 
 
 def _run_action(action: str) -> Callable[[TourState], object]:
-    return lambda toured: toured.desk.actions.do(action)
+    return lambda toured: toured.workspace.actions.do(action)
 
 
 def _go_to_workspace(workspace_name: str) -> Callable[[TourState], object]:
-    return lambda toured: setattr(toured.desk.perform, "active_workspace", workspace_name)
+    return lambda toured: setattr(toured.workspace.perform, "active_workspace", workspace_name)
 
 
 def _call_dancer(toured: TourState) -> None:
-    toured.desk.attempt(lambda: toured.desk.perform.connect_local("--loop"))
+    toured.workspace.attempt(lambda: toured.workspace.perform.connect_local("--loop"))
 
 
 def _possess_chair(toured: TourState) -> None:
     if toured.chair is not None:
-        toured.desk.editor.choose(toured.chair.id)
-    toured.desk.actions.do("perform.possess_alone")
+        toured.workspace.editor.choose(toured.chair.id)
+    toured.workspace.actions.do("perform.possess_alone")
 
 
 def _target_leg(toured: TourState) -> Target:
     chair = toured.chair
-    return Target() if chair is None else find_leg_to_cut(toured.desk.editor, chair)
+    return Target() if chair is None else find_leg_to_cut(toured.workspace.editor, chair)
 
 
 def _target_piece(toured: TourState) -> Target:
     chair, piece = toured.chair, toured.piece
     if chair is None or piece is None:
         return Target()
-    return find_piece_to_carry(toured.desk.editor, piece, chair)
+    return find_piece_to_carry(toured.workspace.editor, piece, chair)
 
 
 def _play_recording(toured: TourState) -> None:
     """Plays the recording."""
     if toured.dances:
-        toured.desk.editor.playing = True
+        toured.workspace.editor.playing = True
 
 
 def _look_at_chair(toured: TourState) -> None:
     """Frames the dancing chair, with room to draw around it."""
     _play_recording(toured)
-    extent, editor = toured.extent, toured.desk.editor
+    extent, editor = toured.extent, toured.workspace.editor
     if extent is not None:
         box = find_bounds([extent])
         if box is not None:
@@ -132,13 +132,13 @@ def _look_at_chair(toured: TourState) -> None:
 
 
 def _save_project(toured: TourState) -> None:
-    browser = toured.desk.browser
+    browser = toured.workspace.browser
     if browser is not None:
-        toured.desk.attempt(lambda: toured.desk.chosen(browser.chosen()))
+        toured.workspace.attempt(lambda: toured.workspace.finish_file_dialog(browser.get_path()))
 
 
 def _has_name(toured: TourState) -> bool:
-    browser = toured.desk.browser
+    browser = toured.workspace.browser
     return browser is not None and browser.name.partition(".")[0] not in ("", "Untitled")
 
 
@@ -155,7 +155,7 @@ _ANIMATE_PART = TourPart(
 _PERFORM_PART = TourPart(
     later("Click “Perform”: here is the stage."),
     _target_widget("room Perform"),
-    lambda t, before: t.desk.perform.active_workspace == "Perform",
+    lambda t, before: t.workspace.perform.active_workspace == "Perform",
     _go_to_workspace("Perform"),
 )
 _CUT_PART = TourPart(
@@ -225,7 +225,7 @@ TOUR_STEPS = (
             ),
             TourPart(
                 later("Look: the chair does what the dancer does."),
-                lambda t: find_chair_in_image(t.desk.editor, t.extent),
+                lambda t: find_chair_in_image(t.workspace.editor, t.extent),
                 lambda t, before: t.recorded_s > _DANCE_S or t.dances,
             ),
             TourPart(
@@ -288,7 +288,7 @@ TOUR_STEPS = (
             TourPart(
                 later("Click “File”, and then “Save”."),
                 _target_widget("menu File/Save", "menu File", "menu all"),
-                lambda t, before: t.desk.asking in ("save as", "changed"),
+                lambda t, before: t.workspace.asking in ("save as", "changed"),
                 _run_action("file.save"),
             ),
             TourPart(

@@ -142,7 +142,7 @@ class Tool:
         posed = self.editor.stage_character(hit.character)
         if hit.handle >= len(posed.handles):
             return None
-        pixels = self.editor.lens.pixels_of(posed.on_bone(hit.handle, hit.along)[None])
+        pixels = self.editor.lens.project_visible(posed.on_bone(hit.handle, hit.along)[None])
         return pixels[0] if pixels else None
 
     def _find_selected_chain(self) -> tuple[str, tuple[int, ...]] | None:

@@ -62,23 +62,23 @@ class CharacterDrag:
         editor.playing = False
 
     @property
-    def several(self) -> bool:
+    def has_several(self) -> bool:
         """Returns True if more than one character is dragged."""
         return len(self.characters) > 1
 
     @property
     def description(self) -> str:
         """Returns what is dragged, for the name of an edit."""
-        return later("{0} shapes", len(self.characters)) if self.several else self.character
+        return later("{0} shapes", len(self.characters)) if self.has_several else self.character
 
     def move(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters moved along with the pointer."""
         lens = self.editor.lens
-        offset = lens.on_plane(pointer.at, self._grabbed_point) - lens.on_plane(
+        offset = lens.intersect_plane(pointer.at, self._grabbed_point) - lens.intersect_plane(
             self._start_pointer.at, self._grabbed_point
         )
         if self.editor.snapping.is_active(pointer.ctrl):
-            offset = self.editor.snapping.way(self._standing_point, offset)
+            offset = self.editor.snapping.snap_offset(self._standing_point, offset)
         return self._move_characters(project, offset)
 
     def turn(self, project: Project, pointer: Pointer) -> Project:
@@ -99,7 +99,7 @@ class CharacterDrag:
         In auto-key mode they get keys at the playhead instead.
         """
         centre = np.zeros(3) if pivot is None else pivot
-        if self.editor.keying:
+        if self.editor.is_auto_key:
             return key_characters(project, self.characters, self.editor.time, offset, turn, centre)
         return move_characters(project, self.characters, offset, turn, centre)
 
@@ -123,7 +123,7 @@ class CharacterDrag:
     def _find_rotation(self, pointer: Pointer) -> Float:
         axis, radians = self._turn_characters(pointer)
         snapping = self.editor.snapping
-        return axis * (snapping.turn(radians) if snapping.is_active(pointer.ctrl) else radians)
+        return axis * (snapping.snap_angle(radians) if snapping.is_active(pointer.ctrl) else radians)
 
     def _turn_characters(self, pointer: Pointer) -> tuple[Float, float]:
         """Returns the (3,) unit axis, and the rotation in radians."""

@@ -46,7 +46,7 @@ class LimbEndsTool(Tool):
 
     @property
     def hint(self) -> str:
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if shape is None:
             return "Click a character that performers hold, to name its head, hands and feet."
         if self._held_mark is not None:
@@ -63,7 +63,7 @@ class LimbEndsTool(Tool):
 
         Returns an empty array while they are being searched, or if nothing is selected.
         """
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if shape is None:
             return np.empty(0, np.int64)
         if len(shape.ends):
@@ -78,7 +78,7 @@ class LimbEndsTool(Tool):
         """Does nothing: only the marks can be grabbed."""
 
     def press(self, pointer: Pointer) -> bool:
-        shape, self.editor.playing = self.editor.chosen(GraphShape), False
+        shape, self.editor.playing = self.editor.find_selected(GraphShape), False
         if shape is not None and len(marks := self.marks):
             distances = np.linalg.norm(self._find_pixels(shape.id, marks) - np.array(pointer.at), axis=1)
             if distances.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
@@ -91,7 +91,7 @@ class LimbEndsTool(Tool):
         return False
 
     def drag(self, pointer: Pointer) -> None:
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if self._held_mark is None or shape is None:
             return
         posed, lens = self.editor.stage_character(shape.id), self.editor.lens
@@ -104,13 +104,13 @@ class LimbEndsTool(Tool):
             )
 
     def release(self, pointer: Pointer) -> None:
-        shape, held, marks = self.editor.chosen(GraphShape), self._held_mark, self.marks
+        shape, held, marks = self.editor.find_selected(GraphShape), self._held_mark, self.marks
         self._held_mark = None
         if shape is not None and held is not None:
             self._store_ends(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
 
     def type(self, key: str) -> bool:
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
             return False
         self._store_ends(shape, np.empty((0, 3)), tr("find the ends"))
@@ -121,7 +121,7 @@ class LimbEndsTool(Tool):
         self._held_mark = None
 
     def overlay(self) -> Overlay:
-        shape, marks = self.editor.chosen(GraphShape), self.marks
+        shape, marks = self.editor.find_selected(GraphShape), self.marks
         if shape is None or not len(marks):
             return Overlay()
         colour = ACCENT if len(shape.ends) else QUIET

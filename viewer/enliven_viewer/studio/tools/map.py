@@ -77,7 +77,7 @@ class MapTool(Tool):
     def hint(self) -> str:
         if self.source.clip is None:
             return "Choose a take in the view of sources."
-        if self.source.choosing or not self.source.chain:
+        if self.source.is_choosing or not self.source.chain:
             return "In the source: click the joint where the chain begins, then the one where it ends."
         if self._chain_start is not None:
             return "Click the joint of your shape where the chain ends."
@@ -129,7 +129,7 @@ class MapTool(Tool):
 
         Both are compared as they appear in their views.
         """
-        clip, shape = self.source.clip, self.editor.chosen(Shape)
+        clip, shape = self.source.clip, self.editor.find_selected(Shape)
         self.offered = []
         if clip is None or shape is None:
             return
@@ -145,7 +145,7 @@ class MapTool(Tool):
 
     def map_whole(self) -> None:
         """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
-        editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
+        editor, clip, shape = self.editor, self.source.clip, self.editor.find_selected(Shape)
         if clip is None or shape is None:
             editor.toasts.say(
                 tr("Nothing to map"), tr("Choose a take, and click the shape that should move.")

@@ -73,17 +73,19 @@ class MoveTool(Tool):
         held, editor = self._held_character, self.editor
         if held is None:
             return
-        editor.sketch(lambda project: held.move(project, pointer))
+        editor.preview_edit(lambda project: held.move(project, pointer))
         pixels = (
-            editor.lens.pixels_of(editor.stage_character(held.character).handles[:1]) if held.rooted else []
+            editor.lens.project_visible(editor.stage_character(held.character).handles[:1])
+            if held.rooted
+            else []
         )
-        if pixels and not held.several:
+        if pixels and not held.has_several:
             others = [character for character in editor.editable_characters if character.id != held.character]
             lens, root_pixel = editor.lens, pixels[0]
             self._merge_host = find_joint_at(others, lens, root_pixel, _SNAP_PX) or find_bone_at(
                 others, lens, root_pixel, _SNAP_PX / 2
             )
-        elif not held.several:
+        elif not held.has_several:
             self._merge_host = self._find_merge_target(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
@@ -100,7 +102,7 @@ class MoveTool(Tool):
         if held is None or editor.draft is None:
             return
         name, notes = held.character, list[str]()
-        if host is None and pointer.shift and not held.several:
+        if host is None and pointer.shift and not held.has_several:
             host = self._find_merge_target(pointer)
         if host is None:
             editor.edit(later("move {0}", held.description), lambda project: held.move(project, pointer))
@@ -157,7 +159,7 @@ class MoveTool(Tool):
 
     def _report_no_merge(self, held: CharacterDrag) -> None:
         """Reports why a drop with Shift merged nothing."""
-        if held.several:
+        if held.has_several:
             problem, remedy = (
                 tr("Several were moved, and none merged"),
                 tr("Choose one, and let go of it with Shift."),
@@ -187,7 +189,7 @@ class MoveTool(Tool):
         node = self.on_bone(self._merge_host)
         if self._held_character is None or node is None:
             return base_overlay
-        root = self.editor.lens.pixels_of(
+        root = self.editor.lens.project_visible(
             self.editor.stage_character(self._held_character.character).handles[:1]
         )
         marks = (
@@ -202,7 +204,8 @@ class MoveTool(Tool):
         vertices, lens = self.editor.stage_character(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
         marks = tuple(
-            Label(pixel, tr("merge with {0}", host.character), INK) for pixel in lens.pixels_of(top[None])
+            Label(pixel, tr("merge with {0}", host.character), INK)
+            for pixel in lens.project_visible(top[None])
         )
         return Overlay(marks, base_overlay.chain, base_overlay.hovered)
 

@@ -39,7 +39,7 @@ class PoseTool(Tool):
             return "Let go to keep the pose; Esc cancels."
         if self.editor.puppets.puppet is not None:
             return "Drag a puppet sideways to turn it where it stands. K poses it."
-        if self.editor.keying:
+        if self.editor.is_auto_key:
             return "Drag a joint, a dot or the whole: it gets a key at the playhead. Shift+K ends that."
         return (
             "Drag a joint to turn its bone, the root to turn the whole; with Shift about the vertical axis."
@@ -59,7 +59,7 @@ class PoseTool(Tool):
 
     def drag(self, pointer: Pointer) -> None:
         if self._held_handle is not None or self._held_node is not None:
-            self.editor.sketch(lambda project: self._apply_pose(project, pointer))
+            self.editor.preview_edit(lambda project: self._apply_pose(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
         if self._held_node is not None and self.editor.draft is not None:
@@ -68,7 +68,7 @@ class PoseTool(Tool):
             whole, handle = self._held_handle
             keyed = (
                 later("key {0}", whole.character)
-                if self.editor.keying
+                if self.editor.is_auto_key
                 else later("pose {0}", whole.character)
             )
             name = keyed if handle else later("turn {0}", whole.description)
@@ -83,7 +83,7 @@ class PoseTool(Tool):
         """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
         base_overlay, editor = super().overlay(), self.editor
         dots = list[Disc]()
-        for character in editor.pickable_characters if editor.keying else ():
+        for character in editor.pickable_characters if editor.is_auto_key else ():
             chosen = editor.selection.handle if editor.selection.character == character.id else None
             for node, (x, y) in enumerate(editor.lens.project(np.asarray(character.nodes, np.float64))[0]):
                 keyed = bool(find_keys(editor.project, character.id, node))
@@ -99,7 +99,7 @@ class PoseTool(Tool):
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
         """Returns the possessed mesh's dot under the pointer: character, node, and position."""
         editor, candidates = self.editor, list[tuple[float, str, int, Float]]()
-        for character in editor.pickable_characters if editor.keying else ():
+        for character in editor.pickable_characters if editor.is_auto_key else ():
             nodes = np.asarray(character.nodes, np.float64)
             if len(nodes):
                 distances = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
@@ -113,13 +113,13 @@ class PoseTool(Tool):
         if self._held_node is not None:
             name, node, position = self._held_node
             return key_handle(
-                project, name, node, self.editor.lens.on_plane(pointer.at, position), self.editor.time
+                project, name, node, self.editor.lens.intersect_plane(pointer.at, position), self.editor.time
             )
         assert self._held_handle is not None
         (whole, handle), editor = self._held_handle, self.editor
         if not handle:
             return whole.turn(project, pointer)
-        place = editor.lens.on_plane(pointer.at, whole.handles[handle])
-        keyed = editor.keying and isinstance(project.character(whole.character), Shape)
+        place = editor.lens.intersect_plane(pointer.at, whole.handles[handle])
+        keyed = editor.is_auto_key and isinstance(project.character(whole.character), Shape)
         change = key_handle if keyed else drag_handle
         return change(project, whole.character, handle, place, editor.time)

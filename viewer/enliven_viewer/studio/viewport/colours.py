@@ -30,7 +30,7 @@ class DrawnMeshes:
         self._make_mesh = draw or (lambda character: get_rig_edits(character).drawn(character))
         self._cache: dict[str, tuple[tuple[object, ...], Character]] = {}
 
-    def of(self, character: RigBase) -> Character | None:
+    def get_mesh(self, character: RigBase) -> Character | None:
         """Returns the render mesh, with a default colour if it has none of its own.
 
         Returns None if there is no surface.

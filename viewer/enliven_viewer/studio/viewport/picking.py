@@ -50,12 +50,12 @@ class Lens:
         direction = self.view.camera_from_world[:3, :3].T @ seen
         return np.asarray(direction / np.linalg.norm(direction))
 
-    def on_plane(self, pixel: Point, through: Float) -> Float:
+    def intersect_plane(self, pixel: Point, through: Float) -> Float:
         """Returns (3,) where a pixel's ray meets the plane through a point, parallel to the image."""
         forward, way = -self.view.camera_from_world[2, :3], self.ray(pixel)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
-    def pixels_of(self, points: Float) -> list[Point]:
+    def project_visible(self, points: Float) -> list[Point]:
         """Returns the pixels of those points (N, 3) that are in front of the camera."""
         if not len(points):
             return []

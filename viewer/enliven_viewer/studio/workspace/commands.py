@@ -45,14 +45,14 @@ class Commands:
         self.fitting = SizeMatching(editor)
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
-    def bones(self) -> None:
+    def toggle_bones(self) -> None:
         """Shows or hides the bones."""
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
         """Removes the selected joint, or else the selected characters."""
         names, joint = self._selected_names, self.editor.selection.handle
-        if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
+        if len(names) == 1 and joint and self.editor.find_selected(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
         else:
             self._delete_selection(later("delete {0}"))
@@ -108,7 +108,7 @@ class Commands:
             later("shift {0}"), lambda project, names: shift_characters(project, names, seconds)
         )
 
-    def mute(self) -> None:
+    def toggle_mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if all of it is muted."""
         on = not self.is_muted()
         edit_name = later("mute {0}") if on else later("unmute {0}")
@@ -116,7 +116,7 @@ class Commands:
 
     def is_muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
-        layers = [layer for character in self.editor.chosen_all for layer in character.playing]
+        layers = [layer for character in self.editor.selected_characters for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def spread(self) -> None:
@@ -136,7 +136,7 @@ class Commands:
 
     def pin(self) -> None:
         """Pins the selected foot, so that it does not slide while it touches the floor; or unpins it."""
-        shape, joint = self.editor.chosen(Shape), self.editor.selection.handle
+        shape, joint = self.editor.find_selected(Shape), self.editor.selection.handle
         if shape is None or joint is None:
             return
         name = shape.handles[joint]
@@ -145,9 +145,9 @@ class Commands:
         elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
             self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
 
-    def best_view(self) -> None:
+    def show_best_view(self) -> None:
         """Turns the camera to the direction that shows most of the selected shape's bones."""
-        shape = self.editor.chosen(Shape)
+        shape = self.editor.find_selected(Shape)
         if shape is None:
             return
         posed = self.editor.stage_character(shape.id)
@@ -165,7 +165,7 @@ class Commands:
 
     def clear_motion(self) -> None:
         """Removes all motion from the selected chain, or from the whole selected shape."""
-        shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
+        shape, chosen = self.editor.find_selected(Shape), self.editor.selection.chain
         if shape is None:
             return
         chains: Sequence[Sequence[int]] = [order_from_root(shape, chosen)]
@@ -217,12 +217,12 @@ class Commands:
 
     def lacks_playing(self) -> str:
         """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
-        moves = any(character.playing for character in self.editor.chosen_all)
+        moves = any(character.playing for character in self.editor.selected_characters)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
         """Returns why a command on a shape with bones is unavailable; empty if it is available."""
-        return "" if self.editor.chosen(Shape) else "No shape with bones is chosen. Click one first."
+        return "" if self.editor.find_selected(Shape) else "No shape with bones is chosen. Click one first."
 
     def lacks_copied(self) -> str:
         """Returns why pasting a character is unavailable; empty if it is available."""
@@ -234,7 +234,7 @@ class Commands:
 
     def lacks_foot(self) -> str:
         """Returns why pinning a foot is unavailable; empty if it is available."""
-        chosen = self.editor.chosen(Shape) and self.editor.selection.handle is not None
+        chosen = self.editor.find_selected(Shape) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
@@ -247,7 +247,7 @@ class Commands:
 
     @property
     def _selected_names(self) -> tuple[str, ...]:
-        return tuple(character.id for character in self.editor.chosen_all)
+        return tuple(character.id for character in self.editor.selected_characters)
 
     def _describe_selection(self, names: tuple[str, ...] | None = None) -> str:
         """Returns the name of the only selected shape, or the number of shapes."""
@@ -256,7 +256,7 @@ class Commands:
 
     def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
         """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
-        chosen, shape = self.editor.selection, self.editor.chosen(Shape)
+        chosen, shape = self.editor.selection, self.editor.find_selected(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
             return None

@@ -59,7 +59,7 @@ class ExportOptions:
     up: str = UP.default
     in_place: bool = IN_PLACE.default
 
-    def chosen(self, characters: Sequence[RigBase]) -> list[RigBase]:
+    def filter_characters(self, characters: Sequence[RigBase]) -> list[RigBase]:
         """Returns the characters that are exported.
 
         Raises:
@@ -70,7 +70,7 @@ class ExportOptions:
             raise InputError(tr("no character is chosen"), where="export", remedy=tr("Tick one."))
         return included
 
-    def checked_range(self, length: float) -> tuple[float, float | None]:
+    def check_range(self, length: float) -> tuple[float, float | None]:
         """Returns the first and the last second. None as the last second means the end of the motion.
 
         Raises:
@@ -103,7 +103,7 @@ def write_export(
         InputError: if the options are invalid.
         ResourceError: if the file cannot be written.
     """
-    chosen, (first, last) = options.chosen(characters), options.checked_range(length)
+    chosen, (first, last) = options.filter_characters(characters), options.check_range(length)
     more = format_options(path, options, chosen)
     exporter = exporter_of(path, **more)
     reports = "progress" in exporter.options

@@ -124,7 +124,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     size = choose_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
         rig = replace(scale_to_height(rig, size.height), notes=(size.note, *rig.notes))
-    box, added_ids = editor.box(), list[str]()
+    box, added_ids = editor.measure_bounds(), list[str]()
 
     def add(project: Project) -> Project:
         shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
@@ -179,7 +179,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     An implausible size is changed to the height of a person.
     """
     size = choose_size(mesh.vertices)
-    box, added_ids = editor.box(), []
+    box, added_ids = editor.measure_bounds(), []
     fitted = fit_height(mesh, size.height)
     if size.note:
         notes = (size.note, *notes)
@@ -209,7 +209,7 @@ def _add_playing_character(
 ) -> None:
     """Adds a character of another project, with the motion that it plays."""
     added_ids: list[str] = []
-    box, low = editor.box(), compute_vertices(source, character, 0.0)[:, 0].min()
+    box, low = editor.measure_bounds(), compute_vertices(source, character, 0.0)[:, 0].min()
 
     def add(project: Project) -> Project:
         project = project.with_takes(*(t for t in source.takes.values() if t.id not in project.takes))

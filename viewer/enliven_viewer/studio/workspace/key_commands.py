@@ -15,7 +15,7 @@ class KeyCommands:
 
     def toggle(self) -> None:
         """Switches auto-key mode: posing and moving either set keys, or change all times at once."""
-        self.editor.keying = not self.editor.keying
+        self.editor.is_auto_key = not self.editor.is_auto_key
 
     def set(self) -> None:
         """Sets a key with the current rotation and offset of the selection."""
@@ -43,7 +43,7 @@ class KeyCommands:
 
         Control points of puppets are left out: they have key poses instead.
         """
-        chosen, handle = self.editor.chosen(), self.editor.selection.handle
+        chosen, handle = self.editor.find_selected(), self.editor.selection.handle
         if chosen is None:
             return "", None
         return chosen.id, handle if handle is not None and handle < chosen.keyable else None

@@ -98,7 +98,7 @@ class ProjectStore:
     def forget(self) -> None:
         """Discards the unsaved changes, and a running recording."""
         if self.recording is not None:
-            self.recording.drop()
+            self.recording.discard()
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
@@ -285,7 +285,7 @@ class ProjectStore:
 
     def _begin(self, project: Project) -> None:
         self.settle()
-        self.editor.begin(project)
+        self.editor.open_project(project)
         self._saved = self._autosaved = self.editor.history.project
         self._find_recovery_path().unlink(missing_ok=True)
 

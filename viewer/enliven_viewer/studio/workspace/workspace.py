@@ -85,10 +85,10 @@ class Workspace(App):
         self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
         self.perform = self.add_state(PerformSession(editor, folder))
         self.actions.add(*make_perform_actions(self.perform))
-        self.actions.workspace = lambda: self.perform.keys_of
+        self.actions.workspace = lambda: self.perform.shortcut_workspace
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*make_outliner_actions(self.outliner))
-        self.input.first = lambda key: (
+        self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
         self.puppets = editor.puppets
@@ -147,10 +147,10 @@ class Workspace(App):
         A mesh to be possessed also goes onto the stage, now or once a stage is connected.
         """
         add_sample(self.editor, name)
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is not None and character.possessable:
             self.perform.active_workspace = "Perform"
-            self.perform.put_soon(character.id)
+            self.perform.put_when_ready(character.id)
 
     def open(self, path: Path) -> None:
         """Adds a model or take, or opens a project. Asks first if unsaved work would be lost.
@@ -204,7 +204,7 @@ class Workspace(App):
             if not self.asking:
                 self.attempt(lambda path=path: self.open(path))
 
-    def chosen(self, path: Path) -> None:
+    def finish_file_dialog(self, path: Path) -> None:
         """Handles the file that was chosen in the dialogue.
 
         Raises:
@@ -339,8 +339,8 @@ class Workspace(App):
         project, toasts = self.editor.project, self.editor.toasts
         characters, options = list_exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()
-        options.chosen(characters)
-        options.checked_range(length)
+        options.filter_characters(characters)
+        options.check_range(length)
 
         def tell(message: str) -> None:
             first, _, rest = message.partition(". ")

@@ -58,7 +58,7 @@ class _CurveRequest:
     start: float
     span: float
 
-    def same(self, other: _CurveRequest | None) -> bool:
+    def matches(self, other: _CurveRequest | None) -> bool:
         if other is None:
             return False
         return self.project is other.project and (self.subject, self.start, self.span) == (
@@ -84,8 +84,8 @@ class CurveInput:
 
     def __init__(self, editor: Editor, axis: TimeAxis) -> None:
         self.editor, self.axis = editor, axis
-        self.on, self.group, self.height = False, "keys", 160.0
-        self.chosen: int | None = None
+        self.is_shown, self.group, self.height = False, "keys", 160.0
+        self.selected_key: int | None = None
         self._scale: Scale | None = None
         self._last_group: tuple[CurveSubject | None, str] = (None, "")
         self._held_key: tuple[CurveDot, float, float, Scale] | None = None
@@ -96,7 +96,7 @@ class CurveInput:
 
     def toggle(self) -> None:
         """Shows or hides the curves."""
-        self.on = not self.on
+        self.is_shown = not self.is_shown
 
     @property
     def subject(self) -> CurveSubject | None:
@@ -104,7 +104,7 @@ class CurveInput:
 
         Returns None without a selection.
         """
-        chosen = self.editor.chosen()
+        chosen = self.editor.find_selected()
         if chosen is None:
             return None
         return CurveSubject(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
@@ -125,10 +125,10 @@ class CurveInput:
             return
         self._collect_samples()
         axis, project = self.axis.scale, self.editor.project
-        if self.editor.chosen() is not None:
-            project = self.editor.solving.shown(project, subject.character)[0]
+        if self.editor.find_selected() is not None:
+            project = self.editor.motion_solver.find_shown(project, subject.character)[0]
         request = _CurveRequest(project, subject, axis.start, axis.visible_s)
-        if self._sampling is None and not request.same(self._samples[0] if self._samples else None):
+        if self._sampling is None and not request.matches(self._samples[0] if self._samples else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
             self._sampling = (request, self._pool.submit(sample_groups, project, subject, self.times))
 
@@ -141,7 +141,7 @@ class CurveInput:
         groups = dict(self._samples[1]) if self._samples is not None and is_current else {}
         axis = self.axis.scale
         request = _CurveRequest(project, subject, axis.start, axis.visible_s)
-        if self._key_groups is None or not request.same(self._key_groups[0]):
+        if self._key_groups is None or not request.matches(self._key_groups[0]):
             self._key_groups = (request, make_key_groups(project, subject, self.times))
         groups.update(self._key_groups[1])
         if "place" in groups and (dots := make_pose_dots(project, subject)):
@@ -156,9 +156,9 @@ class CurveInput:
 
         Blocks; for sessions without a window.
         """
-        chosen = self.editor.chosen()
+        chosen = self.editor.find_selected()
         if chosen is not None:
-            self.editor.solving.settle(self.editor.project, chosen.id)
+            self.editor.motion_solver.settle(self.editor.project, chosen.id)
         self.refresh()
         while self._sampling is not None:
             wait_for([self._sampling[1]])
@@ -186,7 +186,7 @@ class CurveInput:
     def scale(self, group: CurveGroup) -> Scale:
         """Returns the value scale: it fits all values until the user zooms or pans."""
         if self._last_group != (self.subject, group.name):
-            self._last_group, self._scale, self.chosen = (self.subject, group.name), None, None
+            self._last_group, self._scale, self.selected_key = (self.subject, group.name), None, None
         if self._held_key is not None:
             return self._held_key[3]
         if self._scale is not None:
@@ -210,7 +210,7 @@ class CurveInput:
         if group is not None:
             self._scale = self.scale(group).pan(pixels)
 
-    def dot_at(self, x: float, y: float) -> CurveDot | None:
+    def find_dot(self, x: float, y: float) -> CurveDot | None:
         """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
         group = self.shown_group()
         if group is None:
@@ -225,8 +225,8 @@ class CurveInput:
 
     def press(self, x: float, y: float) -> None:
         """Handles a press of the left button: grabs a key, or else moves the playhead."""
-        dot, group = self.dot_at(x, y), self.shown_group()
-        self.chosen = None if dot is None else dot.number
+        dot, group = self.find_dot(x, y), self.shown_group()
+        self.selected_key = None if dot is None else dot.number
         if dot is not None and group is not None:
             self._held_key = (dot, x, y, self.scale(group))
         elif group is not None:
@@ -235,7 +235,7 @@ class CurveInput:
     def drag(self, x: float, y: float) -> None:
         """Handles pointer movement: previews the move of the held key."""
         if self._held_key is not None:
-            self.editor.sketch(self._move_edit(x, y))
+            self.editor.preview_edit(self._move_edit(x, y))
 
     def release(self, x: float, y: float) -> None:
         """Handles the release of the button: the drag becomes one edit."""
@@ -245,21 +245,21 @@ class CurveInput:
                 self._warn_if_clamped(self.subject, self.shown_name(), *self._drag_target(x, y))
             self.editor.edit("move key", self._move_edit(x, y))
         self.editor.draft, self._held_key = None, None
-        dot = self.dot_at(x, y)
+        dot = self.find_dot(x, y)
         # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
-        self.chosen = self.chosen if dot is None else dot.number
+        self.selected_key = self.selected_key if dot is None else dot.number
 
     @property
     def busy(self) -> bool:
         """Returns True if a key is being dragged."""
         return self._held_key is not None
 
-    def double(self, x: float, y: float) -> None:
+    def double_click(self, x: float, y: float) -> None:
         """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
         subject, group = self.subject, self.shown_group()
         if subject is None or group is None or group.name not in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES):
             return
-        if self.dot_at(x, y) is not None:
+        if self.find_dot(x, y) is not None:
             return
         name, time, value = group.name, self.axis.scale.time(x), self.scale(group).value(y)
         self._warn_if_clamped(subject, name, time, value)
@@ -269,10 +269,10 @@ class CurveInput:
 
     def remove(self) -> None:
         """Removes the selected key."""
-        subject, number, name = self.subject, self.chosen, self.shown_name()
+        subject, number, name = self.subject, self.selected_key, self.shown_name()
         if subject is None or number is None:
             return
-        self.chosen = None
+        self.selected_key = None
         edit_name = (
             later("remove key")
             if name in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES)
@@ -287,14 +287,14 @@ class CurveInput:
 
         Returns whether it had an effect.
         """
-        if not self.on or self.chosen is None or key not in ("delete", "backspace"):
+        if not self.is_shown or self.selected_key is None or key not in ("delete", "backspace"):
             return False
         self.remove()
         return True
 
     def ease(self, ease: str) -> None:
         """Changes the interpolation from the selected key to the next one."""
-        subject, number, name = self.subject, self.chosen, self.shown_name()
+        subject, number, name = self.subject, self.selected_key, self.shown_name()
         if subject is not None and number is not None:
             self.editor.edit(
                 _EASE_TITLES[ease],

@@ -60,7 +60,7 @@ def make_trail_rows(
     sampled: MotionSamples, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
     """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
-    wanted, frames = sampled.wanted, sorted(sampled.points)
+    wanted, frames = sampled.request, sorted(sampled.points)
     frames = [frame for frame in frames if wanted.first <= frame <= wanted.last]
     if len(frames) < 2 or not points:
         return np.zeros((0, 12), np.float32)

@@ -35,7 +35,7 @@ class Ghosts:
     """
 
     def __init__(self, editor: Editor) -> None:
-        self.editor, self.on = editor, False
+        self.editor, self.is_shown = editor, False
         self._pool: ThreadPoolExecutor | None = None
         self._samples: dict[str, MotionSamples] = {}
         self._sampling: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
@@ -43,8 +43,8 @@ class Ghosts:
 
     def toggle(self) -> None:
         """Shows or hides the ghosts."""
-        self.on = not self.on
-        if not self.on:
+        self.is_shown = not self.is_shown
+        if not self.is_shown:
             self._samples.clear()
             self._failed_requests.clear()
 
@@ -53,7 +53,7 @@ class Ghosts:
 
         Does not block.
         """
-        if not self.on:
+        if not self.is_shown:
             return None
         self._collect_samples()
         characters = self._list_shown_characters()
@@ -81,8 +81,8 @@ class Ghosts:
             is_selected = editor.selection.character == character.id
             handle, chain = (editor.selection.handle, editor.selection.chain) if is_selected else (None, ())
             rest = next(iter(sampled.points.values()))
-            points = choose_trail_points(sampled.wanted.character, rest, handle, chain)
-            keys = self._find_keys(sampled.wanted.project, sampled.wanted.character)
+            points = choose_trail_points(sampled.request.character, rest, handle, chain)
+            keys = self._find_keys(sampled.request.project, sampled.request.character)
             rows.append(make_trail_rows(sampled, points, keys, editor.time, editor.lens))
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
@@ -91,7 +91,7 @@ class Ghosts:
 
         A puppet is returned in its last solved state.
         """
-        editor, chosen = self.editor, self.editor.chosen()
+        editor, chosen = self.editor, self.editor.find_selected()
         characters = (
             [chosen] if chosen is not None else list(editor.project.characters.values())[:_MAX_CHARACTERS]
         )
@@ -100,7 +100,7 @@ class Ghosts:
     def _sample_request(self, character: RigBase) -> SampleRequest:
         editor, settings = self.editor, self.editor.settings
         project = editor.project
-        project, character = editor.solving.shown(project, character.id)
+        project, character = editor.motion_solver.find_shown(project, character.id)
         step, length = settings.frame_step, editor.length
         first = int(np.ceil(max(editor.time - settings.trail, 0.0) / step))
         last = int(min(editor.time + settings.trail, length) / step)
@@ -124,7 +124,7 @@ class Ghosts:
         for request in wanted:
             name = request.character.id
             sampled, refused = self._samples.get(name), self._failed_requests.get(name)
-            if request.same(refused) or (sampled is not None and request.same(sampled.wanted)):
+            if request.matches(refused) or (sampled is not None and request.matches(sampled.request)):
                 continue
             self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
             self._sampling = (name, request, self._pool.submit(sample_motion, request, sampled))

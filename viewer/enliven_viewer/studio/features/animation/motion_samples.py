@@ -42,7 +42,7 @@ class SampleRequest:
             getattr(project, kind).get(name) is getattr(other_project, kind).get(name) for kind, name in pairs
         )
 
-    def same(self, other: SampleRequest | None) -> bool:
+    def matches(self, other: SampleRequest | None) -> bool:
         """Returns True if both requests are equal."""
         if other is None or not self.can_reuse(other):
             return False
@@ -74,7 +74,7 @@ class MotionSamples:
         bodies: the ghosts' bodies, by time in seconds.
     """
 
-    wanted: SampleRequest
+    request: SampleRequest
     points: dict[int, Float] = field(default_factory=dict)
     bodies: dict[float, GhostSurface] = field(default_factory=dict)
     _compute_points: Callable[[float], Float] | None = None
@@ -82,7 +82,7 @@ class MotionSamples:
 
     def place(self, seconds: float) -> Float:
         """Returns (N, 3) metres at a time, interpolated between two sampled frames."""
-        frame_position = seconds / self.wanted.step
+        frame_position = seconds / self.request.step
         low = int(np.floor(frame_position))
         before, after = self.points.get(low), self.points.get(low + 1)
         if before is None or after is None:
@@ -97,7 +97,7 @@ def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> Motion
     Raises:
         EnlivenError: if the character cannot be played.
     """
-    if before is not None and wanted.can_reuse(before.wanted):
+    if before is not None and wanted.can_reuse(before.request):
         samples = MotionSamples(
             wanted, dict(before.points), dict(before.bodies), before._compute_points, before._surface
         )

@@ -37,7 +37,7 @@ def draw_brush_options(app: App, tool: PaintTool) -> None:
         app.actions.do("paint.both_sides")
     app.remember("both sides")
     draw_tooltip(app.actions.make_tooltip(app.actions["paint.both_sides"]))
-    character = app.editor.chosen()
+    character = app.editor.find_selected()
     if character is not None and character.mesh is not None and character.possessable:
         _draw_swing(app, character.id)
     draw_action_button(app, "paint.clear", _BUTTON_WIDTH)

@@ -75,7 +75,7 @@ class PaintTool(Tool):
 
     @property
     def hint(self) -> str:
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
         if character.kind == "bones":
@@ -109,7 +109,7 @@ class PaintTool(Tool):
 
     def lacks_paint(self) -> str:
         """Returns why no paint can be cleared, with advice; empty if some can."""
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
         return ""
@@ -143,7 +143,7 @@ class PaintTool(Tool):
 
     def release(self, pointer: Pointer) -> None:
         stroke, self._stroke = self._stroke, []
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if not stroke or character is None or character.mesh is None:
             return
         brush_stroke = np.array(stroke), self._radius_m, self._stroke_brush, self._find_plane(character.mesh)
@@ -169,7 +169,7 @@ class PaintTool(Tool):
             Disc(self._pointer_position, self.radius, (*SHADOW[:3], _RING_EDGE_OPACITY), 4.0),
             Disc(self._pointer_position, self.radius, colour, 2.0),
         ]
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         plane = (
             None
             if character is None or character.mesh is None or self._touched_point is None
@@ -186,12 +186,12 @@ class PaintTool(Tool):
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
                 Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
-                for at in self.editor.lens.pixels_of(posed.vertices[[nearest]])
+                for at in self.editor.lens.project_visible(posed.vertices[[nearest]])
             ]
         return Overlay(tuple(marks))
 
     def picture(self) -> ToolPicture:
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None or character.mesh is None:
             return EMPTY_PICTURE
         stiffness = self._find_shown_stiffness(character, character.mesh)

@@ -102,7 +102,7 @@ def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], ob
 
 def draw_status(app: App, puppet: Puppet) -> None:
     """Shows what the puppet lacks, or the error that keeps it from moving, or that it moves."""
-    project, solving = app.editor.project, app.editor.solving
+    project, solving = app.editor.project, app.editor.motion_solver
     lacking, problem = get_rig_edits(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
         _draw_box(app, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))

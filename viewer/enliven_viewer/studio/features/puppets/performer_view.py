@@ -122,7 +122,7 @@ class PerformerView:
             ):
                 self.editor.select(layer=len(puppet.layers))
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Prepares a frame.
 
         Turns with the stage, frames the performer, and passes the moment to the puppets.

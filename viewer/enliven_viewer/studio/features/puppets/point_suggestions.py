@@ -35,7 +35,7 @@ class PointSuggestions:
         self._mesh: Mesh | None = None
         self._search: Future[tuple[int, ...]] | None = None
 
-    def of(self, puppet: Puppet) -> tuple[int, ...]:
+    def suggest_vertices(self, puppet: Puppet) -> tuple[int, ...]:
         """Returns suggested vertices that are not near a control point; empty while the search runs."""
         if self._mesh is not puppet.mesh:
             self._mesh = puppet.mesh

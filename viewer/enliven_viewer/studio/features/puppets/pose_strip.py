@@ -43,7 +43,7 @@ def draw_strip(app: App, area: Area, thumbnails: Thumbnails) -> None:
         if puppet is None:
             return
         take = app.state(PerformerView).take
-        coverage = app.state(CoverageCache).of(app.editor.project, puppet, take) if take else None
+        coverage = app.state(CoverageCache).find_coverage(app.editor.project, puppet, take) if take else None
         _draw_head(app, puppet, coverage)
         height = imgui.get_content_region_avail().y
         scroll = imgui.WindowFlags_.horizontal_scrollbar | imgui.WindowFlags_.no_background

@@ -25,7 +25,7 @@ class PuppetCommands:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
-    def make(self) -> bool:
+    def make_puppet(self) -> bool:
         """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
         chosen = self._find_selected_mesh()
         if chosen is None:
@@ -47,7 +47,7 @@ class PuppetCommands:
         )
         return True
 
-    def outline(self) -> None:
+    def toggle_silhouette(self) -> None:
         """Switches the silhouette of the previous key pose, which is shown while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
@@ -57,7 +57,7 @@ class PuppetCommands:
             else tr("The previous key pose is no longer outlined")
         )
 
-    def warn(self) -> None:
+    def toggle_warning(self) -> None:
         """Switches the display of self-intersecting faces, which are marked while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
@@ -67,7 +67,7 @@ class PuppetCommands:
             else tr("Faces that pass through one another are not shown")
         )
 
-    def bake(self) -> bool:
+    def bake_puppet(self) -> bool:
         """Bakes the puppet into a possessed mesh with the same motion, which can be merged with others."""
         puppet, editor = self.editor.puppets.puppet, self.editor
         if puppet is None:
@@ -116,7 +116,7 @@ class PuppetCommands:
 
     def _find_solid_character(self) -> RigBase | None:
         """Returns the selected character if it has a surface and is not a puppet."""
-        chosen = self.editor.chosen()
+        chosen = self.editor.find_selected()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
         return chosen if solid and chosen is not self.editor.puppets.puppet else None
 
@@ -150,7 +150,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Shape",
         "Make a puppet of it",
         ("ctrl+p",),
-        commands.make,
+        commands.make_puppet,
         commands.lacks_mesh,
         about="A copy that acts by examples: control points and key poses.",
     )
@@ -159,7 +159,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Shape",
         "Bake the puppet",
         (),
-        commands.bake,
+        commands.bake_puppet,
         commands.lacks_examples,
         about="Turns it into a possessed character, which can be cut and merged.",
     )
@@ -174,7 +174,7 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         "View",
         "Outline of the previous key pose",
         ("o",),
-        commands.outline,
+        commands.toggle_silhouette,
         is_on=lambda: puppets.silhouette,
         about="While a key pose is edited.",
     )
@@ -183,7 +183,7 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         "View",
         "Faces that cross",
         ("w",),
-        commands.warn,
+        commands.toggle_warning,
         is_on=lambda: puppets.warn,
         about="Faces that pass through one another are red while a key pose is edited.",
     )

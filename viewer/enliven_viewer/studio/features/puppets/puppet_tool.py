@@ -56,7 +56,7 @@ class PuppetTool(Tool):
             return "Let go to keep it; Shift goes in steps, Esc drops it."
         if puppet is None:
             return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
-        if puppets.posing:
+        if puppets.is_posing:
             name = tr("key pose {0}", puppets.number + 1) if puppets.number is not None else ""
             return tr(
                 "Drag control points for {0}. Enter keeps it; R resets a point, Delete removes it.", name
@@ -68,7 +68,7 @@ class PuppetTool(Tool):
     @property
     def warning(self) -> str:
         """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
-        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.shaping else ""
+        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.is_shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
@@ -83,7 +83,7 @@ class PuppetTool(Tool):
         lens = self.editor.lens
         manipulator = self.manipulator()
         if manipulator is not None:
-            self.hovered_part = manipulator.at(pointer.at)
+            self.hovered_part = manipulator.find_part(pointer.at)
         if self.hovered_part:
             return
         hit = find_joint_at([standing], lens, pointer.at, self.editor.settings.reach)
@@ -130,7 +130,7 @@ class PuppetTool(Tool):
         puppets = self.puppets
         if key == "escape":
             return self._step_back()
-        if key == "enter" and puppets.posing:
+        if key == "enter" and puppets.is_posing:
             puppets.accept()
             return True
         if puppets.point is None:
@@ -139,7 +139,7 @@ class PuppetTool(Tool):
             return puppets.remove_point() or True
         if key == "r":
             return puppets.reset_point() or True
-        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.posing:
+        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.is_posing:
             return self._nudge(key.removeprefix("shift+"), 10.0 if key.startswith("shift+") else 1.0)
         return False
 
@@ -167,7 +167,7 @@ class PuppetTool(Tool):
         Right after a click the gizmo would be in the way of the next click on the mesh.
         """
         standing, point = self.puppets.stage_puppet, self.puppets.point
-        if point == self._new_point and not self.puppets.posing:
+        if point == self._new_point and not self.puppets.is_posing:
             return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
             return None
@@ -176,7 +176,9 @@ class PuppetTool(Tool):
     def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
         """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
         lens = self.editor.lens
-        ghost = find_suggestion_at(standing, self.suggested.of(standing.character), lens, pointer.at)
+        ghost = find_suggestion_at(
+            standing, self.suggested.suggest_vertices(standing.character), lens, pointer.at
+        )
         if ghost is not None:
             return ghost
         hit = find_surface_at(self.puppets.stage_puppets, lens, pointer.at)
@@ -223,7 +225,7 @@ class PuppetTool(Tool):
         if puppets.point is not None:
             self.editor.select(handle=None)
             return True
-        if puppets.posing:
+        if puppets.is_posing:
             puppets.accept()
             return True
         return False

@@ -77,7 +77,7 @@ class Thumbnails:
         before = self._textures.get(self._shown_keys.get((puppet.id, slot), ()))
         return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
-    def work(self) -> None:
+    def draw_next(self) -> None:
         """Draws one solved thumbnail. Call once per frame."""
         for key, (puppet, future) in list(self._solving.items()):
             if not future.done():
@@ -94,7 +94,7 @@ class Thumbnails:
     def _draw_thumbnail(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
-        character = self._characters.of(puppet)
+        character = self._characters.get_mesh(puppet)
         assert character is not None
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))

@@ -92,7 +92,7 @@ class CropBox:
         """Handles the release of the button."""
         self._held_handle = None
 
-    def follow(self, before: Float, after: Float) -> None:
+    def move_with_scan(self, before: Float, after: Float) -> None:
         """Moves the box with the scan when the edge changes the scan's placement.
 
         The edge does so until it has found the floor.
@@ -114,12 +114,12 @@ class CropBox:
         corners = np.array([[self.corners[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
         lines = []
         for a, b in _EDGES:
-            ends = tuple(lens.pixels_of(corners[[a, b]]))
+            ends = tuple(lens.project_visible(corners[[a, b]]))
             if len(ends) == 2:
                 lines.append(Line(ends, (*ACCENT[:3], _BOX_OPACITY), 2.0))
         discs = []
         for end, axis in product((0, 1), range(3)):
-            for pixel in lens.pixels_of(self._find_handle(end, axis)[None]):
+            for pixel in lens.project_visible(self._find_handle(end, axis)[None]):
                 held = self._held_handle == (end, axis)
                 discs.append(Disc(pixel, _HANDLE_RADIUS_PX * (1.4 if held else 1.0), ACCENT))
         return (*lines, *discs)
@@ -134,6 +134,6 @@ class CropBox:
         """Returns each handle in front of the camera, with its distance in pixels from a point."""
         distances = []
         for side in product((0, 1), range(3)):
-            for pixel in lens.pixels_of(self._find_handle(*side)[None]):
+            for pixel in lens.project_visible(self._find_handle(*side)[None]):
                 distances.append((side, float(np.hypot(pixel[0] - at[0], pixel[1] - at[1]))))
         return distances

@@ -87,7 +87,7 @@ def draw_scan(app: App, scan: ScanSession, area: Area) -> None:
         else:
             _draw_continue_button(app, scan)
         if imgui.button(labelled(tr("Back to the stage"), "Back to the stage"), _FULL_WIDTH):
-            scan.shown = False
+            scan.is_shown = False
         app.remember("scan back")
 
 
@@ -228,7 +228,7 @@ def _draw_kept_part(app: App, scan: ScanSession) -> None:
     draw_heading("What is kept")
     for kept, label in _KEPT_PART_LABELS.items():
         if imgui.radio_button(f"{tr(label)}###keep {kept}", scan.kept_part == kept):
-            scan.keep(kept)
+            scan.choose_kept_part(kept)
         app.remember(f"scan keep {kept}")
     if scan.kept_part == "box":
         draw_note(

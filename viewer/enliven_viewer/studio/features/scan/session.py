@@ -61,7 +61,7 @@ class ScanSession:
 
     def __init__(self, editor: Editor, perform: PerformSession) -> None:
         self.editor, self.perform = editor, perform
-        self.shown = False
+        self.is_shown = False
         self.mode = ScanMode.AROUND
         self.kept_part: KeptPart = "thing"
         self.box = CropBox()
@@ -121,7 +121,7 @@ class ScanSession:
 
     def open(self) -> None:
         """Shows the panel, in the workspace that contains the stage."""
-        self.perform.active_workspace, self.shown = "Perform", True
+        self.perform.active_workspace, self.is_shown = "Perform", True
 
     def start(self) -> None:
         """Starts a scan."""
@@ -137,7 +137,7 @@ class ScanSession:
         """Pauses or resumes the scan."""
         self._send_request(Scan("pause" if self.message.phase == "scanning" else "go on"))
 
-    def again(self) -> None:
+    def continue_scan(self) -> None:
         """Continues a finished scan: new images are added to it."""
         self.open()
         self._send_request(Scan("go on"))
@@ -146,7 +146,7 @@ class ScanSession:
         """Undoes the last seconds of the scan."""
         self._send_request(Scan("undo"))
 
-    def done(self) -> None:
+    def finish(self) -> None:
         """Finishes the scan and makes a character of it."""
         if self.kept_part != "box":
             self._send_request(Scan("done", whole=self.kept_part == "all"))
@@ -158,7 +158,7 @@ class ScanSession:
         """Cancels the scan and discards it."""
         self._send_request(Scan("cancel"))
 
-    def keep(self, kept_part: KeptPart) -> None:
+    def choose_kept_part(self, kept_part: KeptPart) -> None:
         """Chooses what becomes the character. A box starts around the object at the centre."""
         if kept_part == "box" and self.kept_part != "box":
             self.fit_box()
@@ -171,7 +171,7 @@ class ScanSession:
         self.box.corners = find_initial_box(points @ place[:3, :3].T + place[:3, 3])
 
     @property
-    def boxed(self) -> bool:
+    def has_crop_box(self) -> bool:
         """Returns True if the box is shown and can be dragged."""
         return self.active and self.message.phase != "finishing" and self.kept_part == "box"
 
@@ -179,7 +179,7 @@ class ScanSession:
 
     def press(self, at: Point) -> bool:
         """Handles a press of the left button over the view. Returns whether a side of the box was grabbed."""
-        return self.boxed and self.box.press(at, self.editor.lens)
+        return self.has_crop_box and self.box.press(at, self.editor.lens)
 
     def drag(self, at: Point) -> None:
         """Handles pointer movement while a side is held."""
@@ -212,11 +212,11 @@ class ScanSession:
         before, place = self.message, self.stage_from_scan
         self.message = client.latest(SCAN).get("", _NO_SCAN)
         if self.message.number == before.number and self.message.stage_from_scan != before.stage_from_scan:
-            self.box.follow(place, self.stage_from_scan)
+            self.box.move_with_scan(place, self.stage_from_scan)
         self._finish_person_scan()
         self._preview_mesh.update(client.latest(SCAN_PIECE), self.message.number)
         if self.active and self.message.number != before.number:
-            self.shown = True
+            self.is_shown = True
         bounds = self._preview_mesh.bounds if self.active else None
         if (
             bounds is not None
@@ -243,7 +243,7 @@ class ScanSession:
             self._complete_since_ns = self.message.time_ns
         elif self.message.time_ns - self._complete_since_ns > _HOLD_STILL_NS:
             self._complete_since_ns = None
-            self.done()
+            self.finish()
 
     def _frame_surface(self, bounds: Float) -> None:
         """Moves the view so that the growing surface is visible."""
@@ -279,7 +279,7 @@ class ScanSession:
         self.perform.sender.mark_sent(name, self.editor.project.characters[name])
         self.editor.choose(name)
         self.editor.frame_all()
-        self.shown = False
+        self.is_shown = False
         self.editor.toasts.say(
             tr("{0} stands on the stage", name),
             tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),

@@ -66,7 +66,7 @@ class SoundPlayer:
         """Turns the sound on or off. A failed device is tried again."""
         self.is_on, self._failed = not self.is_on, False
 
-    def follow(self) -> None:
+    def synchronise(self) -> None:
         """Synchronises with the editor. Call once per frame."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())

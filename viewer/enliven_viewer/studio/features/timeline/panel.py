@@ -61,7 +61,7 @@ def draw_timeline(app: App, timeline: TimelineInput, area: Area) -> None:
         app.time_axis.width = size.x
         imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
         app.remember("timeline")
-        timeline.follow(size.y, perform.recording.take_last_character())
+        timeline.scroll_to_recording(size.y, perform.recording.take_last_character())
         _handle_pointer(timeline, origin, size)
         draw_list = imgui.get_window_draw_list()
         draw_list.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
@@ -134,7 +134,7 @@ def _draw_loop_points(app: App) -> None:
     """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
     if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
-    chosen = app.editor.marked is not None
+    chosen = app.editor.marked_range is not None
     for label, action in (("[", "view.in_point"), ("]", "view.out_point")):
         imgui.same_line()
         with push_colours(ACCENT if chosen else QUIET, imgui.Col_.text):
@@ -174,7 +174,7 @@ def _handle_pointer(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> No
     pointer = imgui.get_mouse_pos()
     x, y = pointer.x - origin.x, pointer.y - origin.y
     if imgui.is_item_hovered():
-        if imgui.is_mouse_double_clicked(0) and timeline.double(x, y):
+        if imgui.is_mouse_double_clicked(0) and timeline.double_click(x, y):
             pass
         elif imgui.is_mouse_clicked(0):
             io = imgui.get_io()
@@ -248,7 +248,7 @@ def _draw_lanes(timeline: TimelineInput, perform: PerformSession, origin: ImVec2
 
 def _draw_playhead(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:
     draw_list = imgui.get_window_draw_list()
-    axis, stuck = timeline.axis.scale, timeline.stuck
+    axis, stuck = timeline.axis.scale, timeline.snapped_time
     if stuck is not None:
         snap_x = origin.x + axis.x(stuck)
         draw_list.add_line(

@@ -65,7 +65,7 @@ class PuppetRows:
         elif handle.kind == "band":
             self.editor.scrub(layout.time(x))
 
-    def double(self, handle: LaneHandle) -> bool:
+    def double_click(self, handle: LaneHandle) -> bool:
         """Handles a double click: on contacts and flight phases it adds a switch.
 
         Returns whether it had an effect.
@@ -114,7 +114,7 @@ class PuppetRows:
 
     def _find_coverage(self, take: str) -> TakeCoverage | None:
         puppet = self.editor.puppets.puppet
-        return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
+        return self.coverages.find_coverage(self.editor.project, puppet, take) if puppet is not None else None
 
     def _find_switches(self, layer: int) -> tuple[Switch, ...]:
         """Returns the edited switches, or those detected when the motion was last solved.
@@ -127,7 +127,7 @@ class PuppetRows:
         edited = puppet.layers[layer].switches
         if edited is not None:
             return edited
-        project, shown = editor.solving.newest_solution(editor.project, puppet.id)
+        project, shown = editor.motion_solver.newest_solution(editor.project, puppet.id)
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
         if self._switch_cache[0] is not shown:

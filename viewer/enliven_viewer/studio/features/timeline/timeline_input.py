@@ -48,7 +48,7 @@ class TimelineInput:
         self.opened = frozenset[str]()
         self.snapping, self.clip, self.marker = True, 0, ""
         self.shown_layer = ("", 0, 0)
-        self.stuck: float | None = None
+        self.snapped_time: float | None = None
         self.rows, self.pictures = PuppetRows(editor, coverages), ClipPictures()
         self._held_handle = _NO_HANDLE
         self._drag: ClipDrag | None = None
@@ -69,10 +69,10 @@ class TimelineInput:
             details=self.rows.details,
             folded=self.folded,
             opened=self.opened,
-            marked=self.editor.marked,
+            marked=self.editor.marked_range,
         )
 
-    def follow(self, height: float, recorded: str = "") -> None:
+    def scroll_to_recording(self, height: float, recorded: str = "") -> None:
         """Scrolls vertically to the lanes of a newly recorded or newly selected character.
 
         Args:
@@ -142,7 +142,7 @@ class TimelineInput:
             if locked:
                 self.editor.toasts.say(tr("This lane is locked"), tr("Click its lock first."))
             else:
-                self._drag = ClipDrag.of(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
+                self._drag = ClipDrag.from_handle(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
         elif handle.kind != "label":
             if handle.kind == "switch":
                 self._held_switches = tuple(self.rows.details.switches(handle.number))
@@ -171,11 +171,11 @@ class TimelineInput:
             self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
         elif self._held_handle.kind in _SPAN_HANDLES:
-            self.editor.marked = self._drag_span(x)
+            self.editor.marked_range = self._drag_span(x)
         elif self._drag_title is not None and x != self._drag_start_x:
-            if self.editor.puppets.posing:
+            if self.editor.puppets.is_posing:
                 self.editor.puppets.accept()
-            self.editor.sketch(self._make_drag_edit(x))
+            self.editor.preview_edit(self._make_drag_edit(x))
 
     def release(self, x: float) -> None:
         """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
@@ -187,21 +187,21 @@ class TimelineInput:
         elif handle.kind == "marker":
             self.editor.scrub(self.editor.project.markers[handle.name].seconds)
         self.editor.finish_scrubbing()
-        self._held_handle, self._drag, self.stuck = _NO_HANDLE, None, None
+        self._held_handle, self._drag, self.snapped_time = _NO_HANDLE, None, None
 
-    def double(self, x: float, y: float) -> bool:
+    def double_click(self, x: float, y: float) -> bool:
         """Handles a double click. Returns whether it had an effect."""
         handle = self.layout.handle_at(x, y)
         if handle.kind == "marker":
             self.marker = handle.name
             return True
-        return self.rows.double(handle)
+        return self.rows.double_click(handle)
 
     @property
     def _drag_title(self) -> str | None:
         """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
         if self._drag is not None:
-            return self._drag.word
+            return self._drag.edit_title
         return {"marker": later("move marker"), **DRAG_TITLES}.get(self._held_handle.kind)
 
     def _make_drag_edit(self, x: float) -> Edit:
@@ -209,7 +209,7 @@ class TimelineInput:
         layout, handle = self._held_layout, self._held_handle
         time_offset = layout.time(x) - layout.time(self._drag_start_x)
         if self._drag is not None:
-            change, self.stuck = self._drag.edit(time_offset)
+            change, self.snapped_time = self._drag.edit(time_offset)
             return change
         if handle.kind == "marker":
             return self._make_marker_edit(handle, time_offset)
@@ -235,7 +235,9 @@ class TimelineInput:
         if self.snapping:
             places = snap_times(layout, self.editor.time, self._held_handle)
             times = [end + time_offset for end in ends]
-            snap_shift, self.stuck = snap_offset(layout, times, places, self.editor.settings.frame_step)
+            snap_shift, self.snapped_time = snap_offset(
+                layout, times, places, self.editor.settings.frame_step
+            )
             time_offset += snap_shift
         if kind == "marked":
             time_offset = max(time_offset, -span[0])
@@ -249,7 +251,9 @@ class TimelineInput:
         seconds = layout.project.markers[handle.name].seconds + moved
         if self.snapping:
             places = snap_times(layout, self.editor.time, handle)
-            snap_shift, self.stuck = snap_offset(layout, [seconds], places, self.editor.settings.frame_step)
+            snap_shift, self.snapped_time = snap_offset(
+                layout, [seconds], places, self.editor.settings.frame_step
+            )
             seconds += snap_shift
         return lambda project: move_marker(project, handle.name, seconds)
 

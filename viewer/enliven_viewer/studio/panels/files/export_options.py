@@ -77,9 +77,9 @@ def _draw_range(workspace: Workspace) -> None:
         options.first, options.last = 0.0, 0.0
     workspace.remember("export all")
     imgui.same_line()
-    imgui.begin_disabled(editor.marked is None)
-    if imgui.button(labelled(tr("In to out"), "In to out")) and editor.marked is not None:
-        options.first, options.last = editor.marked
+    imgui.begin_disabled(editor.marked_range is None)
+    if imgui.button(labelled(tr("In to out"), "In to out")) and editor.marked_range is not None:
+        options.first, options.last = editor.marked_range
     imgui.end_disabled()
     workspace.remember("export marked")
     draw_tooltip("Only the part between the in and out points (Alt+I, Alt+O)")

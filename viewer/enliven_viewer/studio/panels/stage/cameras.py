@@ -46,7 +46,7 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     The list has the same height before, during and after the search, so that nothing below it moves.
     """
     search = workspace.perform.cameras
-    if search.cameras is None and not search.searching:
+    if search.cameras is None and not search.is_searching:
         search.begin()
     search.poll()
     draw_heading("Cameras here")
@@ -58,13 +58,15 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
             looks |= _draw_camera(workspace, search, camera, number, available_width)
         if not search.cameras and not search.problem:
             draw_note(
-                "Looking ..." if search.searching else "No camera is plugged in. Plug one in, and look again."
+                "Looking ..."
+                if search.is_searching
+                else "No camera is plugged in. Plug one in, and look again."
             )
     workspace.remember("cameras")
-    imgui.begin_disabled(search.searching)
+    imgui.begin_disabled(search.is_searching)
     if imgui.button(
         labelled(tr("Looking for cameras ..."), "search")
-        if search.searching
+        if search.is_searching
         else labelled(tr("Look again"), "search"),
         ImVec2(-1, 0),
     ):

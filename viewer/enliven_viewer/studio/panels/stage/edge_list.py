@@ -33,12 +33,12 @@ class _Pictures:
     cached: tuple[moderngl.Context, PreviewTextures] | None = None
 
     @classmethod
-    def of(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
+    def get_texture(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
         """Returns the OpenGL number of the texture with an edge's image; None without an image."""
         context = get_window_context()
         if cls.cached is None or cls.cached[0] is not context:
             cls.cached = context, PreviewTextures(context)
-        return cls.cached[1].of(edge.service, camera)
+        return cls.cached[1].get_texture(edge.service, camera)
 
 
 def draw_edge_list(workspace: Workspace) -> None:
@@ -85,7 +85,7 @@ def _draw_edge(
     low = ImVec2(position.x, position.y + 2)
     far = ImVec2(position.x + _PICTURE_WIDTH, position.y + _ROW_HEIGHT - 2)
     draw_list.add_rect_filled(low, far, pack_colour(DARK), 4.0)
-    texture = _Pictures.of(edge, search.camera(edge))
+    texture = _Pictures.get_texture(edge, search.camera(edge))
     if texture is not None:
         draw_list.add_image(imgui.ImTextureRef(texture), low, far)
     left = position.x + _PICTURE_WIDTH + 8

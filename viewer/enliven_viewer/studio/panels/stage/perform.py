@@ -107,9 +107,9 @@ def _draw_record_button(workspace: Workspace, recording: StageRecording, size: I
     with drawn:
         pressed = imgui.button(f"{label}###record", size)
     if imgui.is_item_activated():
-        recording.pressed = recording.phase
-    if pressed and (recording.pressed == "idle") == (recording.phase == "idle"):
-        recording.record()
+        recording.phase_when_pressed = recording.phase
+    if pressed and (recording.phase_when_pressed == "idle") == (recording.phase == "idle"):
+        recording.toggle()
     workspace.remember("record")
     draw_tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
@@ -274,7 +274,7 @@ def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> 
     if imgui.button(
         labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
     ):
-        recording.again(keeps_last=True)
+        recording.record_again(keeps_last=True)
     workspace.remember("again beside")
     imgui.end_disabled()
     draw_tooltip("Both are kept: choose in the lane on the timeline which of them plays")
@@ -348,7 +348,7 @@ def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
     if imgui.button(
         labelled(shorten_text(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH
     ):
-        perform.put()
+        perform.put_on_stage()
     imgui.end_disabled()
     workspace.remember("put")
     draw_tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
@@ -360,7 +360,7 @@ def _scroll_to_list(workspace: Workspace) -> None:
     The list alone would scroll only its own lines.
     """
     drawn = workspace.drawn
-    if drawn.left_alone or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.wanted):
+    if drawn.is_user_scrolling or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.targets):
         return
     clip = imgui.get_window_draw_list()
     top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
@@ -391,7 +391,7 @@ def _draw_character(workspace: Workspace, perform: PerformSession, name: str, av
     if can_remove:
         imgui.same_line(available_width - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
-            perform.take_off(name)
+            perform.remove_from_stage(name)
         workspace.remember(f"remove {name}")
 
 

@@ -88,7 +88,7 @@ def _draw_page(workspace: Workspace, area: Area) -> None:
     imgui.pop_font()
     imgui.dummy(ImVec2(0, 4))
     low, size = imgui.get_window_pos(), imgui.get_window_size()
-    workspace.drawn.note("start page", (low.x, low.y, low.x + size.x, low.y + size.y))
+    workspace.drawn.record("start page", (low.x, low.y, low.x + size.x, low.y + size.y))
     imgui.end()
 
 
