@@ -14,7 +14,7 @@ class PaletteSearch:
 
     Attributes:
         typed: the search text.
-        marked: number of the highlighted result, which Enter runs.
+        highlighted: number of the highlighted result, which Enter runs.
         refused: whether Enter was pressed on an unavailable action, so that the text field needs the focus
             again.
     """

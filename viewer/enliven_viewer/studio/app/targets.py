@@ -35,7 +35,7 @@ class DrawnWidgets:
 
     Attributes:
         picture: number of the current frame.
-        wanted: names of the targeted widgets.
+        targets: names of the targeted widgets.
         is_user_scrolling: whether the artist is scrolling, so that the tour must not.
     """
 

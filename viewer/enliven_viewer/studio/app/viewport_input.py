@@ -42,7 +42,7 @@ class ViewportInput:
         actions: the actions of keys that the active tool does not use.
 
     Attributes:
-        first: called with every key before the tool. Returns True if it has handled the key.
+        key_filter: called with every key before the tool. Returns True if it has handled the key.
         handles: handles that get the left button before the tool.
     """
 

@@ -24,11 +24,11 @@ class TakeCoverage:
 
     Attributes:
         take: id of the take.
-        away: (F,) distance of each frame from the nearest example, relative to the largest distance without
+        distances: (F,) distance of each frame from the nearest example, relative to the largest distance without
             examples; zeros without examples.
         frames: frames of the missing key poses, most needed first.
         needed: number of these that are sufficient.
-        left: largest distance that remains with these key poses, in the unit of ``away``.
+        remaining_distance: largest distance that remains with these key poses, in the unit of ``away``.
         step: seconds between frames.
     """
 

@@ -29,7 +29,7 @@ class CharacterSizes:
     """The character sizes read from the edge, and those of the project, which are sent to it.
 
     Attributes:
-        words: large text: the character with its size, and the effect of the hands; None for no text.
+        text: large text: the character with its size, and the effect of the hands; None for no text.
     """
 
     def __init__(self, editor: Editor) -> None:

@@ -31,7 +31,7 @@ class CloseUp:
     """The automatic movement of the editor's camera while a performer chooses what to control.
 
     Attributes:
-        on: whether the view moves to the limb.
+        is_on: whether the view moves to the limb.
         box: bounding box of the limb in metres; None if no limb is about to be attached.
     """
 

@@ -25,7 +25,7 @@ class LiveRecorder:
     Attributes:
         holders: the performers, each with the character that it controls.
         stillness: how long all performers have held still in this recording.
-        cut: whether the sensor's clock restarted during the recording. Later messages are left out.
+        is_cut_short: whether the sensor's clock restarted during the recording. Later messages are left out.
     """
 
     def __init__(self) -> None:

@@ -47,7 +47,7 @@ class StageRecording:
         count_in: whether three beats precede a recording.
         hold_still: seconds of stillness of all performers that end a recording; 0 disables this.
         loops: whether the span is recorded repeatedly, each pass as another alternative.
-        pressed: the phase at the time when the mouse button went down on the record button.
+        phase_when_pressed: the phase at the time when the mouse button went down on the record button.
     """
 
     def __init__(

@@ -121,7 +121,7 @@ class TourState:
     """The state of the studio in the terms of the tour.
 
     Attributes:
-        desk: the workspace.
+        workspace: the workspace.
     """
 
     workspace: TourWorkspace

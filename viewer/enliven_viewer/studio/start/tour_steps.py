@@ -30,7 +30,7 @@ class TourPart:
     Attributes:
         text: one sentence.
         target: returns where the tour points.
-        done: returns whether it is done, given the counts at the start of the step.
+        is_done: returns whether it is done, given the counts at the start of the step.
         command: has the same effect as a click on the target.
         shift: whether Shift is held during the drag along the target's path.
         types: text to type into a field; empty for none.

@@ -18,7 +18,7 @@ class Snapping:
     """The snapping settings of drags.
 
     Attributes:
-        on: whether snapping is on; a held modifier key inverts it.
+        is_on: whether snapping is on; a held modifier key inverts it.
         grid: grid spacing in metres.
         angle: angle step in degrees.
     """

@@ -76,10 +76,10 @@ class CurveInput:
     """The state of the curve editor, and the edits made with the pointer.
 
     Attributes:
-        on: whether the curves are shown.
+        is_shown: whether the curves are shown.
         group: name of the shown group of channels.
         height: height of the curve area in pixels.
-        chosen: number of the key that was clicked last, or None.
+        selected_key: number of the key that was clicked last, or None.
     """
 
     def __init__(self, editor: Editor, axis: TimeAxis) -> None:

@@ -31,7 +31,7 @@ class Ghosts:
     """The past and future poses of the selected character, or of the first few if none is selected.
 
     Attributes:
-        on: whether ghosts are shown. Nothing is computed while they are off.
+        is_shown: whether ghosts are shown. Nothing is computed while they are off.
     """
 
     def __init__(self, editor: Editor) -> None:

@@ -69,7 +69,7 @@ class MotionSamples:
     """The sampled motion of a character.
 
     Attributes:
-        wanted: the last request.
+        request: the last request.
         points: (N, 3) metres of its joints, nodes or control points, by frame.
         bodies: the ghosts' bodies, by time in seconds.
     """

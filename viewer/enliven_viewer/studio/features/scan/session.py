@@ -50,7 +50,7 @@ class ScanSession:
         perform: the link to the edge.
 
     Attributes:
-        shown: whether the panel is open.
+        is_shown: whether the panel is open.
         message: the progress of the scan, as reported by the edge.
         size: the size class of the object.
         mode: how the scan is made. A person becomes a character once all sides were seen.

@@ -35,7 +35,7 @@ class ClipDrag:
 
     Attributes:
         handle: the grabbed part of the timeline.
-        how: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
+        edit_kind: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
         lane, layout: the lane and the layout at the start of the drag.
         playhead: position of the playhead in seconds.
         frame: duration of a frame in seconds; 0 disables snapping.

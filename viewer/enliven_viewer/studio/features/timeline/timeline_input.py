@@ -34,7 +34,7 @@ class TimelineInput:
         opened: groups of alternatives that show a lane for every take.
         locked: lanes that cannot be dragged, as the character and the first layer of each.
         snapping: whether drags snap to clips, markers, the playhead and frames.
-        stuck: the time that the drag currently snaps to, or None.
+        snapped_time: the time that the drag currently snaps to, or None.
         clip: number of the selected clip in the selected layer.
         marker: the marker being renamed, or empty.
         pictures: thumbnails of the takes.
