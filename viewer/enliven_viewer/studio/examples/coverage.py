@@ -28,7 +28,8 @@ class TakeCoverage:
             examples; zeros without examples.
         frames: frames of the missing key poses, most needed first.
         needed: number of these that are sufficient.
-        remaining_distance: largest distance that remains with these key poses, in the unit of ``away``.
+        remaining_distance: largest distance that remains with these key poses, in the unit of
+            ``distances``.
         step: seconds between frames.
     """
 

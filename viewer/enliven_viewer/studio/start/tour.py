@@ -36,7 +36,8 @@ class Tour:
         number: number of the current step; the number of steps once all are done.
         done_display_s: remaining seconds for which the finished step stays.
         reviewing: whether an earlier, finished step is shown again; it stays until *Next*.
-        is_demonstrating: whether the tour demonstrates the step. demonstration: the animated hand while it moves.
+        is_demonstrating: whether the tour demonstrates the step.
+        demonstration: the animated hand while it moves.
         target: the current target.
         card: last position of the card, in the window's pixels. card_key: its content at that time.
     """
