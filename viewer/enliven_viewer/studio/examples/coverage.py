@@ -24,8 +24,8 @@ class TakeCoverage:
 
     Attributes:
         take: id of the take.
-        distances: (F,) distance of each frame from the nearest example, relative to the largest distance without
-            examples; zeros without examples.
+        distances: (F,) distance of each frame from the nearest example, relative to the largest distance
+            without examples; zeros without examples.
         frames: frames of the missing key poses, most needed first.
         needed: number of these that are sufficient.
         remaining_distance: largest distance that remains with these key poses, in the unit of
