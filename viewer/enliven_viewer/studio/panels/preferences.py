@@ -145,7 +145,7 @@ def _handle_capture(workspace: Workspace) -> None:
             tr("{0} is already the shortcut of \u201c{1}\u201d.", format_key(wanted.key), tr(other.label))
         )
     if imgui.button(f"{_make_reassign_label(actions[wanted.action])}###take"):
-        wanted.take(actions)
+        wanted.assign_key(actions)
     workspace.remember("take the key")
     imgui.same_line()
     if imgui.button(f"{tr('Leave it')}###leave"):

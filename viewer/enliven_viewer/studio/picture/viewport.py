@@ -89,8 +89,8 @@ class Viewport:
             return
         self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture
-        if over.draw_shading is not None:
-            self._puppet_overlay.draw_shading(picture, *over.draw_shading)
+        if over.shade is not None:
+            self._puppet_overlay.draw_shading(picture, *over.shade)
         if over.self_intersection is not None:
             self._puppet_overlay.draw_intersections(picture, *over.self_intersection)
         if over.ghost is not None:

@@ -39,7 +39,7 @@ class PuppetSurfaces:
             warm: if True, continue from the previous frame of a drag or performance. If False, the result
                 does not depend on history.
         """
-        return self._get_solver(puppet).of(puppet, places, warm=warm)
+        return self._get_solver(puppet).solve(puppet, places, warm=warm)
 
     def solve_in_background(self, puppet: Puppet, places: Float) -> Future[Float] | None:
         """Returns the future of the settled surface (V, 3) at other positions (P, 3); or None.

@@ -69,7 +69,7 @@ class TourStep:
 
     def part(self, toured: TourState, before: TourCounts) -> TourPart | None:
         """Returns the first part that is not done; None once the step is done."""
-        if self.parts[-1].done(toured, before):
+        if self.parts[-1].is_done(toured, before):
             return None
         return next(part for part in self.parts if not part.is_done(toured, before))
 
