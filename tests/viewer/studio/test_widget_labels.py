@@ -133,7 +133,7 @@ def test_no_label_changes_the_id_of_its_widget() -> None:
 )
 def test_labels_that_change_are_found(label: str) -> None:
     assert changing("a.py", f"imgui.button({label})")
-    assert changing("a.py", f"button(workspace, {label})")
+    assert changing("a.py", f"draw_button(workspace, {label})")
 
 
 @pytest.mark.parametrize(
