@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven import Recording, load_sample, possess
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.frames import BodyFrame
 from enliven.possession import ActorSettings
 from enliven_edge.assets import CHAIR
@@ -16,7 +16,7 @@ from enliven_viewer.film.project_film import write_project_film
 
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][100:240]
 project, chair = possess(load_sample("chair"), performer, settings=ActorSettings())
-performance = performance_of(project, chair)
+performance = sample_performance(project, chair)
 
 # The towers appear as soon as the performer stands still. A film needs no limit of the computing time.
 settings = PhysicsSettings(world="boxes")

@@ -32,11 +32,12 @@ TRANSLATING_FUNCTIONS = {
     "tr_n": (0,),
     "draw_heading": (0,),
     "draw_note": (0,),
-    "tooltip": (0,),
-    "button": (1,),
-    "choice": (1, 2),
+    "draw_tooltip": (0,),
+    "draw_button": (1,),
+    "draw_choice": (1, 2),
 }
-TRANSLATING_FUNCTIONS |= {"modal": (0,), "switch": (1, 4), "Texts": (0,), "later": (0,), "slider": (5,)}
+TRANSLATING_FUNCTIONS |= {"open_modal": (0,), "draw_switch": (1, 4), "draw_slider": (5,)}
+TRANSLATING_FUNCTIONS |= {"Texts": (0,), "later": (0,)}
 TRANSLATING_FUNCTIONS |= {
     "edit": (0,),
     "drop": (0,),
@@ -45,7 +46,7 @@ TRANSLATING_FUNCTIONS |= {
     "_delete_selection": (0,),
     "_copy": (0,),
 }
-TRANSLATING_FUNCTIONS |= {"_store_ends": (1, 2), "change": (0,), "_change": (0,)}
+TRANSLATING_FUNCTIONS |= {"_store_ends": (1, 2), "change": (0,), "_edit_selection": (0,)}
 """Functions that translate the texts they show, with the argument positions of these texts."""
 TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE_ACTIONS", "_SIDE_TITLES"}
 """Tables of texts that are passed to a translating function."""

@@ -13,7 +13,7 @@ from enliven.character_store.prepared import PreparedCharacter, prepare_once
 from enliven.character_store.store import key_of
 from enliven.document import GraphShape, Project, Puppet, Shape
 from enliven.errors import InputError
-from enliven.formats.project.file import project_of
+from enliven.formats.project.file import parse_project
 from enliven.possession import Actor, EmbeddedActor
 from enliven.wire import PutCharacter, check_character
 from enliven_edge.settings import EdgeSettings
@@ -63,7 +63,7 @@ def create_uploaded_actor(
         InputError: for data that is not a project of one character, or a character that cannot be moved.
     """
     where = f"character {order.id!r}"
-    project = project_of(data, where, _MAX_UNPACKED_BYTES)
+    project = parse_project(data, where, _MAX_UNPACKED_BYTES)
     if len(project.characters) != 1:
         problem = f"{len(project.characters)} characters were sent as one"
         raise InputError(problem, where=where, remedy="Send each by itself.")

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from figure import Figure
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.spheres import pack_spheres
 from enliven.document.props import BOX
 from enliven.samples.shipped import load_sample
@@ -87,7 +87,7 @@ def _frames(world: World, where: Callable[[int], np.ndarray], count: int) -> lis
 
 def _chair() -> Any:
     mesh = load_sample("chair")
-    return character_from(mesh, DeformationGraph.build(mesh, nodes=128), "chair")
+    return character_from_graph(mesh, DeformationGraph.build(mesh, nodes=128), "chair")
 
 
 def _least(call: Callable[[], Any]) -> float:

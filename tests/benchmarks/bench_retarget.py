@@ -27,8 +27,8 @@ from random_rigs import random_rig
 from standing_feet import standing_slides
 
 from enliven.document import Clip, Shape, Skeleton
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.plan import Plan
@@ -109,7 +109,7 @@ def _pinned_glb(model: Path, take: Clip) -> bytes:
     shape = read_gltf(model).shape
     result = retarget(shape, take, replace(automatic(take, shape), travel=True, pin=True))
     rate = min(60.0, 1.0 / take.step)
-    return glb_of([performance_of(result.project, result.shape_id, 0.0, result.duration, rate)])
+    return build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
 
 
 def _people_figures() -> Iterator[Figure]:
@@ -122,7 +122,7 @@ def _people_figures() -> Iterator[Figure]:
             take = _take(path)
             result = retarget(shape, take)
             rate = min(60.0, 1.0 / take.step)
-            glb = glb_of([performance_of(result.project, result.shape_id, 0.0, result.duration, rate)])
+            glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
             errors = limb_errors(path, glb, convention)
             medians.append(max(float(np.median(some)) for some in errors.values()))
             p90s.append(max(float(np.percentile(some, 90)) for some in errors.values()))

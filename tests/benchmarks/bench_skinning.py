@@ -19,7 +19,7 @@ from skinned_normals import skin_normals
 from threadpoolctl import threadpool_limits
 
 from enliven import rotation
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Character, Pose
 
@@ -31,7 +31,7 @@ def figures() -> Iterator[Figure]:
     size."""
     for size in SIZES:
         mesh = folded_sphere(size)
-        character = character_from(mesh, DeformationGraph.build(mesh, NODES), "mesh")
+        character = character_from_graph(mesh, DeformationGraph.build(mesh, NODES), "mesh")
         pose = _waving(character)
         count = len(character.vertices)
         rest = mesh.vertex_normals().astype(np.float32)

@@ -26,7 +26,7 @@ from rig_worlds import graph_world, skeleton_world
 from swaying import possessed_chair
 
 from enliven.document import Clip, Project, still_shape
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import refine
 from enliven.modeling.edits import paste_character
@@ -91,7 +91,7 @@ def _scrub() -> Figure:
         take, chain = arm.layers[0].take, range(len(arm.skeleton))
         project = bind_chain(project, arm.id, chain, take, arm.layers[0].chain, offset=0.1 * number)
     workspace = Workspace(Editor(project=project))
-    workspace.editor.solving.settle(project, names[2])
+    workspace.editor.motion_solver.settle(project, names[2])
     surfaces, puppet = workspace.puppets.stage.surfaces, project.puppet(names[2])
     while not surfaces.is_prepared(puppet):
         time.sleep(TURN)
@@ -129,7 +129,7 @@ def _size() -> Iterator[Figure]:
     assert len(set(names)) == len(project.characters) == 10
     stored = project_bytes(project)
     tracemalloc.start()
-    read = project_of(stored)
+    read = parse_project(stored)
     used_bytes = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert (len(read.characters), len(read.takes), len(read.streams)) == (10, 6, 3)

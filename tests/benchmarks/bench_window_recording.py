@@ -39,7 +39,7 @@ def figures() -> Iterator[Figure]:
             extra = list[float]()
             for _ in range(TURNS):
                 before = statistics.median(_pictures(session))
-                session.recording.record()
+                session.recording.toggle()
                 _run(session, lambda: session.recording.phase == "recording")
                 extra.append(statistics.median(_pictures(session)) - before)
                 session.recording.stop()

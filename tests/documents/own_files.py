@@ -22,7 +22,7 @@ from enliven import cli
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.example_sessions.text import write_session
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.project.file import write_project
 from enliven.formats.rig.rig import play_clip
@@ -78,7 +78,7 @@ def write_models(folder: Path) -> None:
     for name, skeleton in (("HORSE", horse()), ("DEER", horse()), ("FOX", horse()), ("SPIDER", spider())):
         clip = random_motion(random, skeleton, name="Run")
         project, _ = play_clip(Project(), meshed(name, skeleton), clip)
-        write_gltf(folder / f"{name}.glb", [performance_of(project, name)], "Run")
+        write_gltf(folder / f"{name}.glb", [sample_performance(project, name)], "Run")
 
 
 def _horse():

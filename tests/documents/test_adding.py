@@ -70,7 +70,10 @@ def test_a_feature_is_one_package(install, tmp_path):
     assert workspace.editor.speed == 0.5 and workspace.actions.find("half")[0].id == "view.slow"
     assert workspace.state(sys.modules["half_speed"].HalfSpeed).editor is workspace.editor
     workspace.actions.set_shortcut("view.slow", "ctrl+f10")
-    assert Workspace.new(Editor(), tmp_path).actions.shown_key(workspace.actions["view.slow"]) == "Ctrl+F10"
+    assert (
+        Workspace.new(Editor(), tmp_path).actions.format_shortcut(workspace.actions["view.slow"])
+        == "Ctrl+F10"
+    )
 
 
 AFTER_NOTHING = """

@@ -12,7 +12,7 @@ from known_bodies import t_woman
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.errors import InputError
@@ -67,7 +67,7 @@ def send(uploads: CharacterUploads, data: bytes, order: PutCharacter, step=MAX_P
 
 def possessed(x=0.0) -> Stage:
     graph = DeformationGraph.build(MESH, nodes=32, seed=0)
-    stage = Stage([EmbeddedActor(character_from(MESH, graph, "chair"), graph, ActorSettings(fade=0.1))])
+    stage = Stage([EmbeddedActor(character_from_graph(MESH, graph, "chair"), graph, ActorSettings(fade=0.1))])
     stage.perform([person(x=x)], 0)
     stage.possess("chair")
     return stage

@@ -18,7 +18,7 @@ from fuzz_seeds import character, json_tree, poses, recording
 from gltf_builder import random_rig
 from surgery_worlds import random_project
 
-from enliven.document import graph_shape_of
+from enliven.document import graph_shape_from_poses
 from enliven.document.character import SkinWeights
 from enliven.formats.project.file import project_bytes
 from enliven.meshes.files import save_mesh
@@ -35,7 +35,7 @@ def project() -> bytes:
     mesh = Mesh(random.normal(size=(count, 3)), random.integers(0, count, (5, 3)).astype(np.int32), "blob")
     indices = random.integers(0, len(shape.skeleton), (count, 4)).astype(np.uint16)
     skin = SkinWeights(indices, random.random((count, 4)).astype(np.float32))
-    graph, stream = graph_shape_of(character(), poses(), "dance")
+    graph, stream = graph_shape_from_poses(character(), poses(), "dance")
     world = (
         world.with_characters(shape.with_changes(mesh=mesh, skin=skin))
         .with_streams(stream)

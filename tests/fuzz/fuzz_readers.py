@@ -19,7 +19,7 @@ from enliven.files import decode_text
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.motion.expmap import read_expmap
-from enliven.formats.project.file import project_of
+from enliven.formats.project.file import parse_project
 from enliven.kiosk.profile import load_profile
 from enliven.mapping.plan_file import read_plan
 from enliven.meshes.files import load_mesh
@@ -132,7 +132,9 @@ def targets() -> list[Target]:
         Target("recording", 1000, (recorded,), _recording, (mutated, seeds.recording_index)),
         Target("recording chunk", 400, (recorded,), _recording, (seeds.recording_chunk,)),
         Target("take", 200, (seeds.take(),), _take, (seeds.take_message,)),
-        Target("project", 800, projects, lambda data, _: project_of(data), (mutated, models.project_parts)),
+        Target(
+            "project", 800, projects, lambda data, _: parse_project(data), (mutated, models.project_parts)
+        ),
         Target("gltf", 400, (models.gltf(),), _gltf(".gltf"), (seeds.json_tree,)),
         Target("glb", 300, glbs, _gltf(".glb"), (models.glb_parts,)),
         Target("mesh glb", 150, glbs, _mesh(".glb"), (models.glb_parts,)),

@@ -9,7 +9,7 @@ from pathlib import Path
 from sample_meshes.chair import make_chair
 from swaying import STEP_NS, swaying
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from, graph_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph, graph_from_character
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, Frame
 from enliven.possession import ActorSettings, EmbeddedActor
@@ -44,8 +44,8 @@ class Performers(Sensor):
 def chair_actor(settings: ActorSettings, nodes: int = 48, name: str = "chair") -> EmbeddedActor:
     """Returns a coarse chair as the edge sets it up."""
     mesh = make_chair(0.05)
-    character = character_from(mesh, DeformationGraph.build(mesh, nodes), name)
-    return EmbeddedActor(character, graph_of(character), settings)
+    character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes), name)
+    return EmbeddedActor(character, graph_from_character(character), settings)
 
 
 def perform(

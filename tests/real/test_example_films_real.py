@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from enliven.examples.puppet_examples import examples_from_key_poses
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.modeling.mesh.mirror_plane import plane_of_symmetry
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "examples"))
@@ -62,19 +62,19 @@ def test_key_poses_are_met(name):
     project = project_of(name)
     puppet = next(iter(project.puppets.values()))
     size = np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0))
-    assert measures.missed(puppet, motion_of(project, puppet, 0)) < SMOOTHED[name] * size
+    assert measures.missed(puppet, solve_layer_motion(project, puppet, 0)) < SMOOTHED[name] * size
     how = {"examples": replace(puppet.examples, acceleration=0.0)}
     # Standing feet give way if drift correction pulls a puppet back, so its leash is long here.
     plain = replace(puppet, locomotion=replace(puppet.locomotion, plant=0.0, leash=1000.0), **how)
     plain = plain.with_changes(layers=(replace(puppet.layers[0], level_feet=False),))
-    assert measures.missed(plain, motion_of(project, plain, 0)) < 1e-9
+    assert measures.missed(plain, solve_layer_motion(project, plain, 0)) < 1e-9
 
 
 @pytest.mark.parametrize("name", OWN)
 def test_the_anchor_does_not_slide(name):
     project = project_of(name)
     puppet = next(iter(project.puppets.values()))
-    motion = motion_of(project, puppet, 0)
+    motion = solve_layer_motion(project, puppet, 0)
     assert measures.slide(motion) < 1.5e-3  # metres; lower if no foot is planted
     assert motion.travels
     # Its supporting points stay above the floor, and it is never thrown far.
@@ -88,7 +88,7 @@ def test_the_anchor_does_not_slide(name):
 def test_hands_are_high_when_the_performers_are(name):
     project = project_of(name)
     puppet = next(iter(project.puppets.values()))
-    assert measures.hands(project, puppet, motion_of(project, puppet, 0)) > HANDS[name]
+    assert measures.hands(project, puppet, solve_layer_motion(project, puppet, 0)) > HANDS[name]
 
 
 @pytest.mark.parametrize("name", OWN)
@@ -119,7 +119,7 @@ def test_a_walk_is_shown_mirrored_left_to_right():
 
 def test_the_trex_goes_ahead():
     project = project_of("trex")
-    motion = motion_of(project, next(iter(project.puppets.values())), 0)
+    motion = solve_layer_motion(project, next(iter(project.puppets.values())), 0)
     ahead = np.diff(motion.root[12:, 2])
     assert ahead.sum() > 3.0
     assert -ahead[ahead < 0].sum() < 0.05

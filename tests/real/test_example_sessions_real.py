@@ -12,7 +12,7 @@ import pytest
 from enliven.cli import run
 from enliven.example_sessions.session import read_session
 from enliven.examples.puppet_examples import examples_from_key_poses
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "examples"))
@@ -56,7 +56,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
     assert run(["examples", "fit", str(session), "-o", str(tmp_path / "made.mcap")]) == 0
     read = read_session(session)
     posed = read.project.puppets[file.stem]
-    motion = motion_of(read.project, posed, 0)
+    motion = solve_layer_motion(read.project, posed, 0)
     reached = examples_from_key_poses(read.project, posed).targets
     # Weights stay within bounds, so nothing moves far beyond the key poses.
     room = 1.5 * np.ptp(reached, axis=0).max() + 0.05

@@ -13,7 +13,7 @@ from gltf_doors import DOORS, STILL, measures
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
 from enliven.errors import InputError
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
@@ -99,7 +99,7 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
     slow, rig = SlowGltf(path), read_gltf(path)
     for number, clip in enumerate(rig.clips):
         sampled = find_exportables(path).items[number].sample(0.0, None, None, False, True)
-        (tmp_path / "again.glb").write_bytes(glb_of([sampled]))
+        (tmp_path / "again.glb").write_bytes(build_glb([sampled]))
         again = SlowGltf(tmp_path / "again.glb")
         inputs = {s["input"] for s in slow.json["animations"][number]["samplers"]}
         keys = np.unique(np.concatenate([slow.accessor(k)[:, 0] for k in inputs]))
@@ -115,7 +115,7 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
 
 def test_a_spike_of_20_ms_is_written(tmp_path):
     sampled = find_exportables(FAULTS / "odd_keys.glb").items[0].sample(0.0, None, None, False, True)
-    (tmp_path / "again.glb").write_bytes(glb_of([sampled]))
+    (tmp_path / "again.glb").write_bytes(build_glb([sampled]))
     slow = SlowGltf(FAULTS / "odd_keys.glb")
     for seconds in (1.0, 1.01, 1.02):
         expected = slow.vertices_at(0, seconds)

@@ -13,7 +13,7 @@ import pytest
 
 from enliven.document.clip import Clip, joint_places
 from enliven.example_sessions.session import read_session
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.person.body import Body
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
@@ -54,7 +54,7 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
     clip = travel.clip_named(take).mapped(itemgetter(slice(8, None)))
     project = travel.posed(travel.mesh_named(mesh), clip)
     puppet = project.puppet("it")
-    motion = motion_of(project, puppet, 0)
+    motion = solve_layer_motion(project, puppet, 0)
     extent = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     for size in (0.65, 1.0):
         actor = PuppetActor(project, puppet, PuppetSettings(fade=0.0, meet=False))
@@ -76,7 +76,7 @@ def test_live_puppet_matches_the_take(name: str, goes: bool, size: float, monkey
     session = read_session(SESSIONS / f"{name}.toml")
     puppet = session.project.puppet(session.puppet)
     actor = PuppetActor(session.project, puppet, PuppetSettings(fade=0.0, meet=False))
-    take = motion_of(session.project, puppet, 0)
+    take = solve_layer_motion(session.project, puppet, 0)
     extent = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     apart, roots = [], []
     for k, (seconds, body) in enumerate(bodies_of(session.project.takes[puppet.layers[0].take], size)):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import state_of
+from enliven.examples.puppet_motion import evaluate_state
 from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.examples.coverage import CoverageCache
@@ -59,11 +59,11 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
         change = {"places": places}
         assert editor.edit("pose", lambda project, n=number, c=change: change_key_pose(project, name, n, **c))
     workspace.puppets.accept()
-    project, puppet = editor.solving.settle(editor.project, name)
-    assert not missing(project, puppet) and editor.solving.problem(name) is None
+    project, puppet = editor.motion_solver.settle(editor.project, name)
+    assert not missing(project, puppet) and editor.motion_solver.problem(name) is None
     assert puppet is editor.project.puppets[name]
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
-        shown_places = state_of(project, puppet, second).places
+        shown_places = evaluate_state(project, puppet, second).places
         assert np.abs(shown_places - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
     after = workspace.state(CoverageCache).of(project, puppet, take)
-    assert after is not None and after.left < coverage.left
+    assert after is not None and after.remaining_distance < coverage.remaining_distance

@@ -15,7 +15,7 @@ from bounded import bounded
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.npy import read_npy
-from enliven.formats.project.file import project_bytes, project_of, read_project
+from enliven.formats.project.file import parse_project, project_bytes, read_project
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.person.joints import J
@@ -141,7 +141,7 @@ def test_an_entry_that_lies_about_its_size_is_read_no_further(tmp_path):
     lie = data.replace(struct.pack("<I", 300 << 20), struct.pack("<I", 100))
     assert lie != data
     with bounded(100), pytest.raises(InputError, match="damaged"):
-        project_of(lie)
+        parse_project(lie)
 
 
 def npy(shape: str, kind: str = "<f8") -> bytes:
@@ -165,7 +165,7 @@ def test_array_with_false_size_is_refused(shape, kind):
     data = npy(shape, kind)
     assert len(data) == 128
     with bounded(), pytest.raises(InputError, match="an array in it is damaged") as caught:
-        project_of(zipped(a=data))
+        parse_project(zipped(a=data))
     assert caught.value.exit_code == 3
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.document import Character
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.possession import ActorSettings, EmbeddedActor
@@ -203,7 +203,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     viewer, visitor = EdgeClient([house.outlet.publisher.endpoint]), house.visitor()
     house.until(lambda: viewer.status is not None, viewer.poll)
     graph = DeformationGraph.build(BOX_MESH, nodes=8)
-    box = character_from(BOX_MESH, graph, "box")
+    box = character_from_graph(BOX_MESH, graph, "box")
     house.people = [person()]
     counts: list[int] = []
     used: list[float] = []

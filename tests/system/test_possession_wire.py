@@ -11,7 +11,7 @@ import pytest
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.frames import BodyFrame, Frame
 from enliven.person.body import Body
 from enliven.possession import ActorSettings, EmbeddedActor
@@ -61,7 +61,7 @@ class House:
     def __init__(self, outlet: Outlet) -> None:
         mesh = make_chair(0.05)
         graph = DeformationGraph.build(mesh, nodes=48, seed=0)
-        self.actor = EmbeddedActor(character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1))
+        self.actor = EmbeddedActor(character_from_graph(mesh, graph, "chair"), graph, ActorSettings(fade=0.1))
         outlet.introduce(self.actor.character)
         self.edge = Edge(TwoPeople(), Tracker(), Stage([self.actor]), outlet)
         self.document = Document()

@@ -25,7 +25,7 @@ from enliven.recording import Recorder, Recording, recover, schemas
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space, save_space
 from enliven.takes.possessed import read_possessed
-from enliven.takes.recorded import clips_of_recording
+from enliven.takes.recorded import read_recorded_clips
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 from enliven_edge.settings import EdgeSettings
@@ -72,7 +72,7 @@ def test_a_performance_of_0_1_is_edited_and_retargeted(stored):
     path = stored / "performance.mcap"
     assert Recording(path)._container.library == "enliven 0.1.0"
     assert list(read_possessed(path).graphs) == ["post"]
-    assert clips_of_recording(path)[0].duration > 0.5
+    assert read_recorded_clips(path)[0].duration > 0.5
 
 
 def test_a_depth_recording_of_0_1_is_read():
@@ -86,7 +86,7 @@ def test_preferences_and_keys_of_0_1_are_used(stored):
     assert kept.refusal is None and kept.recent == ["/home/ada/chair.enliven"]
     assert (kept.text_size, kept.timeline_height, kept.toured) == (1.3, 321.0, True)
     workspace = Workspace.new(Editor(), stored)
-    assert workspace.actions.keys_of(workspace.actions["view.light_theme"]) == ("ctrl+f11",)
+    assert workspace.actions.find_shortcuts(workspace.actions["view.light_theme"]) == ("ctrl+f11",)
     lost = [action for action in kept.keys if action not in workspace.actions]
     assert not lost, "these actions have another id: give Preferences a table of old ids"
 
@@ -163,7 +163,7 @@ def later_recording(request, tmp_path, monkeypatch) -> Path:
 
 def test_a_recording_of_a_later_version_is_refused(later_recording):
     before = later_recording.read_bytes()
-    for read in (Recording, read_possessed, clips_of_recording):
+    for read in (Recording, read_possessed, read_recorded_clips):
         with pytest.raises(InputError, match=r"is of version 2, made by enliven 0\.9\.0.*update enliven"):
             read(later_recording)
     output = later_recording.with_name("recovered.mcap")

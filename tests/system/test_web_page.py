@@ -22,7 +22,7 @@ from web_pictures import SIZE, Compared, compare_drawn, lower_camera, unlit, vie
 from enliven import cactus_project, export
 from enliven.document import Character, Pose, SkinWeights
 from enliven.document.puppet import character_from_puppet
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.meshes import MeshMaterials, Texture
 from enliven.person import Body
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -362,7 +362,7 @@ def test_exported_page_opens_from_a_file_and_plays(browser: Browser, tmp_path: P
     assert page.run("enliven.take.position") == 1.5 != still
     assert page.run("document.getElementById('clock').textContent") == "0:01.5 / 0:02.0"
     page.screenshot(PICTURES / "page export.png")
-    performance = performance_of(cactus_project(), "cactus", end=2.0, rate=10.0)
+    performance = sample_performance(cactus_project(), "cactus", end=2.0, rate=10.0)
     poses = list(performance.poses())
     camera = lower_camera(view_of(performance.character, [poses[15]]))
     drawn = draw_only_characters(page, camera)

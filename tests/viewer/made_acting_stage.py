@@ -72,7 +72,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
     """Selects what an action needs, and makes undo, redo and paste possible."""
     editor = workspace.editor
     workspace.perform.active_workspace = (action.workspaces or ("Animate",))[0]
-    workspace.input.take("choose")
+    workspace.input.activate_tool("choose")
     workspace.outliner.renaming = ""
     editor.go_to(0)
     for factor in (1.1, 1.2):
@@ -123,7 +123,7 @@ def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:
     """Returns a pixel on the surface of a character."""
     posed, tool = workspace.editor.stage_character(name), workspace.input.tools["choose"]
     middles = posed.vertices[posed.character.mesh.faces].mean(1)
-    for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):
+    for x, y in workspace.editor.lens.project_visible(middles[:: max(len(middles) // 60, 1)]):
         hit = tool.character_at(Pointer((x, y)))
         if hit is not None and hit.character == name and hit.handle < 0:
             return x, y

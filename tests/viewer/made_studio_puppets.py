@@ -70,5 +70,5 @@ def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, Headle
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
     workspace.store.new(project_with(*names, take=take))
     workspace.editor.choose("star")
-    workspace.input.take("puppet")
+    workspace.input.activate_tool("puppet")
     return workspace, HeadlessStage(workspace)

@@ -97,9 +97,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             time.sleep(PAUSE)
 
     def click(name: str) -> None:
-        workspace.drawn.want((name,))
+        workspace.drawn.set_targets((name,))
         ctx.yield_(3)
-        workspace.drawn.want(())
+        workspace.drawn.set_targets(())
         left, top, right, bottom = workspace.widget(name)
         ctx.mouse_move_to_pos(ImVec2(min((left + right) / 2, left + 40), (top + bottom) / 2))
         ctx.mouse_click(0)
@@ -112,7 +112,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     def recording(seconds: float) -> bool:
         # On a loaded machine the edge may be silent long enough to end a recording.
         if perform.recording.phase == "idle" and perform.connected:
-            perform.recording.record()
+            perform.recording.toggle()
         return perform.recording.recorder.seconds > seconds
 
     click("room Perform")
@@ -155,7 +155,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     until(lambda: perform.connected and perform.holders and "arm" in perform.stage_ids, "all of it again")
     report["undone both"] = editor.history.names[-2:]
     until(lambda: recording(0.8), "a third recording")
-    perform.recording.record()
+    perform.recording.toggle()
     report["takes"] = [name for name in editor.project.takes if name.startswith("take")]
     layered(ctx, window, until, recording)
     click("stands arm")
@@ -186,7 +186,7 @@ def close_by(
     until(lambda: perform.holders, "who holds the chair again", lambda: ctx.key_press(int(imgui.Key.p)))
     until(lambda: perform.close_up.box is None, "the view of before")
     ctx.key_press(int(imgui.Key.c))
-    report["close"] = [near[5] < 0.9 * before[5], camera.goal == before, perform.close_up.on]
+    report["close"] = [near[5] < 0.9 * before[5], camera.goal == before, perform.close_up.is_on]
 
 
 def layered(
@@ -213,7 +213,7 @@ def layered(
         # While the edge prepares the cut arm, the project's own arm is shown.
         until(lambda: recording(seconds) and "arm" in perform.hidden, "a recording of the arm")  # noqa: B023
         shown.append([sorted(perform.hidden), [actor.character.id for actor in perform.scene.actors]])
-        perform.recording.record()
+        perform.recording.toggle()
         counts.append(len({layer.take for layer in editor.project.shapes["arm"].layers}))
     report["layered"], report["shown once"] = counts, shown
 
@@ -240,11 +240,11 @@ def each_action(
             larger = lambda project: handle_characters(project, ["arm"], size=1.2)  # noqa: E731
             workspace.editor.edit("size", larger)
         elif action.id in RECORDING:
-            workspace.editor.marked = None
+            workspace.editor.marked_range = None
             if recording.phase != "idle":
                 until(lambda: recording.recorder.seconds > 0.4, "something that is recorded")
             # If the stage was busy nothing moved, so it is recorded once more.
-            until(lambda: not action.why_not(), f"what {action.id} needs", recording.record)  # noqa: B023
+            until(lambda: not action.why_not(), f"what {action.id} needs", recording.toggle)  # noqa: B023
         why_not = action.why_not()
         for _ in range(CLICKS):
             way(ctx, action)

@@ -61,16 +61,16 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         """Notes the positions of a scan's buttons in the last frame."""
         names = ("scan progress", "scan pause", "scan undo", "scan keep box", "scan done", "scan cancel")
         widgets = [workspace.widgets.get(name) for name in names]
-        if scan.active and not scan.boxed and all(widgets):
+        if scan.active and not scan.has_crop_box and all(widgets):
             top = widgets[0][1]  # scrolled widgets move together
             tops = [round(widget[1] - top * (number < 4)) for number, widget in enumerate(widgets)]
             places.add(tuple(tops))
 
     def click(name: str) -> None:
         until(lambda: not scan.lacks_stage(), "an edge that is heard")
-        workspace.drawn.want((name,))
+        workspace.drawn.set_targets((name,))
         ctx.yield_(3)
-        workspace.drawn.want(())
+        workspace.drawn.set_targets(())
         left, top, right, bottom = workspace.widget(name)
         ctx.mouse_move_to_pos(ImVec2(min((left + right) / 2, left + 40), (top + bottom) / 2))
         ctx.mouse_click(0)
@@ -94,8 +94,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
 
     def drag_the_top(area: Area) -> None:
         """Drags the dot at the top of the box down, by less in the small box of a slow machine."""
-        dots = np.array([scan.box._handle(end, 1) for end in (1, 0)])
-        (x, y), (_, bottom) = editor.lens.pixels_of(dots)
+        dots = np.array([scan.box._find_handle(end, 1) for end in (1, 0)])
+        (x, y), (_, bottom) = editor.lens.project_visible(dots)
         ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y))
         ctx.mouse_down(0)
         ctx.yield_()
@@ -106,7 +106,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
 
     def drag_the_box() -> None:
         """Drags the dot at the top of the box down by the mouse, twice."""
-        press("scan keep box", lambda: scan.boxed)
+        press("scan keep box", lambda: scan.has_crop_box)
         views: list[np.ndarray] = []
 
         def still() -> bool:
@@ -158,7 +158,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     press("scan done", lambda: scan.message.phase in ("finishing", "done"))
     shot("making")
     until(lambda: "scan" in editor.project.characters, "the character")
-    until(lambda: "scan" in perform.stage_ids and not scan.shown, "it on the stage")
+    until(lambda: "scan" in perform.stage_ids and not scan.is_shown, "it on the stage")
     ctx.yield_(20)
     character = editor.project.characters["scan"]
     report["scanned"] = [len(character.mesh.faces), np.ptp(character.mesh.vertices, axis=0).round(2).tolist()]

@@ -142,12 +142,12 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace.ask("preferences")
     ctx.yield_(3)
     change_key(ctx, "view.bones", "j")
-    report["free key"] = [actions.keys_of(bones), workspace.wanted_key.key]
+    report["free key"] = [actions.find_shortcuts(bones), workspace.wanted_key.key]
     change_key(ctx, "view.bones", "f")
-    report["asked"] = [workspace.wanted_key.key, actions.keys_of(bones)]
+    report["asked"] = [workspace.wanted_key.key, actions.find_shortcuts(bones)]
     picture(ctx, "keys")
     ctx.item_click("//###Preferences/###take")
-    report["taken"] = [actions.keys_of(bones), actions.keys_of(actions["view.all"])]
+    report["taken"] = [actions.find_shortcuts(bones), actions.find_shortcuts(actions["view.all"])]
     ctx.item_click("//###Preferences/###Close")
     ctx.yield_(2)
     workspace.editor.show_bones = True
@@ -159,7 +159,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.set_ref(ctx.window_info("//###Preferences/##keys").id_)
     ctx.item_click("\uf00d##no view.bones")
     ctx.set_ref("")
-    report["freed"] = actions.keys_of(bones)
+    report["freed"] = actions.find_shortcuts(bones)
     ctx.item_click("//###Preferences/###Close")
     actions.reset_shortcuts()
     picture(ctx, "window")

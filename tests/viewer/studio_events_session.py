@@ -27,7 +27,7 @@ def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     settings = StudioSettings(render=render, width=1000, height=660)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
-    workspace.input.take("sketch")
+    workspace.input.activate_tool("sketch")
     window = StudioWindow(workspace)
     drawn: list[np.ndarray] = []
 
@@ -35,7 +35,7 @@ def main() -> None:
         area, desktop = window.places.viewport, window.desktop
         x = area.x + area.width / 2 + RADIUS * math.cos(angle)
         y = area.y + area.height / 2 + RADIUS * math.sin(angle)
-        desktop._kept[0](desktop._window, x, y)
+        desktop._pointer_callbacks[0](desktop._window, x, y)
 
     def before(window: StudioWindow) -> None:
         if window.pictures == 5:

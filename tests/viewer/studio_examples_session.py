@@ -69,8 +69,8 @@ def work(workspace: Workspace) -> Iterator[Action]:
     report["editing"] = workspace.puppets.number
     yield Click(Widget("pose Done"))
     yield Wait(1.0)
-    workspace.editor.solving.settle(workspace.editor.project, "star")
-    report["problem"] = str(workspace.editor.solving.problem("star"))
+    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
+    report["problem"] = str(workspace.editor.motion_solver.problem("star"))
     report["poses"] = len(star().poses)
     first = min(star().poses, key=lambda pose: pose.time).time
     yield Drag((OnLane("poses", first), OnLane("poses", first + 0.2)), 0.2)
@@ -105,7 +105,7 @@ def main() -> None:
     bare = tuple(type(point)(point.name, point.vertex) for point in puppet.points)
     workspace.store.new(project.with_characters(puppet.with_changes(points=bare)))
     workspace.editor.choose("star")
-    workspace.input.take("puppet")
+    workspace.input.activate_tool("puppet")
     window = StudioWindow(workspace, STEP)
     playing: list[tuple[WindowStage, Iterator[None]]] = []
 

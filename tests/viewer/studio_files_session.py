@@ -23,7 +23,7 @@ from coarse_pixels import coarse_pixels
 from made_acting_stage import acting_stage
 
 from enliven.document import Shape
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, sample_performance
 from enliven.mapping.model_clips import played_clip
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.features.sound.sound_reader import read_sound
@@ -76,7 +76,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Chooses "no clip" and then the clip again for the dropped model."""
     editor = window.workspace.editor
-    dropped = editor.chosen(Shape)
+    dropped = editor.find_selected(Shape)
     assert dropped is not None
     report["clip"] = [played_clip(editor.project, dropped)]
     for name in ("no clip", str(report["clip"][0])):
@@ -136,7 +136,7 @@ def main() -> None:
     os.chdir(folder)
     workspace = acting_stage(folder / "own", 800, 520)
     workspace.preferences.recent.clear()
-    limb = performance_of(workspace.editor.project, workspace.editor.project.characters["limb"])
+    limb = sample_performance(workspace.editor.project, workspace.editor.project.characters["limb"])
     exporter_of("limb.glb").write(Path("limb.glb"), [limb], "limb")
     window = StudioWindow(workspace)
 

@@ -41,8 +41,8 @@ report: dict[str, dict] = {}
 
 def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: str = "choose") -> None:
     """Shows a workspace with a character and a tool."""
-    workspace.perform.active_workspace, workspace.state(ScanSession).shown = room, False
-    workspace.input.take(tool)
+    workspace.perform.active_workspace, workspace.state(ScanSession).is_shown = room, False
+    workspace.input.activate_tool(tool)
     workspace.editor.choose(chosen)
 
 
@@ -114,7 +114,7 @@ def main() -> None:
         character = [
             point
             for posed in workspace.editor.visible_characters
-            for point in workspace.editor.lens.pixels_of(np.asarray(posed.extent, float))
+            for point in workspace.editor.lens.project_visible(np.asarray(posed.extent, float))
         ] or [np.zeros(2)]
         low, high = np.min(character, axis=0), np.max(character, axis=0)
         report[name] = {

@@ -74,7 +74,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     report["warning"] = tool.warning
     yield Key("ctrl+z")
     yield Key("enter")
-    report["left"] = workspace.puppets.posing
+    report["left"] = workspace.puppets.is_posing
     yield Wait(0.1)
     yield look
     report["steady"], report["column"] = steady, list(window.places.side)

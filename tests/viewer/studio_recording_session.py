@@ -149,7 +149,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
     workspace.editor.choose("arm")
     seen.append(places(()))
     report["lines"] = [workspace.widgets["waits arm"]]
-    perform.put()
+    perform.put_on_stage()
     seen.append(places(()))
     until(lambda: "arm" in perform.stage_ids, "the arm on the stage")
     seen.append(places(()))
@@ -160,7 +160,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
     seen.append(places(()))
     report["lines"].append(workspace.widgets["stands arm"])
     for name in ("visitor", "arm"):
-        perform.take_off(name)
+        perform.remove_from_stage(name)
     until(lambda: perform.stage_ids == ("chair",), "the chair alone")
     workspace.editor.edit("remove", lambda project: project.without("arm"))
     return [*seen, places(())]
@@ -172,7 +172,7 @@ def close(ctx, window, press, until, shot, folder: Path) -> None:
     """
     workspace, recording = window.workspace, window.workspace.perform.recording
     workspace.store.save(folder / "clean.enliven")
-    recording.record()
+    recording.toggle()
     until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.5, "another recording")
     report["title"] = workspace.store.title
     assert not window._confirm_close()

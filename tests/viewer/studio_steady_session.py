@@ -92,7 +92,7 @@ class Steps:
         search._handle_search("nothing", True)
         self.picture("problem")
         yield lambda: self.count < FRAMES
-        workspace.state(ScanSession).shown = True
+        workspace.state(ScanSession).is_shown = True
         self.show("a scan")
         self.picture("scan")
         yield lambda: self.count < FRAMES

@@ -45,7 +45,7 @@ def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterat
             tour = workspace.tour
             report["missing"] = [
                 what,
-                tour and [tour.number, tour.text, tour.ticked],
+                tour and [tour.number, tour.text, tour.done_display_s],
                 [toast.text for toast in workspace.editor.toasts.shown],
                 [
                     workspace.perform.active_workspace,
@@ -199,7 +199,7 @@ def by_showing(workspace: Workspace) -> Iterator[Action]:
     number = -1
     while workspace.tour is not None and workspace.tour.step is not None:
         tour = workspace.tour
-        if tour.number != number and tour.ticked <= 0.0 and not tour.shows:
+        if tour.number != number and tour.done_display_s <= 0.0 and not tour.is_demonstrating:
             number = tour.number
             yield Wait(2 * STEP)
             report["titles"].append(tour.title)
@@ -208,7 +208,7 @@ def by_showing(workspace: Workspace) -> Iterator[Action]:
             yield from shot(f"show {number + 1}")
         yield from until(
             workspace,
-            lambda: tour.step is None or (tour.number != number and tour.ticked <= 0.0),  # noqa: B023
+            lambda: tour.step is None or (tour.number != number and tour.done_display_s <= 0.0),  # noqa: B023
             f"the end of step {number + 1}",
         )
 

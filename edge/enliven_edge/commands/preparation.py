@@ -14,7 +14,7 @@ from enliven.commands.terminal import print_line, progress_lines
 from enliven.document import unused
 from enliven.kernel_cache.compiling import on_compilation
 from enliven.kernel_cache.store import user_folder
-from enliven_edge.stage.character_setup import create_actor, name_of, parts_for
+from enliven_edge.stage.character_setup import create_actor, make_character_id, parts_for
 from enliven_edge.stage.puppet.spec import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
@@ -57,7 +57,7 @@ def _create_actor(
         from enliven_edge.stage.puppet.puppet_setup import create_puppet_actor
 
         return create_puppet_actor(character.mesh, edge_settings.puppet, name, used_ids)
-    name = unused(name or name_of(character.mesh), used_ids)
+    name = unused(name or make_character_id(character.mesh), used_ids)
     if (character.drive or edge_settings.drive) == "skeleton":
         from enliven_edge.stage.rig.rig_actor import create_rig_actor
 

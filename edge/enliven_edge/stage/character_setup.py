@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
 from enliven.character_store.store import key_of
-from enliven.deformation.graph.graph import DeformationGraph, character_from, graph_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph, graph_from_character
 from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.meshes import Axis, Mesh
@@ -54,7 +54,7 @@ def create_actor(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    settings, name = settings or ActorSettings(), name or name_of(spec)
+    settings, name = settings or ActorSettings(), name or make_character_id(spec)
     inputs = (up, nodes, settings, name)
     source = _mesh_source(spec)
     if source is None:
@@ -123,7 +123,7 @@ def create_stage_actor(prepared: PreparedCharacter) -> EmbeddedActor:
     """Returns the actor of a prepared character. Logs doubts about the person found in the mesh."""
     character = prepared.character
     actor = EmbeddedActor(
-        character, graph_of(character), prepared.settings, prepared.size, prepared.height or None
+        character, graph_from_character(character), prepared.settings, prepared.size, prepared.height or None
     )
     actor.set_likeness(prepared.likeness)
     for doubt in prepared.likeness.doubts if prepared.likeness else ():
@@ -154,12 +154,14 @@ def prepare_character(
     searches_person = needs_person_search(settings) and not settings.joints and not no_person
     with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
         person = background.submit(_find_person, mesh, settings) if searches_person else None
-        character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
+        character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         search_result = None if person is None else person.result
         if no_person:
             search_result = lambda: None  # noqa: E731
         height = prepared.height or None
-        actor = EmbeddedActor(character, graph_of(character), settings, prepared.size, height, search_result)
+        actor = EmbeddedActor(
+            character, graph_from_character(character), settings, prepared.size, height, search_result
+        )
         likeness = actor.likeness
     return PreparedCharacter(character, settings, prepared.size, prepared.height, likeness)
 
@@ -176,6 +178,6 @@ def _same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:
     return np.array_equal(like.character.faces, mesh.faces)
 
 
-def name_of(spec: str) -> str:
+def make_character_id(spec: str) -> str:
     """Returns a short id for a character: the file's stem, reduced to letters, digits, '-' and '_'."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(spec).stem)[:40].strip("-") or "mesh"

@@ -74,10 +74,10 @@ def find_writer(output: Path) -> Callable[[Job], str]:
 
 
 def _write_export(exporter: Exporter, job: Job) -> str:
-    from enliven.exporters import performance_of
+    from enliven.exporters import sample_performance
 
     representation = exporter.representation(job.morphs)
-    performance = performance_of(job.project, job.puppet, *job.span, job.rate, how=representation)
+    performance = sample_performance(job.project, job.puppet, *job.span, job.rate, how=representation)
     exporter.save(job.output, [performance], job.puppet.id)
     return "" if performance.error is None else f"; {performance.error}"
 

@@ -104,7 +104,7 @@ def check(
     """
     from enliven.examples.coverage import describe_unposed, measure_coverage
     from enliven.examples.puppet_examples import missing
-    from enliven.examples.puppet_motion import motion_of
+    from enliven.examples.puppet_motion import solve_layer_motion
 
     source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
@@ -123,7 +123,7 @@ def check(
         raise typer.Exit(3)
     for number in range(len(character.layers)):
         print_line(f"enliven: {measure_coverage(project, character, number)}")
-        _print_result(*motion_of(project, character, number).notes)
+        _print_result(*solve_layer_motion(project, character, number).notes)
     if problems:
         raise typer.Exit(3)
 
@@ -157,7 +157,7 @@ def fit(
     """
     from enliven.examples.coverage import describe_unposed
     from enliven.examples.puppet_examples import missing
-    from enliven.examples.puppet_motion import motion_of
+    from enliven.examples.puppet_motion import solve_layer_motion
 
     write = find_writer(output)
     require_folder(sheet)
@@ -178,7 +178,7 @@ def fit(
     _print_result(*source.notes)
     for number, layer in enumerate(character.layers):
         if not layer.muted:
-            _print_result(*motion_of(project, character, number).notes)
+            _print_result(*solve_layer_motion(project, character, number).notes)
     span = export_time_span(project, character, start, end)
     remark = write(Job(project, character, output, span, rate, morphs))
     if sheet and draw:

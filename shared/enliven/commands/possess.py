@@ -51,7 +51,7 @@ def possess(
     from dataclasses import replace
 
     from enliven.document import HoldChange, Project
-    from enliven.exporters import exporter_of, performance_of
+    from enliven.exporters import exporter_of, sample_performance
     from enliven.formats.project.file import write_project
     from enliven.modeling.possessed.another_mesh import possess_another
     from enliven.modeling.possessed.solving import solve_again, with_possession
@@ -77,7 +77,7 @@ def possess(
     if exporter is None:
         write_project(output, project)
     else:
-        exporter.save(output, [performance_of(project, name)], take.stem)
+        exporter.save(output, [sample_performance(project, name)], take.stem)
     print_line(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 

@@ -37,7 +37,7 @@ from .graph.shape import (
     GraphShape as GraphShape,
     character_from_graph_shape as character_from_graph_shape,
     graph_shape_at_rest as graph_shape_at_rest,
-    graph_shape_of as graph_shape_of,
+    graph_shape_from_poses as graph_shape_from_poses,
 )
 from .graph.stream import PoseStream as PoseStream, keyed_stream as keyed_stream
 from .keys import (
@@ -87,5 +87,5 @@ from .time_map import (
     TimeMap as TimeMap,
     closing_time as closing_time,
     ease_in_out as ease_in_out,
-    run_of as run_of,
+    find_clip_run as find_clip_run,
 )

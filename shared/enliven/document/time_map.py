@@ -182,7 +182,7 @@ class TimeMap:
 
     def _weight_within(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
         """Returns the weight of a layer without ``hold`` at a time of its lane, within a loop."""
-        begin, end = run_of(lane, number)
+        begin, end = find_clip_run(lane, number)
         if self.loop:
             # A gapless loop fades in only before its first round. The layer has no effect before its first
             # loop.
@@ -369,7 +369,7 @@ def ease_in_out(fraction: float) -> float:
     return fraction * fraction * (3.0 - 2.0 * fraction)
 
 
-def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
+def find_clip_run(lane: Sequence[Segment], number: int) -> tuple[float, float]:
     """Returns the start and end in seconds of the run of touching segments that contains segment
     ``number``.
     """

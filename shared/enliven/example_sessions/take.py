@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.document import Project, Puppet, character_from_puppet
-from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.examples.puppet_motion import evaluate_state, pose_of_state
 from enliven.recording import Recorder
 from enliven.wire import PoseCodec, character_to_message, pack_recorded, pose_to_message
 
@@ -32,7 +32,8 @@ def write_puppet_take(
     codec = PoseCodec(character)
     times = np.arange(round((end - start) * rate) + 1) / rate
     poses = [
-        pose_of_state(puppet, state_of(project, puppet, start + time), round(time * 1e9)) for time in times
+        pose_of_state(puppet, evaluate_state(project, puppet, start + time), round(time * 1e9))
+        for time in times
     ]
     with Recorder(path, sync_seconds=math.inf, overwrite=True) as take:
         take.write(*pack_recorded(character_to_message(character, _CHARACTER_REVISION)), 0)

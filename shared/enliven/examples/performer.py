@@ -45,11 +45,11 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     """
     numbers = [clip.skeleton.index(name) for name in joints]
     world = joint_places(clip, numbers)[:, numbers]
-    yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
+    yaw = np.unwrap(yaw_from_rotation(clip.turns[:, 0]))
     return PerformerClip(to_body_frame(world, clip.root, yaw), world, clip.root, yaw, clip.step)
 
 
-def yaw_of(turns: Float) -> Float:
+def yaw_from_rotation(turns: Float) -> Float:
     """Returns the yaw angle (...,) in radians: the twist of rotations (..., 4) about +Y (swing-twist
     decomposition).
     """

@@ -1,8 +1,8 @@
 """The motion of a puppet in the world. The takes of its layers are retargeted by its key poses.
 
     missing(project, puppet)                  # sentences about missing data; empty if it can move
-    state_of(project, puppet, seconds)        # its control points and its position
-    motion_of(project, puppet, layer)         # a whole take, solved once (section 5)
+    evaluate_state(project, puppet, seconds)    # its control points and its position
+    solve_layer_motion(project, puppet, layer)  # a whole take, solved once (section 5)
 
 The puppet's frame is the mesh's frame. The motion starts at the modeled position and facing direction of the
 mesh, independent of those of the performer. A layer that travels adds a yaw and a root position to this start
@@ -45,7 +45,7 @@ class State:
     root: Float
 
 
-def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
+def solve_layer_motion(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     """Returns the solved motion of a layer's whole take, from a cache if possible.
 
     Equal inputs return the same object. Offset, speed, loop and muting of the layer do not affect the result.
@@ -56,18 +56,18 @@ def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     return _cached_motion(collect_material(project, puppet, _find_layer(puppet, layer)))
 
 
-def state_of(project: Project, puppet: Puppet, time: float) -> State:
+def evaluate_state(project: Project, puppet: Puppet, time: float) -> State:
     """Returns the control points at a time of the project, with all layers mixed. Without layers, the puppet
     is at rest.
 
     Raises:
-        InputError: in the same cases as :func:`motion_of`.
+        InputError: in the same cases as :func:`solve_layer_motion`.
     """
     places, yaw, root, remaining_weight = puppet.rest.copy(), 0.0, np.zeros(3), 1.0
     for number, layer in enumerate(puppet.layers):
         if layer.muted or layer.weight == 0.0:
             continue
-        motion = motion_of(project, puppet, number)
+        motion = solve_layer_motion(project, puppet, number)
         length = (motion.frames - 1) * motion.step
         loop_moment, ends = layer.moment(time, length), layer.ends(length)
         moved_points, frames = list(motion.points), [motion.frame_of(loop_moment.second)]
@@ -100,7 +100,7 @@ def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tupl
     return motion.frame_of(second), rounds
 
 
-def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
+def to_world_frame(puppet: Puppet, state: State, points: AnyArray) -> Float:
     """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
     local = rotate_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
@@ -114,7 +114,7 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
     turn = multiply(puppet.turn, from_rotation_vector(np.array([0.0, state.yaw, 0.0])))
     linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))
     places = np.concatenate([np.zeros((1, 3)), state.places])
-    return Pose(puppet.id, time_ns, linear, in_world(puppet, state, places).astype(np.float32))
+    return Pose(puppet.id, time_ns, linear, to_world_frame(puppet, state, places).astype(np.float32))
 
 
 def _find_layer(puppet: Puppet, number: int) -> PuppetLayer:

@@ -78,7 +78,9 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
     return SuggestedPoses(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
 
 
-def further_poses(poses: Float, known: Float, settings: SuggestSettings | None = None) -> SuggestedPoses:
+def suggest_further_poses(
+    poses: Float, known: Float, settings: SuggestSettings | None = None
+) -> SuggestedPoses:
     """Suggests key poses in addition to existing examples (n, P, 3), all in the body frame.
 
     Returns:

@@ -15,7 +15,7 @@ from .registry import (
 )
 from .sampling import (
     Representation as Representation,
-    performance_of as performance_of,
+    sample_performance as sample_performance,
     performance_of_clip as performance_of_clip,
     octahedral_bone_mesh as octahedral_bone_mesh,
 )

@@ -1,6 +1,6 @@
 """Performances of a project's characters and of clips, sampled at even times.
 
-performance_of(project, "horse", rate=30.0)      # a rigged shape, a possessed mesh or a puppet
+sample_performance(project, "horse", rate=30.0)      # a rigged shape, a possessed mesh or a puppet
 performance_of_clip(clip)                        # a take: its skeleton, drawn as sticks
 """
 
@@ -32,7 +32,7 @@ from enliven.examples.baking.settings import MAX_CACHED_FRAMES_MB, BakeSettings
 from enliven.exporters.file_keys import find_file_keys
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
-from enliven.modeling.edits import rig_of, root_motions
+from enliven.modeling.edits import get_rig_edits, root_motions
 from enliven.modeling.puppet.baking import frame_times
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import multiply, to_matrix
@@ -49,7 +49,7 @@ _MAX_KEYED_ROUNDS = 1000
 evenly."""
 
 
-def performance_of(
+def sample_performance(
     project: Project,
     character: str | RigBase,
     start: float = 0.0,
@@ -170,7 +170,7 @@ def _sample_shape(project: Project, shape: Shape, times: Float, *_: object) -> P
 def _sample_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
     """Returns the performance of any rig, as nodes with skin weights."""
     even_times = times if len(times) > 1 else np.append(times, times[0] + 1.0)
-    graph, stream = rig_of(character).as_graph(project, character, even_times, character.id)[:2]
+    graph, stream = get_rig_edits(character).as_graph(project, character, even_times, character.id)[:2]
     linear, positions = stream.linear[: len(times)], stream.positions[: len(times)]
     axes = stretch_axes(linear)
     return Performance(

@@ -7,7 +7,7 @@ from dataclasses import replace
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.edits import copy_character, cut_character, merge_characters, vertices_of
+from enliven.modeling.edits import compute_vertices, copy_character, cut_character, merge_characters
 
 copy = copy_character
 cut = cut_character
@@ -27,4 +27,4 @@ def mesh_at(project: Project, character: str, time: float) -> Mesh:
     mesh = project.character(character).mesh
     if mesh is None:
         raise InputError("it has no mesh", where=f"character {character!r}", remedy="Give it one.")
-    return replace(mesh, vertices=vertices_of(project, character, time))
+    return replace(mesh, vertices=compute_vertices(project, character, time))

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, unused
 from enliven.errors import InputError
-from enliven.exporters import Performance, Representation, performance_of, performance_of_clip
+from enliven.exporters import Performance, Representation, performance_of_clip, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes import GLTF_SUFFIXES
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven.modeling.possessed.solving import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.sounds import Sound
@@ -100,7 +100,7 @@ def _exportables_from_project(project: Project) -> list[Exportable]:
     """Returns the rigged shapes, possessed meshes and puppets with motion, followed by the takes."""
     exportables = list[Exportable]()
     for character in project.characters.values():
-        if not rig_of(character).lacking(project, character):
+        if not get_rig_edits(character).lacking(project, character):
             exportables.append(_exportable_character(project, character))
     return [*exportables, *(_exportable_from_clip(clip, 1) for clip in project.takes.values())]
 
@@ -159,7 +159,7 @@ def _sample_character(
 ) -> Performance:
     """Samples a character of a project, at its ``own`` frames per second if no other rate is requested."""
     keyed = keyed and rate is None
-    return performance_of(project, character, start, end, rate or own, how=how, keyed=keyed)
+    return sample_performance(project, character, start, end, rate or own, how=how, keyed=keyed)
 
 
 def _sample_recorded(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from enliven.document import Clip, Project
-from enliven.exporters import exporter_of, performance_of, performance_of_clip
+from enliven.exporters import exporter_of, performance_of_clip, sample_performance
 
 
 def export(
@@ -42,7 +42,7 @@ def export(
         chosen_ids = characters or list(what.characters)
         uses_keys, representation = exporter.keyed, exporter.representation()
         performances = [
-            performance_of(what, character, start, end, rate, how=representation, keyed=uses_keys)
+            sample_performance(what, character, start, end, rate, how=representation, keyed=uses_keys)
             for character in chosen_ids
         ]
     exporter.save(path, performances, title, **options)

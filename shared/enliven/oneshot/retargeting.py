@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from enliven.document import Clip
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import Rig
 from enliven.mapping.automatic_mapping import RetargetedShape, automatic, idle_limbs, play_own_take
@@ -116,7 +116,7 @@ def retarget_file(
         retargeted = play_own_take(rig.shape, clip)
     else:
         retargeted = retarget_shape(rig.shape, clip, _plan_with(options, rig, clip), clips=rig.clips)
-    performance = performance_of(
+    performance = sample_performance(
         retargeted.project,
         retargeted.shape_id,
         0.0,

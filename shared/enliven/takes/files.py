@@ -18,7 +18,7 @@ from enliven.formats.project.file import read_project
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.takes.capture_clip import clip_of_capture, trim_clip
 from enliven.takes.capture_upright import read_capture
-from enliven.takes.recorded import clips_of_recording
+from enliven.takes.recorded import read_recorded_clips
 
 _MODEL_SUFFIXES = ", ".join(GLTF_SUFFIXES)
 _KNOWN_FORMATS_ADVICE = (
@@ -59,7 +59,7 @@ def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...
         # is the rest pose.
         return _remove_added_poses(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
-        return _find_clip(clips_of_recording(path), path, animation), ()
+        return _find_clip(read_recorded_clips(path), path, animation), ()
     if kind == ".enliven":
         return _find_clip(list(read_project(path).takes.values()), path, animation), ()
     if kind not in (".bvh", ".txt"):

@@ -28,7 +28,7 @@ from enliven.document import (
     Possession,
     Project,
     Puppet,
-    graph_shape_of,
+    graph_shape_from_poses,
     unused,
 )
 from enliven.errors import EnlivenError, InputError
@@ -173,7 +173,7 @@ def add_character_motion(
         possession = holds.possession(key, character, later_poses)
         poses = poses if possession is None else later_poses
     stream = stream_at_even_steps(character, poses, ids[1])
-    shape, _ = graph_shape_of(character, poses, ids[1], stream.step)
+    shape, _ = graph_shape_from_poses(character, poses, ids[1], stream.step)
     start = (poses[0].time_ns - begin) * 1e-9
     part = replace(shape.parts[0], offset=start, possession=possession)
     shape = shape.with_changes(id=ids[0], parts=(part,))

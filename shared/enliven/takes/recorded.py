@@ -1,6 +1,6 @@
 """Takes of recordings: the motion of each person in a file of tracked bodies.
 
-    clips_of_recording(path, *, settings=TakeSettings()) -> list[Clip]
+    read_recorded_clips(path, *, settings=TakeSettings()) -> list[Clip]
     clips_of_frames(frames, name, settings) -> list[Clip]          # enliven.frames.BodyFrame, in order
 
 Bodies come from the tracking of a sensor, from ``enliven track`` on depth images, or from the published
@@ -48,7 +48,7 @@ class TakeSettings:
     )
 
 
-def clips_of_recording(
+def read_recorded_clips(
     path: Path | str, *, settings: TakeSettings | None = None, whole: bool = False
 ) -> list[Clip]:
     """Returns one clip for each visit of a person. A person that leaves and comes back has several clips.
@@ -97,7 +97,7 @@ def read_body_frames(recording: Recording) -> Iterator[Frame]:
 
 
 def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) -> list[Clip]:
-    """Converts frames to clips in the order of time, named after ``name``; see :func:`clips_of_recording`.
+    """Converts frames to clips in the order of time, named after ``name``; see :func:`read_recorded_clips`.
 
     If there is only a single time, for example a single depth image, each clip contains one pose for the
     duration of a step.

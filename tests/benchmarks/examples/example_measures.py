@@ -13,7 +13,7 @@ from enliven.deformation.arap.self_intersection import SelfIntersection
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.mesh import Mesh, weld
 
@@ -79,7 +79,7 @@ class Ruler:
         """Returns the measurements."""
         project, puppet = self._project, self._puppet
         begun = time.perf_counter()
-        motion = motion_of(_fresh(project, puppet), puppet, 0)
+        motion = solve_layer_motion(_fresh(project, puppet), puppet, 0)
         return Measures(
             time.perf_counter() - begun,
             float(np.median(self._times[1:])),
@@ -157,7 +157,7 @@ def hands(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
 def _fresh(project: Project, puppet: Puppet) -> Project:
     """Returns the same project with copies of its takes, so that no cached results are used. Runs once to
     warm up."""
-    motion_of(project, puppet, 0)
+    solve_layer_motion(project, puppet, 0)
     return replace(project, takes={name: replace(take) for name, take in project.takes.items()})
 
 

@@ -16,8 +16,8 @@ from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Character, Pose
 from enliven.document.project import Project
 from enliven.document.puppet import Puppet, character_from_puppet
-from enliven.examples.performer import yaw_of
-from enliven.examples.puppet_motion import in_world, pose_of_state, state_of
+from enliven.examples.performer import yaw_from_rotation
+from enliven.examples.puppet_motion import evaluate_state, pose_of_state, to_world_frame
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.expmap import read_expmap
 from enliven.person.body import Body
@@ -76,7 +76,7 @@ class Play:
         capture = read_expmap(path) if path.suffix == ".txt" else read_bvh(path)
         joints, turns = bodies_from_capture(capture, find_roles(capture))
         joints = joints - [0.0, np.percentile(joints[..., 1].min(1), 2), 0.0]
-        begun = -yaw_of(self.project.takes[self.puppet.layers[0].take].turns[0, 0])
+        begun = -yaw_from_rotation(self.project.takes[self.puppet.layers[0].take].turns[0, 0])
         whole = from_rotation_vector([0.0, float(begun), 0.0])
         return rotate(whole, joints), multiply(whole, turns)
 
@@ -90,11 +90,11 @@ class Play:
         """Yields all frames in turn. Each surface starts from the previous one (warm start)."""
         surface = self.surface()
         for number, seconds in enumerate(self.times):
-            state = state_of(self.project, self.puppet, seconds)
+            state = evaluate_state(self.project, self.puppet, seconds)
             begun = time.perf_counter()
             local = surface.solve_from_rest(state.places) if number == 0 else surface.solve(state.places)
             took = 1000.0 * (time.perf_counter() - begun)
-            vertices = in_world(self.puppet, state, local).astype(np.float32)
+            vertices = to_world_frame(self.puppet, state, local).astype(np.float32)
             yield Shot(
                 float(seconds), local, vertices, pose_of_state(self.puppet, state), self.body(seconds), took
             )
@@ -109,8 +109,8 @@ class Play:
     def ways(self) -> tuple[Float, Float]:
         """Returns two smooth paths on the floor, (N, 3) each, which the cameras of puppet and performer
         follow."""
-        states = [state_of(self.project, self.puppet, seconds) for seconds in self.times]
-        puppet = np.array([in_world(self.puppet, state, state.places).mean(0) for state in states])
+        states = [evaluate_state(self.project, self.puppet, seconds) for seconds in self.times]
+        puppet = np.array([to_world_frame(self.puppet, state, state.places).mean(0) for state in states])
         joints = self.bodies[0]
         frames = np.minimum(np.round(self.times / self._step).astype(int), len(joints) - 1)
         return _smooth(puppet, self._sigma), _smooth(joints[frames].mean(1), self._sigma)

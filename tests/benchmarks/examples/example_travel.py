@@ -24,7 +24,7 @@ from enliven.document.puppet import KeyPose
 from enliven.example_sessions.mesh import fit_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
@@ -97,7 +97,7 @@ def travelled(mesh: str, take: str) -> Travelled:
     """Returns the travel of a mesh in a performance."""
     project = posed(mesh_named(mesh), clip_named(take))
     puppet = project.puppets["it"]
-    motion = motion_of(project, puppet, 0)
+    motion = solve_layer_motion(project, puppet, 0)
     points = [point.joint + "*" * point.foot for point in puppet.points]
     return Travelled(mesh, take, _offset(motion), slide(motion), ", ".join(points))
 

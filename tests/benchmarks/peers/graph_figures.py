@@ -21,7 +21,7 @@ import trimesh
 from figure import Figure
 from scipy.spatial import cKDTree
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.meshes.mesh import Mesh
 
 NODES, RUNS = 128, 5
@@ -30,7 +30,7 @@ NODES, RUNS = 128, 5
 def figures() -> Iterator[Figure]:
     """Yields ``embedded.graph_s_1m`` and the figures of five million faces."""
     mesh = folded_sphere(1_000_000)
-    ours = _median(lambda: character_from(mesh, DeformationGraph.build(mesh, NODES), "mesh"))
+    ours = _median(lambda: character_from_graph(mesh, DeformationGraph.build(mesh, NODES), "mesh"))
     theirs = _median(lambda: plain(mesh))
     yield Figure(
         "embedded.graph_s_1m", ours, "s", "trimesh sampling + scipy kd-tree, Euclidean", theirs / ours
@@ -46,10 +46,10 @@ def _large() -> tuple[float, float]:
     """Returns the seconds for five million faces, and the process' peak memory in MiB, including 115 for the
     mesh."""
     small = folded_sphere(2000)
-    character_from(small, DeformationGraph.build(small, NODES), "warm")
+    character_from_graph(small, DeformationGraph.build(small, NODES), "warm")
     large = folded_sphere(2_500_000)
     start = time.perf_counter()
-    character_from(large, DeformationGraph.build(large, NODES), "mesh")
+    character_from_graph(large, DeformationGraph.build(large, NODES), "mesh")
     return time.perf_counter() - start, _peak_mib()
 
 

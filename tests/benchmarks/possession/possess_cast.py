@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.frames import BodyFrame
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh, fit_height, refine
@@ -33,7 +33,7 @@ def actor_of(mesh: Mesh, nodes: int = 128, settings: ActorSettings | None = None
     """Returns an actor that stands in the mesh's modelled position."""
     graph = DeformationGraph.build(mesh, nodes=nodes)
     fixed = replace(settings or ActorSettings(), place="fixed")
-    return EmbeddedActor(character_from(mesh, graph, mesh.name), graph, fixed)
+    return EmbeddedActor(character_from_graph(mesh, graph, mesh.name), graph, fixed)
 
 
 def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
 from posed_people import performer
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError, ResourceError
 from enliven.outputs.live_frame import LiveFrame
 from enliven.outputs.opening import open_outputs
@@ -131,7 +131,9 @@ def test_garbage_is_ignored():
 
 def test_a_suit_of_another_program_moves_a_mesh():
     graph = DeformationGraph.build(make_chair(0.05), nodes=24, seed=0)
-    actor = EmbeddedActor(character_from(make_chair(0.05), graph, "chair"), graph, ActorSettings(fade=0.0))
+    actor = EmbeddedActor(
+        character_from_graph(make_chair(0.05), graph, "chair"), graph, ActorSettings(fade=0.0)
+    )
     with (
         open_sensor("vmc", port=0) as sensor,
         open_outputs(outputs_of([f"vmc:127.0.0.1:{sensor.port}"], {})) as outputs,

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.possession import ActorSettings, EmbeddedActor
@@ -53,7 +53,7 @@ def graph():
 
 
 def chair(graph, name: str) -> EmbeddedActor:
-    return EmbeddedActor(character_from(*graph, name), graph[1], ActorSettings(fade=0.0))
+    return EmbeddedActor(character_from_graph(*graph, name), graph[1], ActorSettings(fade=0.0))
 
 
 def held(stage: Stage) -> dict[str, list[int]]:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
@@ -51,7 +51,7 @@ def leaning(angle: float) -> Body:
 def chair():
     mesh = make_chair(0.04)
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
-    return character_from(mesh, graph, "chair"), graph
+    return character_from_graph(mesh, graph, "chair"), graph
 
 
 def block(low, high, n=6) -> tuple[np.ndarray, np.ndarray]:
@@ -86,7 +86,7 @@ def beast() -> Mesh:
 def animal():
     mesh = beast()
     graph = DeformationGraph.build(mesh, nodes=96, seed=0)
-    return character_from(mesh, graph, "beast"), graph
+    return character_from_graph(mesh, graph, "beast"), graph
 
 
 def test_a_beast_is_like_a_person_on_all_fours(animal):
@@ -251,7 +251,7 @@ def moved_chair(chair, x: float, z: float):
     character, graph = chair
     mesh = Mesh(character.vertices + np.array([x, 0.0, z]), character.faces, "chair")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
-    return character_from(mesh, graph, "chair"), graph
+    return character_from_graph(mesh, graph, "chair"), graph
 
 
 @pytest.mark.parametrize("how", ["inside", "beside"])
@@ -294,7 +294,7 @@ def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(ani
     character, _ = animal
     mesh = Mesh(character.vertices + np.array([4.0, 0.0, 1.0]), character.faces, "beast")
     graph = DeformationGraph.build(mesh, nodes=96, seed=0)
-    parts = character_from(mesh, graph, "beast"), graph
+    parts = character_from_graph(mesh, graph, "beast"), graph
     house = Stage([EmbeddedActor(*parts, ActorSettings(how="mapped", fade=0.0))])
     waiting = house.perform([person()], 0)[0]
     hip = person().joints[Joint.HIP_CENTER, [0, 2]]

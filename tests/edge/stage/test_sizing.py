@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.person import Body, Joint
 from enliven.possession import Actor, ActorSettings, EmbeddedActor, standing_figure
@@ -22,7 +22,7 @@ from enliven_edge.stage.stage import Stage
 FRAME = 33_333_333
 MESH = make_chair(0.08)
 GRAPH = DeformationGraph.build(MESH, nodes=24, seed=0)
-CHAIR = character_from(MESH, GRAPH, "chair")
+CHAIR = character_from_graph(MESH, GRAPH, "chair")
 FIGURE = standing_figure()
 OWN = float(np.linalg.norm(FIGURE[Joint.HAND_LEFT] - FIGURE[Joint.HAND_RIGHT]))
 few = settings(deadline=None, max_examples=8)

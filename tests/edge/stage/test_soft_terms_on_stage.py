@@ -15,7 +15,7 @@ from enliven.deformation.constraints.observed import ObservedPoints, ObservedSur
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
 from enliven.deformation.constraints.soft import ConstrainedPoints
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.skinning import skin_vertices
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
@@ -40,7 +40,7 @@ UPPER = sorted(PARTS["upper body"])
 def chair():
     mesh = make_chair(0.04)
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
-    return character_from(mesh, graph, "chair"), graph
+    return character_from_graph(mesh, graph, "chair"), graph
 
 
 def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
@@ -126,7 +126,7 @@ def trousers():
     low, high = np.array([-0.3, -0.1, -0.15]), np.array([0.3, 1.0, 0.15])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, LEGS, 0.06), low, high, 0.03), "trousers")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
-    return character_from(mesh, graph, "trousers"), graph
+    return character_from_graph(mesh, graph, "trousers"), graph
 
 
 @dataclasses.dataclass
@@ -231,7 +231,7 @@ def test_surface_follows_depth_without_a_skeleton():
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.025), "arm")
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
-    character = character_from(mesh, graph, "arm")
+    character = character_from_graph(mesh, graph, "arm")
     surface, solver = (
         ObservedSurface(character),
         EmbeddedSolver(graph, held_at(graph, []), EmbeddedSettings()),
@@ -257,7 +257,7 @@ def test_an_error_that_is_there_falls():
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.03), "arm")
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
-    character = character_from(mesh, graph, "arm")
+    character = character_from_graph(mesh, graph, "arm")
     surface, solver = ObservedSurface(character), EmbeddedSolver(graph, held_at(graph, []))
     every, seen = ConstrainedPoints.of(character, np.arange(len(character.vertices))), seen_of(arm(0.25))
     errors = []

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.person.joints import Joint
@@ -24,7 +24,7 @@ FRAME = 33_333_333
 def chair():
     mesh = make_chair(0.03)
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
-    return character_from(mesh, graph, "chair"), graph
+    return character_from_graph(mesh, graph, "chair"), graph
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, elbow=1.5, lift=0.0, confidence=1.0) -> Body:

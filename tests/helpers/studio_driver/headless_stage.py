@@ -100,11 +100,11 @@ class HeadlessStage:
         mapping = self.workspace.input.tools["map"]
         assert isinstance(mapping, MapTool)
         if kind == "tool":
-            self.workspace.input.take(rest)
+            self.workspace.input.activate_tool(rest)
         elif kind == "takes":
             pass  # an open list
         elif kind in ("take", "pick"):
-            self.workspace.input.take("map")
+            self.workspace.input.activate_tool("map")
             mapping.source.show(rest)
         elif kind == "loop":
             mapping.loop = not mapping.loop

@@ -234,7 +234,7 @@ def _on_timeline(place: OnTimeline, stage: SessionStage) -> Point:
 def _on_lane(place: OnLane, stage: SessionStage) -> Point:
     layout, chosen = stage.workspace.state(TimelineInput).layout, stage.workspace.editor.selection.character
     row = next(lane for lane in layout.lanes() if (lane.kind, lane.character.id) == (place.row, chosen))
-    return _shifted(stage.timeline(), np.array([layout.x_of(row, place.seconds), row.top + row.height / 2]))
+    return _shifted(stage.timeline(), np.array([layout.find_x(row, place.seconds), row.top + row.height / 2]))
 
 
 def _on_performer(place: PerformerJoint, stage: SessionStage) -> Point:

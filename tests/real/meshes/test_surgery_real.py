@@ -15,7 +15,7 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import drag_joint
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 CHOSEN = ("Fox", "Monster", "CesiumMan", "Horse", "Spider", "Snake", "Wasp")
@@ -85,7 +85,7 @@ def test_nodes_of_a_moving_model_come_and_go(path):
         edited, name = insert_node(edited, shape.id, bone, 0.4)
         edited = remove_node(edited, shape.id, name)
     for time in np.linspace(0, duration, 5):
-        before, after = pose_of(project, shape.id, time), pose_of(edited, shape.id, time)
+        before, after = evaluate_pose(project, shape.id, time), evaluate_pose(edited, shape.id, time)
         assert apart(before.turns, after.turns) < 1e-9
         np.testing.assert_allclose(after.joints, before.joints, atol=1e-9)
     np.testing.assert_array_equal(

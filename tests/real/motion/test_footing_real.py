@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.ground import floor_height_under, posed_surfaces
@@ -82,7 +82,7 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
     clip, shape = read_take(path)[0], read_gltf(DATA / "humanoids" / f"{model}.glb").shape
     result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     speeds = standing_slides(
-        path, glb_of([performance_of(result.project, result.shape_id, 0.0, 1.3, 60.0)]), names
+        path, build_glb([sample_performance(result.project, result.shape_id, 0.0, 1.3, 60.0)]), names
     )
     assert len(speeds) > 20
     assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0

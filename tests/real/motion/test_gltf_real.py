@@ -10,8 +10,8 @@ import pytest
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.project import Project
 from enliven.document.rigged import character_of
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip, weld_shape
 from enliven.meshes.gltf.file import GltfFile
@@ -64,7 +64,7 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     if rig.clips:
         project, _ = play_clip(Project(), rig.shape, rig.clips[-1])
         end = min(rig.clips[-1].duration, 0.3)
-    glb = glb_of([performance_of(project, rig.shape.id, 0.0, end)])
+    glb = build_glb([sample_performance(project, rig.shape.id, 0.0, end)])
     checked_glb(glb)
     (tmp_path / "again.glb").write_bytes(glb)
     read = read_gltf(tmp_path / "again.glb")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
 from enliven.mapping.quality import quality_of
@@ -48,7 +48,7 @@ def test_every_limb_of_the_written_file_points_as_the_performers(number):
         result = retarget(shape, clip)
         assert idle_limbs(clip, result.plan) == ()
         rate = min(60.0, 1.0 / clip.step)
-        glb = glb_of([performance_of(result.project, result.shape_id, 0.0, result.duration, rate)])
+        glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
         for limb, angles in limb_errors(path, glb, convention).items():
             # The pose is exact up to the frame rates of the two files.
             assert np.median(angles) < 2.0 and np.percentile(angles, 90) < 4.0, (path.stem, limb)

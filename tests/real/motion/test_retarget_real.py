@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from enliven.document import joint_places
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic_mapping import retarget
@@ -45,8 +45,8 @@ def test_a_real_model_moves_by_real_motions(number):
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
     for path in TAKES[number % OTHERS :: OTHERS]:
         result = retarget(rig.shape, take(path))
-        performance = performance_of(result.project, result.shape_id, 0.0, result.duration, 10.0)
-        checked_glb(glb_of([performance]))
+        performance = sample_performance(result.project, result.shape_id, 0.0, result.duration, 10.0)
+        checked_glb(build_glb([performance]))
         joints = Player(result.project, result.shape_id).sample(performance.times)[1]
         assert np.isfinite(joints).all()
         # It moves, and stays near its place.

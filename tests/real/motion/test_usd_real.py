@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from enliven.document import Project
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 
@@ -36,7 +36,7 @@ def test_a_real_model_is_valid_usd_and_moves_alike(path, tmp_path):
     if rig.clips:
         project, shape = play_clip(Project(), rig.shape, rig.clips[0])
         name, end = shape.id, min(rig.clips[0].duration, 0.5)
-    performance = performance_of(project, name, 0.0, end, 20.0)
+    performance = sample_performance(project, name, 0.0, end, 20.0)
     target = tmp_path / "out.usdc"
     exporter_of(target).save(target, [performance], "out")
     assert validation_errors(target) == []

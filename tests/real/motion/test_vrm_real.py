@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from enliven.document import Project
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, sample_performance
 from enliven.exporters.vrm.humanoid import humanoid_from_skeleton
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
@@ -33,7 +33,7 @@ def test_limbs_of_a_real_humanoid_are_straight_at_rest_and_right_in_motion(path,
     if rig.clips:
         project, shape = play_clip(Project(), rig.shape, rig.clips[0])
         name, end = shape.id, min(rig.clips[0].duration, 0.5)
-    performance = performance_of(project, name, 0.0, end, 20.0)
+    performance = sample_performance(project, name, 0.0, end, 20.0)
     bones = humanoid_from_skeleton(performance.skeleton, name).bones
     for kind, extension in (("vrm", "VRMC_vrm"), ("vrma", "VRMC_vrm_animation")):
         target = tmp_path / f"out.{kind}"

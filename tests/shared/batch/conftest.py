@@ -7,7 +7,7 @@ import pytest
 from made_bodies import bvh_text, horse, man, meshed
 
 from enliven.document.project import Project
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import write_gltf
 
 
@@ -24,5 +24,5 @@ def library(tmp_path: Path) -> Path:
     (motions / "notes.txt").write_text("Recorded on a Tuesday.\n")
     for name, skeleton in (("horse", horse()), ("man", man())):
         project = Project().with_characters(meshed(name, skeleton))
-        write_gltf(characters / f"{name}.glb", [performance_of(project, name)], name)
+        write_gltf(characters / f"{name}.glb", [sample_performance(project, name)], name)
     return tmp_path

@@ -14,7 +14,7 @@ import pytest
 from enliven.character_store import store
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
 from enliven.character_store.store import CharacterStore, key_of
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.files import ReferencedFiles
 from enliven.possession import ActorSettings, prepare_for_actor
@@ -25,7 +25,7 @@ from enliven.samples.shipped import load_sample
 def prepared() -> PreparedCharacter:
     """The chair, ready for possession."""
     mesh, settings, size, height = prepare_for_actor(load_sample("chair"), ActorSettings(), fit=False)
-    character = character_from(mesh, DeformationGraph.build(mesh, nodes=32), "chair")
+    character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes=32), "chair")
     return PreparedCharacter(character, settings, size, height, None, ("a note",))
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, assert_alike
 
 from enliven.deformation.graph.connectivity import components
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.graph.surface import build_net
 from enliven.meshes.mesh import Mesh, fit_height
 
@@ -68,7 +68,7 @@ def test_any_mesh_gets_a_connected_graph_and_whole_weights(seed, nodes):
     ]
     longest = np.max([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))], 0)
     np.testing.assert_allclose(np.sum(parts, 0), offset, atol=1e-9 * float(longest.max()) ** 2)
-    skin = character_from(mesh, graph, "random").skin
+    skin = character_from_graph(mesh, graph, "random").skin
     assert np.isfinite(skin.weights).all()
     assert skin.weights.min() >= 0
     np.testing.assert_allclose(skin.weights.sum(1), 1, atol=1e-6)

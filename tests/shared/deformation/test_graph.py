@@ -9,7 +9,7 @@ from sample_meshes.chair import make_chair
 from sample_meshes.isosurface import surface_of
 
 from enliven.deformation.graph.connectivity import components, find_weak_edges, joining_edges
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.graph.sampling import find_nearest_surface_points
 from enliven.deformation.graph.surface import build_net, path_lengths, voronoi_cells
 from enliven.errors import InputError
@@ -97,7 +97,7 @@ def test_graphs_are_connected_and_weights_sum_to_one(chair, nodes):
     assert len(graph.positions) == nodes
     assert components(nodes, graph.edges).max() == 0
     assert (graph.edges[:, 0] < graph.edges[:, 1]).all()
-    character = character_from(chair, graph, "chair")
+    character = character_from_graph(chair, graph, "chair")
     weights = character.skin.weights
     np.testing.assert_allclose(weights.sum(1), 1, atol=1e-6)
     assert weights.min() >= 0

@@ -8,7 +8,7 @@ from sample_meshes.isosurface import surface_of
 from skinned_normals import skin_normals
 
 from enliven import rotation
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
@@ -173,7 +173,7 @@ def test_normals_of_a_bent_graph_are_nearly_those_of_the_bent_surface():
 
     mesh = Mesh(*surface_of(field, np.array([-0.2, -0.1, -0.2]), np.array([0.2, 1.1, 0.2]), 0.025), "capsule")
     graph = DeformationGraph.build(mesh, 60)
-    character = character_from(mesh, graph, "capsule")
+    character = character_from_graph(mesh, graph, "capsule")
     y, bend = graph.positions[:, 1], np.pi / 4 / 0.6
     angle = bend * np.clip(y - 0.2, 0, 0.6)
     linear = rotation.to_matrix(rotation.from_rotation_vector(angle[:, None] * np.array([0.0, 0, 1])))

@@ -17,7 +17,7 @@ from enliven.deformation.constraints.observed import (
 )
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
 from enliven.deformation.constraints.soft import ConstrainedPoints, join_planes, subsample_on_grid
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Pose
 from enliven.meshes.mesh import Mesh
@@ -48,7 +48,7 @@ def trousers():
     low, high = np.array([-0.3, -0.1, -0.15]), np.array([0.3, 1.0, 0.15])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, LEGS), low, high, 0.03), "trousers")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
-    return character_from(mesh, graph, "trousers"), graph, mesh
+    return character_from_graph(mesh, graph, "trousers"), graph, mesh
 
 
 def rest(graph):

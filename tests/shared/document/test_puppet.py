@@ -14,7 +14,7 @@ from enliven.document.project import Project, are_identical
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer, character_from_puppet
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.wire.convert_characters import character_to_message, message_to_character
 
 POINTS = (ControlPoint("left", 0, "hand"), ControlPoint("right", 9, weight=2.0, foot=True))
@@ -45,8 +45,8 @@ def project():
 
 def test_a_project_file_keeps_a_puppet_bit_for_bit():
     data = project_bytes(project())
-    assert are_identical(project(), project_of(data))
-    assert project_bytes(project_of(data)) == data
+    assert are_identical(project(), parse_project(data))
+    assert project_bytes(parse_project(data)) == data
 
 
 def test_history_shares_unchanged_data():

@@ -12,7 +12,7 @@ from enliven.document.project import Project, are_identical
 from enliven.example_sessions.session import read_session
 from enliven.examples.coverage import describe_unposed, measure_coverage
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.examples.puppet_motion import evaluate_state, pose_of_state
 from enliven.formats.project.file import read_project, write_project
 from enliven.meshes.files import save_mesh
 from enliven.modeling.edits import change_layers
@@ -105,7 +105,7 @@ def test_a_take_has_the_states(folder):
     ]
     assert [pose.time_ns for pose in poses] == [round(n * 5e7) for n in range(21)]
     for pose in poses[::5]:
-        there = pose_of_state(puppet, state_of(project, puppet, 0.5 + pose.time_ns / 1e9))
+        there = pose_of_state(puppet, evaluate_state(project, puppet, 0.5 + pose.time_ns / 1e9))
         np.testing.assert_allclose(pose.positions, there.positions, atol=2e-3)
 
 

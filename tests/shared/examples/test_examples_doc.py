@@ -10,7 +10,7 @@ from puppet_worlds import stool, walker
 
 from enliven.document.project import Project
 from enliven.example_sessions.session import read_session
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.formats.project.file import write_project
 from enliven.meshes.files import save_mesh
 
@@ -49,7 +49,7 @@ def test_its_session_can_be_played(tmp_path):
     puppet = read.project.puppets["stool"]
     assert [point.name for point in puppet.points] == ["left arm", "top"] and puppet.layers[0].loop
     np.testing.assert_allclose(puppet.poses[0].places[0], puppet.rest[0] - [0, 0.2, 0])
-    assert motion_of(read.project, puppet, 0).places.shape == (91, 2, 3)
+    assert solve_layer_motion(read.project, puppet, 0).places.shape == (91, 2, 3)
 
 
 def test_modules_named_in_the_page_exist():

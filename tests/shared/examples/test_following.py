@@ -11,7 +11,7 @@ from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
-from enliven.examples.puppet_motion import motion_of, state_of
+from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion
 from enliven.examples.spacetime.following import PathFollower
 from enliven.examples.travel import alternating_feet, find_travel
 from enliven.modeling.puppet.edits import play_take
@@ -81,12 +81,12 @@ def test_nobody_is_led_astray_in_a_minute(seed, kind, body):
     project = project_of(seed, kind, body, 60)
     puppet = project.puppets["stool"]
     assert bool(find_travel(project, puppet).feet) == (body == "steps")
-    walk = motion_of(project, puppet, 0)
+    walk = solve_layer_motion(project, puppet, 0)
     assert walk.travels
     size = float(np.linalg.norm(np.ptp(puppet.rest, axis=0)))
     off = np.linalg.norm((walk.root - walk.root[0] - walk.path)[:, [0, 2]], axis=1)
     # Its own steps lead it away at some speed; beyond two leashes it is drawn back in a fifth of a second.
-    own = motion_of(*loose(project), 0)
+    own = solve_layer_motion(*loose(project), 0)
     away = np.linalg.norm(np.diff(own.root - own.path, axis=0)[:, [0, 2]], axis=1).max() / STEP
     if body == "steps":
         assert off.max() < 2 * LEASH * size + 0.2 * away + 1e-6
@@ -107,7 +107,7 @@ def test_the_path_is_the_performers_in_its_strides_and_from_its_own_front(seed, 
         clip, turns=multiply(turn, clip.turns), root=rotate(turn, clip.root) + np.array([3.0, 0.0, 1.0])
     )
     turned_project = project.with_takes(moved)
-    paths = [motion_of(each, each.puppets["stool"], 0).path for each in (project, turned_project)]
+    paths = [solve_layer_motion(each, each.puppets["stool"], 0).path for each in (project, turned_project)]
     np.testing.assert_allclose(paths[0], paths[1], atol=1e-7)
     stride = find_travel(project, project.puppets["stool"]).stride
     far = np.linalg.norm((clip.root - clip.root[0])[:, [0, 2]], axis=1)
@@ -118,7 +118,7 @@ def test_a_walker_goes_as_far_as_its_own_steps_and_another_size_counts_where_nob
     walks = project_of(3, "walks", "steps", 6)
     travel = find_travel(walks, walks.puppets["stool"])
     assert set(travel.feet) == {0, 1}
-    own = motion_of(*loose(walks), 0)
+    own = solve_layer_motion(*loose(walks), 0)
     far = [
         np.linalg.norm(np.diff(way[::30], axis=0)[:, [0, 2]], axis=1).sum() for way in (own.root, own.path)
     ]
@@ -137,7 +137,10 @@ def test_drift_correction_does_not_slide_planted_feet(seed, angle):
     drift = 0.06 * np.arange(len(clip.root))[:, None] * STEP * [np.cos(angle), 0.0, np.sin(angle)]
     carried = replace(clip, id="carried", root=clip.root + drift)
     project = play_take(walks.with_takes(carried), "stool", "carried", level_feet=False)
-    corrected, plain = motion_of(project, project.puppets["stool"], 1), motion_of(walks, free, 0)
+    corrected, plain = (
+        solve_layer_motion(project, project.puppets["stool"], 1),
+        solve_layer_motion(walks, free, 0),
+    )
     drawn = np.linalg.norm((corrected.root - plain.root)[-1, [0, 2]])
     assert drawn > 0.1
     moves = {"drawn": corrected, "loose": plain}
@@ -153,7 +156,7 @@ def test_drift_correction_does_not_slide_planted_feet(seed, angle):
 @few
 def test_drift_does_not_grow_with_loops(seed, rounds):
     project = project_of(seed, "stays", "steps", 5)
-    walk = motion_of(project, project.puppets["stool"], 0)
+    walk = solve_layer_motion(project, project.puppets["stool"], 0)
     turn, offset = float(walk.yaw[-1]), walk.path[-1]
     assert turn == pytest.approx(0.0, abs=1e-9)
     for frame in (0.0, 40.3, walk.frames - 1.0):
@@ -204,5 +207,5 @@ def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
 
 def test_puppet_without_travel_stays_in_place():
     project = puppet_project(0, travel=False)
-    now = state_of(project, project.puppets["stool"], 1.3)
+    now = evaluate_state(project, project.puppets["stool"], 1.3)
     assert_alike(now.root, np.zeros(3))

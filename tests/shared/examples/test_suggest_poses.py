@@ -6,7 +6,7 @@ from tolerances import assert_alike
 
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
-from enliven.examples.suggest import SuggestSettings, distance_to, further_poses, suggest_poses
+from enliven.examples.suggest import SuggestSettings, distance_to, suggest_further_poses, suggest_poses
 from enliven.examples.symmetric import add_mirror_images, find_partners, mirror_places, reflect_points
 
 NAMES = ("left", "right", "middle")
@@ -88,7 +88,7 @@ def test_next_suggestion_is_farthest_from_existing_poses():
     rng = np.random.default_rng(5)
     poses = rng.normal(size=(200, 4, 3))
     existing = poses[[3, 70]] + 0.01 * rng.normal(size=(2, 4, 3))
-    suggested = further_poses(poses, existing, SuggestSettings(most=8))
+    suggested = suggest_further_poses(poses, existing, SuggestSettings(most=8))
     away = np.sqrt(
         ((poses[:, None] - np.concatenate([existing, poses[list(suggested.frames)]])) ** 2).sum(3).mean(2)
     )
@@ -101,6 +101,6 @@ def test_next_suggestion_is_farthest_from_existing_poses():
 
 def test_complete_examples_need_no_suggestions():
     poses = np.random.default_rng(6).normal(size=(3, 5, 3))[np.arange(120) // 40]
-    suggested = further_poses(poses, poses[[0, 40, 80]])
+    suggested = suggest_further_poses(poses, poses[[0, 40, 80]])
     assert suggested.count == 0 and suggested.frames == ()
-    assert further_poses(poses, poses[[0]], SuggestSettings(enough=0.1)).count == 2
+    assert suggest_further_poses(poses, poses[[0]], SuggestSettings(enough=0.1)).count == 2

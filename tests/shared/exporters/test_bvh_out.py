@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.document import Clip, GraphPart, GraphShape, PoseStream, Project, Skeleton
 from enliven.document.rigged import SkinWeights, still_shape
 from enliven.errors import InputError
-from enliven.exporters import exporter_of, performance_of, performance_of_clip
+from enliven.exporters import exporter_of, performance_of_clip, sample_performance
 from enliven.exporters.bvh import bvh_text
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.rig.rig import play_clip
@@ -162,7 +162,7 @@ def test_rigged_shape_is_baked_with_its_motion(tmp_path):
     turns[1:] = multiply(turns[1:], normalized([1, 0, 0, 0] + 0.1 * random.normal(size=(5, 5, 4))))
     clip = Clip("walk", skeleton, turns, random.normal(size=(6, 3)), 0.1)
     project, _ = play_clip(Project(), still_shape("man", skeleton), clip)
-    performance = performance_of(project, "man", 0.1, 0.4, 10.0)
+    performance = sample_performance(project, "man", 0.1, 0.4, 10.0)
     path = tmp_path / "man.bvh"
     exporter_of(path, unit="cm").write(path, [performance], "man", unit="cm")
     names, _, places = obvious(path.read_text())
@@ -182,7 +182,7 @@ def test_content_unsupported_by_bvh_is_reported():
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     stream = PoseStream("dance", np.tile(np.eye(3), (2, 1, 1, 1)), np.zeros((2, 1, 3)), 0.1)
     graph = GraphShape("chair", np.zeros((1, 3)), np.zeros((0, 2)), mesh, skin, (GraphPart("dance", [0]),))
-    performance = performance_of(Project().with_streams(stream).with_characters(graph), "chair")
+    performance = sample_performance(Project().with_streams(stream).with_characters(graph), "chair")
     with pytest.raises(InputError, match=r"no skeleton.*Write a \.glb instead"):
         bvh_text(performance)
     with pytest.raises(InputError, match="holds one character, not 2"):

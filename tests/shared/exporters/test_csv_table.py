@@ -8,7 +8,7 @@ import pytest
 from made_bodies import man, meshed, random_motion
 
 from enliven.document import Project
-from enliven.exporters import exporter_of, performance_of, performance_of_clip
+from enliven.exporters import exporter_of, performance_of_clip, sample_performance
 from enliven.formats.rig.rig import play_clip
 from enliven.rotation import from_matrix
 
@@ -27,7 +27,7 @@ def rows_of(path):
 
 
 def test_every_frame_and_joint_has_a_row_with_position_and_rotation(walk, tmp_path):
-    path, performance = tmp_path / "walk.csv", performance_of(walk, "man", rate=20.0)
+    path, performance = tmp_path / "walk.csv", sample_performance(walk, "man", rate=20.0)
     exporter_of(path).save(path, [performance], "walk")
     rows, skeleton = rows_of(path), performance.skeleton
     assert len(rows) == len(performance.times) * len(skeleton)
@@ -59,7 +59,7 @@ def test_unit_and_vertical_axis_change_positions_and_their_headings(walk, tmp_pa
 
 def test_parts_of_a_surface_without_skeleton_are_numbered_in_the_world(tmp_path):
     path, shares = tmp_path / "bean.csv", []
-    performance = performance_of(made_puppets.project(), "bean", 0.0, 0.2, 10.0)
+    performance = sample_performance(made_puppets.project(), "bean", 0.0, 0.2, 10.0)
     exporter_of(path).save(path, [performance], "bean", progress=shares.append)
     rows, pose = rows_of(path), list(performance.poses())[2]
     last = rows[-len(pose.positions) :]
@@ -78,5 +78,5 @@ def test_interrupted_table_leaves_the_older_file(walk, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        exporter_of(path).save(path, [performance_of(walk, "man")], "walk", progress=interrupt)
+        exporter_of(path).save(path, [sample_performance(walk, "man")], "walk", progress=interrupt)
     assert path.read_text() == "older" and list(tmp_path.iterdir()) == [path]

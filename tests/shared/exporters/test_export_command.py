@@ -17,7 +17,7 @@ from test_recorded import waving
 from enliven.camera import Intrinsics
 from enliven.cli import run
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import Project, character_of, graph_shape_of
+from enliven.document import Project, character_of, graph_shape_from_poses
 from enliven.exporters.bvh import bvh_text
 from enliven.exporters.sampling import performance_of_clip
 from enliven.formats.motion.bvh import read_bvh
@@ -107,7 +107,7 @@ def show(made, recorded, tmp_path):
     """A project with a rigged shape, a possessed mesh and a puppet."""
     project, _ = made
     character, poses = recorded
-    graph, stream = graph_shape_of(replace(character, id="chair", kind="graph"), poses, "sit")
+    graph, stream = graph_shape_from_poses(replace(character, id="chair", kind="graph"), poses, "sit")
     bean = made_puppets.project()
     project = project.with_takes(*bean.takes.values())
     whole = project.with_streams(stream).with_characters(graph, *bean.puppets.values())

@@ -11,15 +11,15 @@ from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import graph_shape_of
+from enliven.document import graph_shape_from_poses
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.document.rigged import character_of, still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError, ResourceError
-from enliven.exporters import Performance, performance_of
-from enliven.exporters.gltf.write import glb_of, write_gltf
+from enliven.exporters import Performance, sample_performance
+from enliven.exporters.gltf.write import build_glb, write_gltf
 from enliven.exporters.joints import normalize_skin
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
@@ -71,7 +71,7 @@ def test_written_glb_is_valid_and_moves_alike(tmp_path_factory, seed):
     shape = random_shape(random, "squid")
     project, shape = play_clip(Project(), shape, random_clip(random, shape.skeleton))
     path = tmp_path_factory.mktemp("glb") / "squid.glb"
-    performance = performance_of(project, "squid", rate=20.0)
+    performance = sample_performance(project, "squid", rate=20.0)
     write_gltf(path, [performance])
     checked_glb(path.read_bytes())
     slow = SlowGltf(path)
@@ -88,7 +88,7 @@ def test_the_same_skeleton_is_read_again(tmp_path_factory, seed):
     shape = random_shape(random, "squid")
     path = tmp_path_factory.mktemp("glb") / "squid.glb"
     project, _ = play_clip(Project(), shape, random_clip(random, shape.skeleton))
-    write_gltf(path, [performance_of(project, "squid", rate=20.0)])
+    write_gltf(path, [sample_performance(project, "squid", rate=20.0)])
     rig = read_gltf(path)
     order = [rig.shape.skeleton.index(name) for name in shape.skeleton.names]
     parents = [-1 if p < 0 else order[p] for p in shape.skeleton.parents]
@@ -109,8 +109,8 @@ def test_two_characters_in_one_file():
     for shape in shapes:
         clip = Clip(shape.id, *_parts(random_clip(random, shape.skeleton)))
         project, _ = play_clip(project, shape, clip)
-    performances = [performance_of(project, shape.id) for shape in shapes]
-    document = checked_glb(glb_of(performances))
+    performances = [sample_performance(project, shape.id) for shape in shapes]
+    document = checked_glb(build_glb(performances))
     assert [skin["name"] for skin in document["skins"]] == ["one", "two"]
     (animation,) = document["animations"]
     moved = {c["target"]["node"] for c in animation["channels"]}
@@ -127,7 +127,7 @@ def test_a_shape_that_stands_still_has_no_animation_and_its_pose(tmp_path):
     modeling = shape.modeling.copy()
     modeling[2] = normalized([1.0, 0.4, -0.2, 0.3])
     project = Project().with_characters(shape.with_changes(modeling=modeling))
-    write_gltf(tmp_path / "statue.glb", [performance_of(project, "statue")])
+    write_gltf(tmp_path / "statue.glb", [sample_performance(project, "statue")])
     document = checked_glb((tmp_path / "statue.glb").read_bytes())
     assert "animations" not in document
     seen = SlowGltf(tmp_path / "statue.glb").vertices_at(None, 0.0)
@@ -142,12 +142,14 @@ def test_bone_names_contain_both_ends(tmp_path):
     indices[:, 0] = np.repeat(np.arange(5), 3)
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (15, 1))
     shape = still_shape("man", skeleton, mesh, SkinWeights(indices, weights))
-    document = checked_glb(glb_of([performance_of(Project().with_characters(shape), "man")]))
+    document = checked_glb(build_glb([sample_performance(Project().with_characters(shape), "man")]))
     names = [node["name"] for node in document["nodes"]]
     assert names == [
         "hips", "hips to chest", "chest", "chest to hand", "hips to foot", "head", "hand", "foot", "man",
     ]  # fmt: skip
-    (tmp_path / "man.glb").write_bytes(glb_of([performance_of(Project().with_characters(shape), "man")]))
+    (tmp_path / "man.glb").write_bytes(
+        build_glb([sample_performance(Project().with_characters(shape), "man")])
+    )
     assert read_gltf(tmp_path / "man.glb").shape.skeleton.names == ("hips", "chest", "head", "hand", "foot")
 
 
@@ -171,15 +173,15 @@ def test_unwritable_content_is_reported(tmp_path):
     bare = still_shape("bare", shape.skeleton)
     project = Project().with_characters(shape, bare)
     with pytest.raises(InputError, match="it has no mesh"):
-        glb_of([performance_of(project, "bare")])
+        build_glb([sample_performance(project, "bare")])
     with pytest.raises(InputError, match="nothing to write"):
-        glb_of([])
+        build_glb([])
     with pytest.raises(InputError, match="is not a valid time range"):
-        performance_of(project, "squid", 2.0, 1.0)
+        sample_performance(project, "squid", 2.0, 1.0)
     (tmp_path / "file").write_text("x")
     with pytest.raises(ResourceError, match="cannot be written"):
-        write_gltf(tmp_path / "file" / "a.glb", [performance_of(project, "squid")])
-    assert isinstance(performance_of(project, "squid"), Performance)
+        write_gltf(tmp_path / "file" / "a.glb", [sample_performance(project, "squid")])
+    assert isinstance(sample_performance(project, "squid"), Performance)
 
 
 def test_a_possessed_mesh_moves_as_its_nodes_do(tmp_path):
@@ -198,9 +200,9 @@ def test_a_possessed_mesh_moves_as_its_nodes_do(tmp_path):
         linear = turns * (1.0 + 0.05 * k * random.random((5, 1, 3)))
         places = pivots + 0.1 * k * random.normal(size=(5, 3))
         poses.append(Pose("chair", 100_000_000 * k, linear.astype(np.float32), places.astype(np.float32)))
-    shape, stream = graph_shape_of(character, poses, "dance")
+    shape, stream = graph_shape_from_poses(character, poses, "dance")
     project = Project().with_streams(stream).with_characters(shape)
-    performance = performance_of(project, "chair", rate=10.0)
+    performance = sample_performance(project, "chair", rate=10.0)
     assert lost(performance) < 1e-6 and len(performance.times) == 6
     path = tmp_path / "chair.glb"
     write_gltf(path, [performance])

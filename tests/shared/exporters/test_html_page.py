@@ -17,7 +17,7 @@ from made_bodies import man, meshed, random_motion
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project
 from enliven.errors import InputError
-from enliven.exporters import exporter_of, html_page, performance_of
+from enliven.exporters import exporter_of, html_page, sample_performance
 from enliven.formats.rig.rig import play_clip
 from enliven.wire import CharacterMessage, PoseCodec, message_to_character
 
@@ -26,7 +26,7 @@ from enliven.wire import CharacterMessage, PoseCodec, message_to_character
 def walk():
     shape = meshed("man", man())
     clip = random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
-    return performance_of(play_clip(Project(), shape, clip)[0], "man", rate=20.0)
+    return sample_performance(play_clip(Project(), shape, clip)[0], "man", rate=20.0)
 
 
 def save(path, performances, title="walk", **options):
@@ -70,7 +70,7 @@ def test_page_contains_every_frame_within_the_error_of_the_wire(walk, tmp_path):
 
 def test_puppet_is_baked_to_transforms(tmp_path):
     project = made_puppets.project()
-    performance = performance_of(project, "bean", rate=10.0)
+    performance = sample_performance(project, "bean", rate=10.0)
     _, surfaces = decoded(take_of(save(tmp_path / "bean.html", [performance]))["characters"][0])
     for surface, expected in zip(surfaces, performance.surfaces(), strict=True):
         assert np.abs(surface - expected).max() < 3e-3

@@ -13,8 +13,8 @@ from strict_gltf import checked_glb
 from enliven.document import Project, are_identical
 from enliven.example_sessions.mesh import load_session_mesh
 from enliven.example_sessions.tables import MeshTable
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of, write_gltf
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb, write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project, write_project
 
@@ -128,7 +128,7 @@ def test_materials_and_images_are_the_same_after_project_file_and_export(tmp_pat
     write_project(tmp_path / "square.enliven", project)
     again = read_project(tmp_path / "square.enliven")
     assert are_identical(again, project)
-    data = glb_of([performance_of(again, rig.shape.id)])
+    data = build_glb([sample_performance(again, rig.shape.id)])
     checked_glb(data)
     document, image = opened(data)
     by_name = {material["name"]: material for material in document["materials"]}
@@ -161,7 +161,7 @@ def test_a_file_that_is_read_and_written_again_and_again_stays_the_same(tmp_path
     for turn in range(3):
         rig = read_gltf(sorted(tmp_path.glob(f"{turn}.gl*"))[0], name="square")
         project = Project().with_characters(rig.shape)
-        write_gltf(tmp_path / f"{turn + 1}.glb", [performance_of(project, "square")])
+        write_gltf(tmp_path / f"{turn + 1}.glb", [sample_performance(project, "square")])
         turns.append(read_gltf(tmp_path / f"{turn + 1}.glb").shape.mesh.materials)
     assert are_identical(turns[1], turns[2])
     assert turns[0].definitions == turns[1].definitions and are_identical(
@@ -173,7 +173,7 @@ def test_two_characters_with_one_material_share_it(tmp_path):
     made_file(tmp_path / "square.gltf")
     shapes = [read_gltf(tmp_path / "square.gltf", name=name).shape for name in ("one", "two")]
     project = Project().with_characters(*shapes)
-    document, _ = opened(glb_of([performance_of(project, name) for name in ("one", "two")]))
+    document, _ = opened(build_glb([sample_performance(project, name) for name in ("one", "two")]))
     assert [material["name"] for material in document["materials"]] == ["oak", "glass", "one", "two"]
     assert len(document["images"]) == 2 and len(document["textures"]) == 2
 
@@ -192,7 +192,9 @@ def test_a_damaged_material_is_left_out_with_a_note(tmp_path, wood, materials, s
     made_file(tmp_path / "square.gltf", wood, materials)
     rig = read_gltf(tmp_path / "square.gltf")
     assert any(said in note for note in rig.notes)
-    document, image = opened(glb_of([performance_of(Project().with_characters(rig.shape), rig.shape.id)]))
+    document, image = opened(
+        build_glb([sample_performance(Project().with_characters(rig.shape), rig.shape.id)])
+    )
     by_name = {material["name"]: material for material in document["materials"]}
     assert resolved(by_name["glass"], document, image) == expected(GLASS)
 
@@ -214,4 +216,4 @@ def test_images_outside_of_the_folder_are_not_taken(tmp_path):
     (inner / "square.gltf").write_text(json.dumps(document))
     rig = read_gltf(inner / "square.gltf")
     assert any("lies outside of its folder" in note for note in rig.notes)
-    assert WOOD not in glb_of([performance_of(Project().with_characters(rig.shape), rig.shape.id)])
+    assert WOOD not in build_glb([sample_performance(Project().with_characters(rig.shape), rig.shape.id)])

@@ -13,7 +13,7 @@ from enliven.cli import run
 from enliven.document import Project
 from enliven.errors import InputError, ResourceError
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
@@ -34,7 +34,7 @@ def vertices_of(path):
 
 
 def test_each_frame_has_the_surface_and_the_same_faces(walk, tmp_path):
-    folder, performance = tmp_path / "walk.obj-sequence", performance_of(walk, "man", rate=20.0)
+    folder, performance = tmp_path / "walk.obj-sequence", sample_performance(walk, "man", rate=20.0)
     shares = []
     exporter_of(folder).save(folder, [performance], "walk", progress=shares.append)
     files = sorted(folder.iterdir())
@@ -50,7 +50,7 @@ def test_puppets_are_written_without_baking_error(tmp_path):
     project = made_puppets.project()
     folder = tmp_path / "bean.obj-sequence"
     exporter = exporter_of(folder)
-    performance = performance_of(project, "bean", 0.0, 0.3, 10.0, how=exporter.representation())
+    performance = sample_performance(project, "bean", 0.0, 0.3, 10.0, how=exporter.representation())
     assert performance.error is None
     exporter.save(folder, [performance], "bean")
     puppet = project.puppets["bean"]
@@ -67,7 +67,7 @@ def test_materials_images_and_colours_are_kept(tmp_path):
     made_file(tmp_path / "square.glb")
     shape = read_gltf(tmp_path / "square.glb").shape
     folder = tmp_path / "a square.obj-sequence"
-    performance = performance_of(Project().with_characters(shape), shape.id)
+    performance = sample_performance(Project().with_characters(shape), shape.id)
     exporter_of(folder).save(folder, [performance], "square")
     text = (folder / "a_square.mtl").read_text()
     (used,) = (line.split()[1] for line in text.splitlines() if line.startswith("map_Kd"))
@@ -83,7 +83,7 @@ def test_materials_images_and_colours_are_kept(tmp_path):
 def test_texture_coordinates_of_the_second_character_follow_those_of_the_first(tmp_path):
     made_file(tmp_path / "square.glb")
     shape = read_gltf(tmp_path / "square.glb").shape
-    performance = performance_of(Project().with_characters(shape), shape.id)
+    performance = sample_performance(Project().with_characters(shape), shape.id)
     folder = tmp_path / "two.obj-sequence"
     exporter_of(folder).save(folder, [performance, replace(performance, name="other one")], "two")
     text = (folder / "two_0001.obj").read_text()
@@ -97,7 +97,7 @@ def test_texture_coordinates_of_the_second_character_follow_those_of_the_first(t
 
 def test_the_shorter_of_two_motions_holds_its_last_pose(walk, tmp_path):
     folder = tmp_path / "two.obj-sequence"
-    long, short = performance_of(walk, "man", rate=20.0), performance_of(walk, "man", 0.0, 0.1, 20.0)
+    long, short = sample_performance(walk, "man", rate=20.0), sample_performance(walk, "man", 0.0, 0.1, 20.0)
     exporter_of(folder).save(folder, [long, replace(short, name="short")], "two")
     files = sorted(folder.iterdir())
     assert len(files) == len(long.times)
@@ -112,7 +112,7 @@ def interrupt(share):
 
 @pytest.mark.parametrize("existed", [True, False])
 def test_interrupted_sequence_leaves_only_the_older_folder(walk, tmp_path, existed):
-    folder, performance = tmp_path / "walk.obj-sequence", performance_of(walk, "man")
+    folder, performance = tmp_path / "walk.obj-sequence", sample_performance(walk, "man")
     exporter = exporter_of(folder)
     if existed:
         exporter.save(folder, [replace(performance, times=performance.times[:1])], "older")
@@ -125,7 +125,7 @@ def test_interrupted_sequence_leaves_only_the_older_folder(walk, tmp_path, exist
 
 
 def test_full_disk_is_reported_and_leaves_nothing(walk, tmp_path, monkeypatch):
-    folder, performance = tmp_path / "walk.obj-sequence", performance_of(walk, "man")
+    folder, performance = tmp_path / "walk.obj-sequence", sample_performance(walk, "man")
     written = []
 
     def fail_at_third(path, *arguments):
@@ -145,7 +145,7 @@ def test_a_folder_with_other_files_is_not_replaced(walk, tmp_path, name):
     (folder / name).parent.mkdir(parents=True)
     (folder / name).write_text("mine")
     with pytest.raises(InputError, match=f"contains other files, such as '{name.split('/')[0]}'"):
-        exporter_of(folder).save(folder, [performance_of(walk, "man")], "walk")
+        exporter_of(folder).save(folder, [sample_performance(walk, "man")], "walk")
     assert (folder / name).read_text() == "mine" and list(tmp_path.iterdir()) == [folder]
 
 
@@ -156,13 +156,13 @@ def test_a_file_or_link_of_that_name_is_not_replaced(walk, tmp_path):
     for name in ("a", "b"):
         folder = tmp_path / f"{name}.obj-sequence"
         with pytest.raises(InputError, match="is not a folder"):
-            exporter_of(folder).save(folder, [performance_of(walk, "man")], "walk")
+            exporter_of(folder).save(folder, [sample_performance(walk, "man")], "walk")
     assert (tmp_path / "a.obj-sequence").read_text() == "mine"
 
 
 def test_the_command_writes_a_sequence(walk, tmp_path, capsys):
     shape_file = tmp_path / "man.glb"
-    exporter_of(shape_file).save(shape_file, [performance_of(walk, "man", rate=10.0)], "man")
+    exporter_of(shape_file).save(shape_file, [sample_performance(walk, "man", rate=10.0)], "man")
     words = ["-o", str(tmp_path / "man.obj-sequence"), "--unit", "cm", "--end", "0.2", "--rate", "10"]
     assert run(["export", str(shape_file), *words]) == 0
     assert "are in" in capsys.readouterr().out

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from made_bodies import man, meshed, random_motion
 
-from enliven.document import Character, Project, SkinWeights, graph_shape_of
+from enliven.document import Character, Project, SkinWeights, graph_shape_from_poses
 from enliven.document.character import Pose
 from enliven.errors import InputError
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.exporters.placement import ExportPlacement
 from enliven.formats.rig.rig import play_clip
 
@@ -34,7 +34,7 @@ def project():
         )
         for k in range(4)
     ]
-    chair, stream = graph_shape_of(character, poses, "sit")
+    chair, stream = graph_shape_from_poses(character, poses, "sit")
     bean = made_puppets.project()
     project = project.with_takes(*bean.takes.values()).with_streams(stream)
     return project.with_characters(chair, *bean.puppets.values())
@@ -49,7 +49,7 @@ def surfaces(performance):
     [("man", "skin"), ("chair", "skin"), ("bean", "skin"), ("bean", "morphs"), ("bean", "points")],
 )
 def test_scale_and_axis_map_all_points_of_every_rig(project, name, how):
-    performance = performance_of(project, name, 0.0, 0.2, 10.0, how=how)
+    performance = sample_performance(project, name, 0.0, 0.2, 10.0, how=how)
     placed = ExportPlacement(scale=2.0, up="z").applied_to(performance)
     np.testing.assert_allclose(surfaces(placed), surfaces(performance) @ (2.0 * Z_UP.T), atol=1e-5)
     np.testing.assert_allclose(placed.mesh.vertices, performance.mesh.vertices @ (2.0 * Z_UP.T))
@@ -62,7 +62,7 @@ def test_scale_and_axis_map_all_points_of_every_rig(project, name, how):
     ("name", "how"), [("man", "skin"), ("chair", "skin"), ("bean", "skin"), ("bean", "points")]
 )
 def test_motion_in_place_keeps_height_and_pose(project, name, how):
-    performance = performance_of(project, name, 0.0, 0.3, 10.0, how=how)
+    performance = sample_performance(project, name, 0.0, 0.3, 10.0, how=how)
     if performance.places is not None:
         walk = np.linspace(0.0, 2.0, len(performance.times))[:, None]
         performance = replace(performance, places=performance.places + walk * [1.0, 0.1, -1.0])
@@ -76,7 +76,7 @@ def test_motion_in_place_keeps_height_and_pose(project, name, how):
 
 
 def test_in_place_root_stays_where_it_begins(project):
-    performance = ExportPlacement(in_place=True).applied_to(performance_of(project, "man", rate=10.0))
+    performance = ExportPlacement(in_place=True).applied_to(sample_performance(project, "man", rate=10.0))
     root = performance.joints[:, 0]
     np.testing.assert_allclose(root[:, [0, 2]], np.tile(root[0, [0, 2]], (len(root), 1)), atol=1e-12)
 

@@ -10,9 +10,9 @@ from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.settings import BakeSettings
-from enliven.examples.puppet_motion import in_world, state_of
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of, write_gltf
+from enliven.examples.puppet_motion import evaluate_state, to_world_frame
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb, write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.rotation import from_rotation_vector
 
@@ -31,16 +31,16 @@ def solved(project, times):
     surface = PuppetSurface(puppet.mesh, [p.vertex for p in puppet.points], settings=puppet.surface)
     out = []
     for number, time in enumerate(times):
-        state = state_of(project, puppet, time)
+        state = evaluate_state(project, puppet, time)
         moved = surface.solve(state.places) if number else surface.solve_from_rest(state.places)
-        out.append(in_world(puppet, state, moved))
+        out.append(to_world_frame(puppet, state, moved))
     return np.array(out)
 
 
 @pytest.mark.parametrize("how", ["skin", "morphs"])
 def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp_path, how):
     settings = BakeSettings(rms=0.001, worst=0.01, keys=0.0002)
-    performance = performance_of(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
+    performance = sample_performance(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
     assert (
         performance.error.rms <= 0.001 * performance.error.size
         and performance.error.worst <= 0.01 * performance.error.size
@@ -60,32 +60,32 @@ def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp
 
 
 def test_keys_are_left_out_where_they_tell_nothing(bean):
-    few = performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
-    all_of_them = performance_of(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))
-    assert len(glb_of([few])) < 0.7 * len(glb_of([all_of_them]))
+    few = sample_performance(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
+    all_of_them = sample_performance(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))
+    assert len(build_glb([few])) < 0.7 * len(build_glb([all_of_them]))
 
 
 def test_a_puppet_that_plays_nothing_stands_at_rest():
     still = made_puppets.project(layers=())
-    performance = performance_of(still, "bean")
+    performance = sample_performance(still, "bean")
     assert performance.error.worst < 1e-6 and len(performance.times) == 1
-    document = checked_glb(glb_of([performance]))
+    document = checked_glb(build_glb([performance]))
     assert "animations" not in document
 
 
 def test_puppets_and_their_times_are_checked(bean):
     with pytest.raises(InputError, match="no character 'pea'"):
-        performance_of(bean, "pea")
+        sample_performance(bean, "pea")
     with pytest.raises(InputError, match="is not a valid time range"):
-        performance_of(bean, "bean", 2.0, 1.0)
+        sample_performance(bean, "bean", 2.0, 1.0)
     unposed = bean.with_characters(bean.puppet("bean").with_changes(poses=()))
     with pytest.raises(InputError, match="Pose two examples"):
-        performance_of(unposed, "bean")
+        sample_performance(unposed, "bean")
 
 
 def test_a_baked_puppet_is_read_again_though_its_joints_hang_free(bean, tmp_path):
     path = tmp_path / "bean.glb"
-    write_gltf(path, [performance_of(bean, "bean")])
+    write_gltf(path, [sample_performance(bean, "bean")])
     rig = read_gltf(path)
     mesh = bean.puppet("bean").mesh
     assert rig.shape.mesh is not None and len(rig.shape.mesh.vertices) == len(mesh.vertices)

@@ -16,7 +16,7 @@ from test_recorded import waving
 from enliven.cli import run
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
-from enliven.exporters import exporter_of, performance_of, performance_of_clip
+from enliven.exporters import exporter_of, performance_of_clip, sample_performance
 from enliven.formats.rig.rig import play_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.oneshot.exportable import find_exportables
@@ -41,7 +41,7 @@ def project():
 
 @pytest.fixture(scope="module")
 def walk(project):
-    return performance_of(project, "man", rate=20.0)
+    return sample_performance(project, "man", rate=20.0)
 
 
 def save(path, performances, title="walk", **options):
@@ -126,7 +126,7 @@ def test_humanoid_rig_is_a_person_with_its_left_and_right(walk, tmp_path):
 
 
 def test_people_of_different_rates_are_present_in_every_frame(project, walk, tmp_path):
-    other = replace(performance_of(project, "man", rate=13.0), name="other")
+    other = replace(sample_performance(project, "man", rate=13.0), name="other")
     frames = list(save(tmp_path / "two.mcap", [walk, other]).frames())
     times = [frame.time_ns for frame in frames]
     assert times == sorted(set(times))
@@ -136,7 +136,7 @@ def test_people_of_different_rates_are_present_in_every_frame(project, walk, tmp
 
 
 def test_all_messages_are_in_order_of_time(walk, tmp_path):
-    bean = performance_of(made_puppets.project(), "bean", rate=13.0)
+    bean = sample_performance(made_puppets.project(), "bean", rate=13.0)
     save(tmp_path / "both.mcap", [walk, bean])
     with (tmp_path / "both.mcap").open("rb") as file:
         reader = make_reader(file)
@@ -149,7 +149,7 @@ def test_all_messages_are_in_order_of_time(walk, tmp_path):
 
 
 def test_creature_is_not_a_person(tmp_path):
-    bean = performance_of(made_puppets.project(), "bean", rate=10.0)
+    bean = sample_performance(made_puppets.project(), "bean", rate=10.0)
     assert "/bodies" not in save(tmp_path / "bean.mcap", [bean]).info.topics
 
 

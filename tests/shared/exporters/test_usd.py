@@ -15,7 +15,7 @@ from test_materials import BUMPS, WOOD, made_file
 from enliven.cli import run
 from enliven.document import Project
 from enliven.errors import InputError, ResourceError
-from enliven.exporters import exporter_of, performance_of
+from enliven.exporters import exporter_of, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 
@@ -55,7 +55,7 @@ def check_vertices(path, name, performance, scale=1.0, tolerance=SAME):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_skeleton_is_valid_and_moves_the_surface_alike(walk, tmp_path, kind):
-    path, performance = tmp_path / f"walk.{kind}", performance_of(walk, "man", rate=20.0)
+    path, performance = tmp_path / f"walk.{kind}", sample_performance(walk, "man", rate=20.0)
     stage = saved(path, performance)
     check_vertices(path, "man", performance)
     assert stage.GetTimeCodesPerSecond() == 20.0 and stage.GetEndTimeCode() == len(performance.times) - 1
@@ -73,7 +73,7 @@ def test_random_skeletons_move_alike(tmp_path, seed):
     random = np.random.default_rng(seed)
     shape = random_shape(random, "squid")
     project, _ = play_clip(Project(), shape, random_clip(random, shape.skeleton))
-    path, performance = tmp_path / "squid.usdc", performance_of(project, "squid", rate=20.0)
+    path, performance = tmp_path / "squid.usdc", sample_performance(project, "squid", rate=20.0)
     saved(path, performance)
     check_vertices(path, "squid", performance)
 
@@ -82,7 +82,7 @@ def test_random_skeletons_move_alike(tmp_path, seed):
 def test_stretched_bones_lose_only_the_last_digits_of_scales(tmp_path, seed):
     rig = read_gltf(random_rig(seed, tmp_path / "stretched.gltf", stretched=0.0))
     project, shape = play_clip(Project(), rig.shape, rig.clips[0])
-    performance = replace(performance_of(project, shape.id, rate=1.0 / rig.clips[0].step), name="rig")
+    performance = replace(sample_performance(project, shape.id, rate=1.0 / rig.clips[0].step), name="rig")
     path = tmp_path / "stretched.usdc"
     saved(path, performance)
     assert performance.stretches
@@ -92,7 +92,7 @@ def test_stretched_bones_lose_only_the_last_digits_of_scales(tmp_path, seed):
 def test_puppets_are_points_over_time_without_error(tmp_path):
     path, exporter = tmp_path / "bean.usdc", exporter_of(tmp_path / "bean.usdc")
     how = exporter.representation()
-    performance = performance_of(made_puppets.project(), "bean", 0.0, 0.5, 10.0, how=how)
+    performance = sample_performance(made_puppets.project(), "bean", 0.0, 0.5, 10.0, how=how)
     stage = saved(path, performance)
     assert performance.error is None
     check_vertices(path, "bean", performance)
@@ -101,7 +101,7 @@ def test_puppets_are_points_over_time_without_error(tmp_path):
 
 
 def test_unit_axis_and_scale_are_stated_and_applied(walk, tmp_path):
-    path, performance = tmp_path / "walk.usda", performance_of(walk, "man", rate=20.0)
+    path, performance = tmp_path / "walk.usda", sample_performance(walk, "man", rate=20.0)
     stage = saved(path, performance, unit="cm", up="z", scale=2.0)
     assert UsdGeom.GetStageMetersPerUnit(stage) == 0.01 and UsdGeom.GetStageUpAxis(stage) == "Z"
     surface = list(performance.surfaces())[2] @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -110,7 +110,7 @@ def test_unit_axis_and_scale_are_stated_and_applied(walk, tmp_path):
 
 
 def test_several_characters_with_one_name_and_odd_names(walk, tmp_path):
-    performance = performance_of(walk, "man", 0.0, 0.2, 10.0)
+    performance = sample_performance(walk, "man", 0.0, 0.2, 10.0)
     names = ("man", "man", "1 ?", "Ärmel", "Materials")
     path = tmp_path / "2 of them.usda"
     stage = saved(path, *(replace(performance, name=name) for name in names))
@@ -124,7 +124,7 @@ def test_materials_and_images_are_kept(tmp_path, kind):
     made_file(tmp_path / "square.glb")
     shape = read_gltf(tmp_path / "square.glb").shape
     path = tmp_path / f"tile.{kind}"
-    performance = performance_of(Project().with_characters(shape), shape.id)
+    performance = sample_performance(Project().with_characters(shape), shape.id)
     stage = saved(path, performance)
     if kind == "usdz":
         with zipfile.ZipFile(path) as package:
@@ -155,7 +155,7 @@ def test_transform_of_texture_coordinates_gives_the_same_place(tmp_path):
     moved = {"name": "moved", "pbrMetallicRoughness": {"baseColorTexture": texture}}
     made_file(tmp_path / "square.glb", materials=(moved, {"name": "other"}))
     shape = read_gltf(tmp_path / "square.glb").shape
-    stage = saved(tmp_path / "tile.usda", performance_of(Project().with_characters(shape), shape.id))
+    stage = saved(tmp_path / "tile.usda", sample_performance(Project().with_characters(shape), shape.id))
     node = UsdShade.Shader.Get(stage, "/tile/Materials/moved/base_transform")
     angle = np.radians(node.GetInput("rotation").Get())
     spin = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -169,7 +169,7 @@ def test_transform_of_texture_coordinates_gives_the_same_place(tmp_path):
 
 def test_vertex_colours_are_linear(walk, tmp_path):
     shape = random_shape(np.random.default_rng(3), "squid")
-    stage = saved(tmp_path / "a.usdc", performance_of(Project().with_characters(shape), "squid"))
+    stage = saved(tmp_path / "a.usdc", sample_performance(Project().with_characters(shape), "squid"))
     mesh = UsdGeom.Mesh.Get(stage, "/a/squid/Mesh")
     colours = np.array(mesh.GetDisplayColorAttr().Get())
     coded = shape.mesh.colours / 255.0
@@ -182,7 +182,7 @@ def test_vertex_colours_are_linear(walk, tmp_path):
 def test_interrupted_export_leaves_the_older_files(tmp_path, kind):
     made_file(tmp_path / "square.glb")
     shape = read_gltf(tmp_path / "square.glb").shape
-    performance = performance_of(Project().with_characters(shape), shape.id)
+    performance = sample_performance(Project().with_characters(shape), shape.id)
     path = tmp_path / f"tile.{kind}"
     saved(path, performance)
     before = {each: each.read_bytes() for each in tmp_path.rglob("*") if each.is_file()}
@@ -196,7 +196,7 @@ def test_interrupted_export_leaves_the_older_files(tmp_path, kind):
 
 
 def test_unwritable_usd_is_reported(walk, tmp_path, monkeypatch):
-    performance = performance_of(walk, "man", 0.0, 0.1)
+    performance = sample_performance(walk, "man", 0.0, 0.1)
     path = tmp_path / "out.usda"
     with pytest.raises(InputError, match="nothing to write"):
         exporter_of(path).save(path, [], "out")
@@ -224,7 +224,7 @@ def test_missing_library_names_the_command_to_install(monkeypatch, tmp_path, cap
 
 def test_the_command_writes_all_kinds(walk, tmp_path, capsys):
     source = tmp_path / "man.glb"
-    exporter_of(source).save(source, [performance_of(walk, "man", rate=10.0)], "man")
+    exporter_of(source).save(source, [sample_performance(walk, "man", rate=10.0)], "man")
     for kind in KINDS:
         assert run(["export", str(source), "-o", str(tmp_path / f"man.{kind}"), "--in-place"]) == 0
         assert validation_errors(tmp_path / f"man.{kind}") == []

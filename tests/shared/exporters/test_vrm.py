@@ -11,7 +11,7 @@ from vrm_reader import chunks, human_nodes, world_matrices
 from enliven.cli import run
 from enliven.document import Project
 from enliven.errors import InputError
-from enliven.exporters import exporter_of, performance_of, performance_of_clip
+from enliven.exporters import exporter_of, performance_of_clip, sample_performance
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 
@@ -91,7 +91,7 @@ def test_avatar_stands_in_the_t_pose_with_the_skin_of_the_model(tmp_path, angle)
     project, _ = play_clip(
         Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     )
-    data = written(tmp_path / "man.vrm", performance_of(project, "man", rate=10.0))
+    data = written(tmp_path / "man.vrm", sample_performance(project, "man", rate=10.0))
     document = chunks(data)[0]
     assert "animations" not in document and document["extensionsUsed"] == ["VRMC_vrm"]
     extension = document["extensions"]["VRMC_vrm"]
@@ -122,10 +122,10 @@ def test_avatar_stands_in_the_t_pose_with_the_skin_of_the_model(tmp_path, angle)
 @pytest.mark.parametrize("kind", ["vrm", "vrma"])
 def test_no_humanoid_is_refused_with_the_reason(tmp_path, kind):
     path = tmp_path / f"out.{kind}"
-    animal = performance_of(Project().with_characters(meshed("horse", horse())), "horse")
+    animal = sample_performance(Project().with_characters(meshed("horse", horse())), "horse")
     with pytest.raises(InputError, match=r"character 'horse'.*not a humanoid.*Write a \.glb instead"):
         exporter_of(path).save(path, [animal], "horse")
-    human = performance_of(Project().with_characters(meshed("man", person("mixamo"))), "man")
+    human = sample_performance(Project().with_characters(meshed("man", person("mixamo"))), "man")
     with pytest.raises(InputError, match="holds one character, not 2"):
         exporter_of(path).save(path, [human, human], "two")
     for options in ({"up": "z"}, {"unit": "cm"}):
@@ -139,7 +139,7 @@ def test_the_command_writes_avatar_and_animation(tmp_path, capsys):
     project, _ = play_clip(
         Project(), shape, random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
     )
-    exporter_of(source).save(source, [performance_of(project, "man", rate=10.0)], "man")
+    exporter_of(source).save(source, [sample_performance(project, "man", rate=10.0)], "man")
     assert run(["export", str(source), "-o", str(tmp_path / "man.vrma"), "--in-place"]) == 0
     assert run(["export", str(source), "-o", str(tmp_path / "man.vrm")]) == 0
     assert capsys.readouterr().out.count("are in") == 2

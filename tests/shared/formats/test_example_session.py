@@ -30,11 +30,11 @@ from enliven.example_sessions.tables import (
     TakeTable,
 )
 from enliven.example_sessions.text import session_text, write_session
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.formats.project.file import write_project
 from enliven.meshes.files import load_mesh, save_mesh
 from enliven.meshes.mesh import fit_height
-from enliven.modeling.edits import key_characters, vertices_of
+from enliven.modeling.edits import compute_vertices, key_characters
 from enliven.modeling.puppet.poses import add_key_pose
 from enliven.rotation import normalized
 
@@ -209,14 +209,14 @@ def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
     """Returns hand-made root keys; the second one is a metre to the side."""
     project = key_characters(puppet_project(), ["stool"], 0.0)
     project = key_characters(project, ["stool"], 2.0, (1.0, 0.0, 0.0))
-    before = [vertices_of(project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
+    before = [compute_vertices(project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
     with TemporaryDirectory() as folder:
         write_session(Path(folder) / "stool.toml", project, "stool")
         read = read_session(Path(folder) / "stool.toml")
-    after = [vertices_of(read.project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
+    after = [compute_vertices(read.project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
     np.testing.assert_allclose(after, before, atol=1e-9)
     still = puppet_project()
-    assert after[2][0] - vertices_of(still, "stool", 2.0).mean(0)[0] == pytest.approx(1.0, abs=1e-6)
+    assert after[2][0] - compute_vertices(still, "stool", 2.0).mean(0)[0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
@@ -297,7 +297,7 @@ def test_error_names_table_key_and_fix(folder, right, wrong, said):
     path.write_text(BY_HAND.replace(right, wrong, 1))
     with pytest.raises(InputError) as refused:
         read = read_session(path)
-        motion_of(read.project, read.project.puppets["stool"], 0)
+        solve_layer_motion(read.project, read.project.puppets["stool"], 0)
     assert said in str(refused.value)
 
 

@@ -15,8 +15,8 @@ from strict_gltf import checked_glb
 
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import CubicKeys, Project, Segment, character_of
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project, write_project
 from enliven.formats.rig.rig import play_clip
@@ -67,7 +67,7 @@ def rows(random: np.random.Generator, count: int, width: int) -> np.ndarray:
 
 
 def written(tmp_path: Path, performance) -> SlowGltf:
-    data = glb_of([performance])
+    data = build_glb([performance])
     checked_glb(data)
     (tmp_path / "out.glb").write_bytes(data)
     return SlowGltf(tmp_path / "out.glb")
@@ -127,7 +127,9 @@ def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, 
     write_project(folder / "b.enliven", project)
     project = read_project(folder / "b.enliven")
     length = (last - first) / speed
-    reread = written(folder, performance_of(project, shape.id, 0.5, 0.5 + length, 20 / length, keyed=True))
+    reread = written(
+        folder, sample_performance(project, shape.id, 0.5, 0.5 + length, 20 / length, keyed=True)
+    )
     assert [how for how, _ in keys_of(reread)].count("CUBICSPLINE") == 3
     for share in np.linspace(0.0, 1.0, 11):
         expected = slow.vertices_at(0, first + share * (last - first))
@@ -151,7 +153,9 @@ def test_a_motion_that_was_edited_is_sampled(tmp_path: Path) -> None:
         "smooth": shape.with_changes(layers=tuple(replace(layer, smooth=0.2) for layer in shape.layers)),
     }
     for name, edited in edits.items():
-        performance = performance_of(project.with_characters(edited), edited.id, 0.0, 0.6, 240.0, keyed=True)
+        performance = sample_performance(
+            project.with_characters(edited), edited.id, 0.0, 0.6, 240.0, keyed=True
+        )
         assert len(performance.cubic) == (3 if name == "posed" else 0), f"{name}: what was posed is sampled"
         player, reread = Player(project.with_characters(edited), edited.id), written(tmp_path, performance)
         for seconds in (0.0, 0.25, 0.6):
@@ -164,7 +168,7 @@ def test_a_character_that_was_moved_is_written_where_it_is(tmp_path: Path) -> No
     rig, slow = read_gltf(path), SlowGltf(path)
     project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     project = move_character(project, shape.id, [1.0, 0.0, 0.0])
-    again = written(tmp_path, performance_of(project, shape.id, 0.0, 0.4, 120.0, keyed=True))
+    again = written(tmp_path, sample_performance(project, shape.id, 0.0, 0.4, 120.0, keyed=True))
     for seconds in (0.0, 0.2, 0.4):
         expected = slow.vertices_at(0, seconds) + np.array([1.0, 0.0, 0.0])
         np.testing.assert_allclose(again.vertices_at(0, seconds), expected, atol=2e-3)

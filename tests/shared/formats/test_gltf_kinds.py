@@ -19,7 +19,7 @@ from strict_gltf import checked_glb
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of
 from enliven.errors import EnlivenError, InputError
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project, write_project
 from enliven.formats.rig.rig import play_clip
@@ -79,7 +79,7 @@ def test_clip_moves_surface_like_reference_skinning(tmp_path, kind):
 def test_an_exported_clip_moves_a_surface_as_the_format_says(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
     sampled = find_exportables(path).items[0].sample(0, None, None, False, True)
-    (tmp_path / "b.glb").write_bytes(glb_of([sampled]))
+    (tmp_path / "b.glb").write_bytes(build_glb([sampled]))
     reread, slow = SlowGltf(tmp_path / "b.glb"), SlowGltf(path)
     for seconds in (0.0, 0.25, 0.5, 0.8, 1.0):
         expected = slow.vertices_at(0, seconds)
@@ -109,7 +109,7 @@ def test_a_mirroring_that_comes_and_goes_is_played_saved_and_written(tmp_path):
     path = twin.write(tmp_path / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
     (tmp_path / "b.glb").write_bytes(
-        glb_of([find_exportables(path).items[1].sample(0, None, None, False, True)])
+        build_glb([find_exportables(path).items[1].sample(0, None, None, False, True)])
     )
     again = SlowGltf(tmp_path / "b.glb")
     project, shape = play_clip(Project(), rig.shape, rig.clips[1])
@@ -286,7 +286,7 @@ def odd_keys() -> Twin:
 def test_written_file_keeps_keys_and_jumps(tmp_path, number):
     path = odd_keys().write(tmp_path / "a.glb")
     slow, exportable = SlowGltf(path), find_exportables(path).items[number]
-    (tmp_path / "b.glb").write_bytes(glb_of([exportable.sample(0.0, None, None, False, True)]))
+    (tmp_path / "b.glb").write_bytes(build_glb([exportable.sample(0.0, None, None, False, True)]))
     again, begin = SlowGltf(tmp_path / "b.glb"), 2.0 * (number == 2)
     keys = slow.accessor(slow.json["animations"][number]["samplers"][0]["input"])[:, 0] - begin
     near = np.clip(np.concatenate([keys, keys - 1e-3, keys + 1e-3, keys + 0.013]), 0, keys[-1])
@@ -304,9 +304,9 @@ def test_written_file_keeps_keys_and_jumps(tmp_path, number):
 def test_jumps_survive_writing_and_reading(tmp_path):
     path = odd_keys().write(tmp_path / "a.glb")
     first = find_exportables(path).items[1].sample(0.0, None, None, False, True)
-    (tmp_path / "b.glb").write_bytes(glb_of([first]))
+    (tmp_path / "b.glb").write_bytes(build_glb([first]))
     second = find_exportables(tmp_path / "b.glb").items[0].sample(0.0, None, None, False, True)
-    (tmp_path / "c.glb").write_bytes(glb_of([second]))
+    (tmp_path / "c.glb").write_bytes(build_glb([second]))
     written, rewritten = SlowGltf(tmp_path / "b.glb"), SlowGltf(tmp_path / "c.glb")
     for seconds in (0.0, 0.299, 0.301, 0.769, 0.771, 1.2, 1.5):
         np.testing.assert_allclose(
@@ -329,7 +329,7 @@ def test_a_clip_with_its_own_keys_is_cut_and_scaled_with_them(tmp_path):
 @pytest.mark.parametrize("kind", sorted(TWINS))
 def test_written_files_of_all_kinds_are_valid(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
-    checked_glb(glb_of([find_exportables(path).items[-1].sample(0, None, None, False, True)]))
+    checked_glb(build_glb([find_exportables(path).items[-1].sample(0, None, None, False, True)]))
     save_mesh(load_mesh(path).mesh, tmp_path / "b.glb")
     checked_glb((tmp_path / "b.glb").read_bytes())
 
@@ -435,7 +435,7 @@ def test_materials_of_all_extensions_survive(tmp_path):
     rig = read_gltf(twin.write(tmp_path / "a.glb"))
     assert not rig.notes
     (tmp_path / "b.glb").write_bytes(
-        glb_of([find_exportables(tmp_path / "a.glb").items[0].sample(0, 0, None, False, True)])
+        build_glb([find_exportables(tmp_path / "a.glb").items[0].sample(0, 0, None, False, True)])
     )
     again = read_gltf(tmp_path / "b.glb").shape.mesh.materials
     assert again.definitions == rig.shape.mesh.materials.definitions

@@ -9,7 +9,7 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.puppet import PuppetLayer, character_from_puppet
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
-from enliven.examples.puppet_motion import pose_of_state, state_of
+from enliven.examples.puppet_motion import evaluate_state, pose_of_state
 from enliven.modeling.edits import paste_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
@@ -110,7 +110,7 @@ def test_a_puppet_that_was_performed_moves_again_within_the_stated_error(tmp_pat
     seconds = np.arange(40) * STEP
 
     def put(character, second):
-        return pose_of_state(puppet, state_of(project, puppet, second), round(second * 1e9))
+        return pose_of_state(puppet, evaluate_state(project, puppet, second), round(second * 1e9))
 
     write(tmp_path / "take.mcap", (character_from_puppet(puppet), 1, seconds), pose=put)
     notes = []

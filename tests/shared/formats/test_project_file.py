@@ -14,22 +14,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.document import graph_shape_of
+from enliven.document import graph_shape_from_poses
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.layers import Span
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError, LaterVersionError, ResourceError
-from enliven.examples.puppet_motion import in_world, state_of
+from enliven.examples.puppet_motion import evaluate_state, to_world_frame
 from enliven.formats.project.file import (
     VERSION,
+    parse_project,
     project_bytes,
-    project_of,
     read_project,
     write_project,
 )
 from enliven.formats.project.values import array_checksum, pack, unpack
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.edits import vertices_of
+from enliven.modeling.edits import compute_vertices
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "modeling"))
 from surgery_worlds import random_project
@@ -49,7 +49,7 @@ def possessed():
     )  # fmt: skip
     turns = np.tile(np.eye(3, dtype=np.float32), (2, 1, 1))
     poses = [Pose("chair", 40_000_000 * k, turns, pivots + np.float32(0.1 * k)) for k in range(3)]
-    return graph_shape_of(character, poses, "dance")
+    return graph_shape_from_poses(character, poses, "dance")
 
 
 @settings(max_examples=30, deadline=None)
@@ -67,7 +67,7 @@ def test_a_project_comes_back_bit_for_bit(seed):
     graph, stream = possessed()
     project = project.with_streams(stream).with_characters(graph)
     data = project_bytes(project)
-    again = project_of(data)
+    again = parse_project(data)
     assert are_identical(project, again)
     assert project_bytes(again) == data
 
@@ -109,17 +109,19 @@ def test_stored_characters_of_every_kind_move_as_they_did(file):
         for name, at in characters.items():
             for time, places in at.items():
                 if kind != "puppet":
-                    np.testing.assert_allclose(vertices_of(project, name, float(time)), places, atol=2e-6)
+                    np.testing.assert_allclose(
+                        compute_vertices(project, name, float(time)), places, atol=2e-6
+                    )
                     continue
                 seen, stored = control_points_of(project, name, float(time)), np.array(places)
                 np.testing.assert_allclose(seen - seen[0], stored - stored[0], atol=2e-6)
                 assert np.abs(seen[0] - stored[0]).max() < TRAVEL_CHANGED
-    assert are_identical(project_of(project_bytes(project)), project)
+    assert are_identical(parse_project(project_bytes(project)), project)
 
 
 def control_points_of(project, name, time):
-    state = state_of(project, project.puppets[name], time)
-    return in_world(project.puppets[name], state, state.places)
+    state = evaluate_state(project, project.puppets[name], time)
+    return to_world_frame(project.puppets[name], state, state.places)
 
 
 def test_there_is_a_stored_file_of_this_version():
@@ -135,7 +137,7 @@ def test_a_field_that_an_old_file_lacks_gets_its_default():
         for spans in shape["spans"]:
             for span in spans:
                 del span["before"]
-    again = project_of(closed(header, arrays))
+    again = parse_project(closed(header, arrays))
     assert not any(layer.mirrored for shape in again.shapes.values() for layer in shape.layers)
     assert again.shapes["shape 0"].spans[0][0].before == Span().before
 
@@ -232,7 +234,7 @@ def spoiled(change):
 )
 def test_damaged_file_is_reported(change, words, where):
     with pytest.raises(InputError, match=words) as caught:
-        project_of(spoiled(change), "my.enliven")
+        parse_project(spoiled(change), "my.enliven")
     assert caught.value.where.startswith("my.enliven") and where in caught.value.where
 
 
@@ -241,7 +243,7 @@ def test_damaged_file_is_reported(change, words, where):
 def test_a_file_that_is_cut_short_anywhere_is_refused(seed, share):
     data = project_bytes(random_project(seed)[0])
     with pytest.raises(InputError, match=r"cut short|not an enliven project"):
-        project_of(data[: int(share * len(data))])
+        parse_project(data[: int(share * len(data))])
 
 
 @settings(max_examples=60, deadline=None)
@@ -252,7 +254,7 @@ def test_a_bit_that_is_turned_over_is_noticed_or_does_not_matter(seed):
     data = bytearray(project_bytes(project))
     data[int(random.integers(len(data)))] ^= 1 << int(random.integers(8))
     try:
-        again = project_of(bytes(data))
+        again = parse_project(bytes(data))
     except InputError:
         return
     assert are_identical(project, again)

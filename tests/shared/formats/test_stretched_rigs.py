@@ -17,9 +17,9 @@ from slow_gltf import SlowGltf
 
 from enliven.deformation.skinning import skin_vertices
 from enliven.document import Project, character_of, joint_places, smooth_take
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.exporters.bvh import bvh_text
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.project.file import read_project, write_project
@@ -79,7 +79,7 @@ def test_written_file_matches_displayed_motion(folder, seed):
     _, rig, project, shape = model(folder, seed, 0.0)
     target = folder / "out.glb"
     clip = rig.clips[0]
-    target.write_bytes(glb_of([performance_of(project, shape.id, rate=1.0 / clip.step)]))
+    target.write_bytes(build_glb([sample_performance(project, shape.id, rate=1.0 / clip.step)]))
     slow, reread = SlowGltf(target), read_gltf(target)
     played, other = play_clip(Project(), reread.shape, reread.clips[0])
     for frame in (0, 4, len(clip.turns) - 1):
@@ -188,7 +188,7 @@ def renamed(skeleton):
 def test_a_bvh_has_the_places_that_its_joints_move_to(folder):
     _, rig, project, shape = model(folder, 8)
     clip = rig.clips[0]
-    capture = parse_bvh(bvh_text(performance_of(project, shape.id, rate=1.0 / clip.step)))
+    capture = parse_bvh(bvh_text(sample_performance(project, shape.id, rate=1.0 / clip.step)))
     again = clip_of_capture(capture, "again", rest="zero", unit="m")
     assert again.offsets is not None
     places, theirs = joint_places(again), joint_places(clip)

@@ -8,7 +8,7 @@ from made_bodies import horse, man, meshed, random_motion
 
 from enliven.document.project import Project
 from enliven.errors import InputError
-from enliven.exporters.sampling import performance_of
+from enliven.exporters.sampling import sample_performance
 from enliven.mapping.automatic_mapping import play_own_take, retarget
 from enliven.mapping.model_clips import (
     clip_to_open,
@@ -116,13 +116,15 @@ def test_a_shape_that_is_mapped_again_does_not_move_by_both():
 
 def test_loops_are_exported_until_everything_else_has_ended_and_to_the_end_of_a_round():
     project, clip = opened(), clips_of(horse())[1]
-    alone = performance_of(project, "horse")
+    alone = sample_performance(project, "horse")
     assert alone.times[-1] == pytest.approx(clip.duration, abs=1e-9), "one round, with a frame at its end"
     np.testing.assert_allclose(alone.joints[-1], alone.joints[0], atol=1e-9)
     long = random_motion(np.random.default_rng(1), man(), 60, name="long")
     both = retarget(meshed("man", man()), long, project=project).project
-    performance = performance_of(both, "horse")
+    performance = sample_performance(both, "horse")
     assert performance.times[-1] >= long.duration
     assert (performance.times[-1] / clip.duration) % 1.0 == pytest.approx(0.0, abs=1e-6)
-    assert performance_of(both, "man").times[-1] == pytest.approx(long.duration, abs=1 / 30)
-    assert performance_of(loop_takes(both, "man"), "man").times[-1] == pytest.approx(long.duration, abs=1e-9)
+    assert sample_performance(both, "man").times[-1] == pytest.approx(long.duration, abs=1 / 30)
+    assert sample_performance(loop_takes(both, "man"), "man").times[-1] == pytest.approx(
+        long.duration, abs=1e-9
+    )

@@ -19,7 +19,7 @@ from enliven.mapping.quality import (
     stretch_over_time,
 )
 from enliven.mapping.softening import limb_name, soften_plan
-from enliven.modeling.edits import vertices_of
+from enliven.modeling.edits import compute_vertices
 
 SEEDS = st.integers(0, 10_000)
 
@@ -32,7 +32,7 @@ def test_stretch_is_that_of_every_edge(seed):
     edges, ratios = stretch_over_time(result.project, "horse", result.duration)
     listed = {tuple(sorted((f[a], f[a - 1]))) for f in shape.mesh.faces.tolist() for a in range(3)}
     assert {tuple(edge) for edge in edges.tolist()} == listed
-    at = vertices_of(result.project, "horse", result.duration)
+    at = compute_vertices(result.project, "horse", result.duration)
     for (a, b), stretch in zip(edges, ratios[-1], strict=True):
         rest = np.linalg.norm(shape.mesh.vertices[a] - shape.mesh.vertices[b])
         assert stretch == pytest.approx(np.linalg.norm(at[a] - at[b]) / rest, rel=1e-4)

@@ -11,7 +11,7 @@ from made_bodies import bvh_text, horse, man, meshed, random_motion, webbed
 
 from enliven.cli import run
 from enliven.document.project import Project
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
@@ -32,8 +32,10 @@ def files(tmp_path):
     (tmp_path / "walk.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
     clip = random_motion(np.random.default_rng(0), horse(), name="graze")
     project, _ = play_clip(Project(), meshed("horse", horse()), clip)
-    write_gltf(tmp_path / "horse.glb", [performance_of(project, "horse")], "graze")
-    write_gltf(tmp_path / "man.glb", [performance_of(Project().with_characters(meshed("man", man())), "man")])
+    write_gltf(tmp_path / "horse.glb", [sample_performance(project, "horse")], "graze")
+    write_gltf(
+        tmp_path / "man.glb", [sample_performance(Project().with_characters(meshed("man", man())), "man")]
+    )
     return tmp_path
 
 
@@ -106,7 +108,7 @@ def test_feet_are_held_on_request(files):
 @pytest.mark.slow
 def test_a_surface_that_stretches_is_said_with_its_joints_and_a_better_mapping(files, capsys):
     banded = Project().with_characters(webbed("banded", horse()))
-    write_gltf(files / "banded.glb", [performance_of(banded, "banded")])
+    write_gltf(files / "banded.glb", [sample_performance(banded, "banded")])
     wide = 60.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (files / "wide.bvh").write_text(bvh_text(man(), np.tile(wide, (1, 1, 3))))
     map_ = files / "map.toml"

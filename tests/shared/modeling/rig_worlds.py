@@ -12,7 +12,7 @@ from cage import Swing, cage_of
 from surgery_worlds import bending_arm, tube
 from swaying import possessed_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.document import (
     Layer,
     Pose,
@@ -20,7 +20,7 @@ from enliven.document import (
     Project,
     PuppetLayer,
     Switch,
-    graph_shape_of,
+    graph_shape_from_poses,
 )
 from enliven.modeling.edits import set_key
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -44,13 +44,13 @@ def graph_world():
     """A possessed tube: each node bends and sways on its own."""
     mesh = tube(length=2.0, around=8, along=13)
     graph = DeformationGraph.build(mesh, 10, seed=1)
-    character, poses = character_from(mesh, graph, "post"), []
+    character, poses = character_from_graph(mesh, graph, "post"), []
     for frame in range(8):
         sway = 0.4 * np.sin(frame / 2 + graph.positions[:, 0])
         turns = to_matrix(from_rotation_vector(np.stack([0 * sway, 0.4 * sway, sway], 1)))
         moved = graph.positions + np.stack([0.05 * frame + 0 * sway, 0.3 * sway, 0.1 * sway], 1)
         poses.append(Pose("post", round(frame * 2e8), turns.astype(np.float32), moved.astype(np.float32)))
-    shape, stream = graph_shape_of(character, poses, "sway")
+    shape, stream = graph_shape_from_poses(character, poses, "sway")
     return Project().with_streams(stream).with_characters(shape), "post"
 
 

@@ -13,16 +13,18 @@ from enliven.document.history import History
 from enliven.document.naming import unused
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import in_world
-from enliven.exporters import performance_of
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.examples.puppet_motion import to_world_frame
+from enliven.exporters import sample_performance
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
     copy_character,
     cut_character,
     delete_character,
     drag_handle,
+    get_rig_edits,
     merge_characters,
     mirror_character,
     move_character,
@@ -30,12 +32,10 @@ from enliven.modeling.edits import (
     pose_of_character,
     remove_layer,
     rename_character,
-    rig_of,
     root_motion,
     scale_character,
     shift_character,
     turn_character,
-    vertices_of,
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.puppet.dragging import key_pose_at
@@ -55,7 +55,7 @@ def near(found, expected, within=NEAR):
 
 
 def centre_of(project, name):
-    return rig_of(project.characters[name]).centre(project.characters[name])
+    return get_rig_edits(project.characters[name]).centre(project.characters[name])
 
 
 @worlds
@@ -66,11 +66,14 @@ def test_a_move_commutes_with_time(rig, seed, time):
     random = np.random.default_rng(seed)
     turn, offset, about = random_turns(random), random.normal(size=3), random.normal(size=3)
     moved = move_character(project, name, offset, turn, about)
-    expected = rotate(turn, vertices_of(project, name, time) - about) + about + offset
-    near(vertices_of(moved, name, time), expected)
+    expected = rotate(turn, compute_vertices(project, name, time) - about) + about + offset
+    near(compute_vertices(moved, name, time), expected)
     centre = centre_of(project, name)
     turned = turn_character(project, name, turn)
-    near(vertices_of(turned, name, time), rotate(turn, vertices_of(project, name, time) - centre) + centre)
+    near(
+        compute_vertices(turned, name, time),
+        rotate(turn, compute_vertices(project, name, time) - centre) + centre,
+    )
 
 
 @worlds
@@ -79,8 +82,8 @@ def test_a_move_commutes_with_time(rig, seed, time):
 def test_a_scale_commutes_with_time(rig, factor, time):
     project, name = WORLDS[rig]
     centre = centre_of(project, name)
-    seen = vertices_of(scale_character(project, name, factor), name, time)
-    near(seen, centre + factor * (vertices_of(project, name, time) - centre), 3 * NEAR)
+    seen = compute_vertices(scale_character(project, name, factor), name, time)
+    near(seen, centre + factor * (compute_vertices(project, name, time) - centre), 3 * NEAR)
 
 
 @worlds
@@ -91,14 +94,14 @@ def test_a_mirror_commutes_with_time_and_twice_is_nothing(rig, seed, time):
     normal = np.random.default_rng(seed).normal(size=3)
     normal /= np.linalg.norm(normal)
     once = mirror_character(project, name, normal)
-    before, centre = vertices_of(project, name, time), centre_of(project, name)
+    before, centre = compute_vertices(project, name, time), centre_of(project, name)
     away = (before - centre) @ normal
-    near(vertices_of(once, name, time), before - 2 * away[:, None] * normal, 3 * NEAR)
+    near(compute_vertices(once, name, time), before - 2 * away[:, None] * normal, 3 * NEAR)
     twice = mirror_character(once, name, normal)
-    near(vertices_of(twice, name, time), before, 3 * NEAR)
+    near(compute_vertices(twice, name, time), before, 3 * NEAR)
     near(
-        rig_of(twice.characters[name]).rest(twice.characters[name]),
-        rig_of(project.characters[name]).rest(project.characters[name]),
+        get_rig_edits(twice.characters[name]).rest(twice.characters[name]),
+        get_rig_edits(project.characters[name]).rest(project.characters[name]),
     )
     assert (twice.characters[name].mesh.faces == project.characters[name].mesh.faces).all()
 
@@ -109,7 +112,7 @@ def test_a_mirror_commutes_with_time_and_twice_is_nothing(rig, seed, time):
 def test_a_shift_in_time_commutes_with_time(rig, delay, time):
     project, name = WORLDS[rig]
     shifted = shift_character(project, name, delay)
-    near(vertices_of(shifted, name, time + delay), vertices_of(project, name, time))
+    near(compute_vertices(shifted, name, time + delay), compute_vertices(project, name, time))
 
 
 @worlds
@@ -119,7 +122,7 @@ def test_muted_layer_has_no_effect(rig, time, later):
     project, name = WORLDS[rig]
     count = len(project.characters[name].playing)
     silent = change_layers(project, name, range(count), muted=True)
-    near(vertices_of(silent, name, time), vertices_of(silent, name, later), 1e-12)
+    near(compute_vertices(silent, name, time), compute_vertices(silent, name, later), 1e-12)
     assert silent.end_of(silent.characters[name]) == 0.0
     heard = change_layers(silent, name, range(count), muted=False)
     assert are_identical(heard, project)
@@ -135,7 +138,7 @@ def test_a_layer_twice_as_fast_plays_the_same_in_half_the_time(rig, speed, time)
     fast = change_layers(plain, name, range(count), speed=speed)
     (length,) = {plain.length_of(layer) for layer in plain.characters[name].playing}
     second = min(max(time * speed + (length if speed < 0 else 0.0), 0.0), length)
-    near(vertices_of(fast, name, time), vertices_of(plain, name, second))
+    near(compute_vertices(fast, name, time), compute_vertices(plain, name, second))
 
 
 @worlds
@@ -145,11 +148,11 @@ def test_copy_moves_alike_and_deleting_restores_project(rig, seed, time):
     project, name = WORLDS[rig]
     offset = np.random.default_rng(seed).normal(size=3)
     copied, copy = copy_character(project, name, offset=offset)
-    near(vertices_of(copied, copy, time), vertices_of(project, name, time) + offset)
+    near(compute_vertices(copied, copy, time), compute_vertices(project, name, time) + offset)
     assert copy != name and are_identical(copied.characters[name], project.characters[name])
     assert are_identical(delete_character(copied, copy), project)
     late, copy = copy_character(project, name, delay=0.25)
-    near(vertices_of(late, copy, 1.25), vertices_of(project, name, 1.0))
+    near(compute_vertices(late, copy, 1.25), compute_vertices(project, name, 1.0))
     quiet = change_layers(copied, copy, range(len(copied.characters[copy].playing)), muted=True)
     assert are_identical(quiet.characters[name], project.characters[name])
 
@@ -161,7 +164,7 @@ def test_a_paste_into_another_project_plays_the_same(rig, time):
     project, name = WORLDS[rig]
     for target in (Project(), project, WORLDS[ALL[ALL.index(rig) - 1]][0]):
         pasted, copy = paste_character(target, project, name)
-        near(vertices_of(pasted, copy, time), vertices_of(project, name, time))
+        near(compute_vertices(pasted, copy, time), compute_vertices(project, name, time))
         again, _ = paste_character(pasted, project, name)
         assert list(again.takes) == list(pasted.takes) and list(again.streams) == list(pasted.streams)
 
@@ -175,7 +178,7 @@ def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, t
         # A moment of one take alone can become a key pose, which the halves keep.
         puppet = project.puppet(name)
         project = project.with_characters(puppet.with_playing(puppet.layers[0], *puppet.root_layers))
-    seen = vertices_of(project, name, time)
+    seen = compute_vertices(project, name, time)
     axis = np.linalg.svd(seen - seen.mean(0), full_matrices=False)[2][0]
     low, high = np.percentile((seen - seen.mean(0)) @ axis, [0, 100])
     plane = PlaneCut(seen.mean(0) + (low + along * (high - low)) * axis, axis)
@@ -188,10 +191,10 @@ def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, t
     # them after the cut. A graph keeps every vertex to rounding.
     within = {"points": 0.04 * size, "bones": 0.02 * size}.get(kind(rig), NEAR)
     for part in parts:
-        assert off_surface(vertices_of(cut, part, time), seen, plane) < within
+        assert off_surface(compute_vertices(cut, part, time), seen, plane) < within
     whole = merge_characters(cut, name, parts[1], time, loose=True)
     assert list(whole.characters) == [name]
-    assert off_surface(vertices_of(whole, name, time), seen, plane) < 2 * within + 0.03 * size
+    assert off_surface(compute_vertices(whole, name, time), seen, plane) < 2 * within + 0.03 * size
 
 
 def off_surface(found, seen, plane):
@@ -248,24 +251,24 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     """The root of a skeleton goes there; another joint points there; what was recorded is not posed."""
     project, name = WORLDS[rig]
     character, random = project.character(name), np.random.default_rng(seed)
-    player = rig_of(character).player(project, character)
+    player = get_rig_edits(character).player(project, character)
     handles = player(time).handles
     assert len(handles) == len(character.handles) == len(character.parents)
     if not len(handles):
         with pytest.raises(InputError, match="cannot be posed by hand"):
-            rig_of(character).dragged(project, character, 0, np.zeros(3), time)
+            get_rig_edits(character).dragged(project, character, 0, np.zeros(3), time)
         return
     number = int(random.integers(len(handles)))
     place = handles[number] + 0.05 * random.normal(size=3)
     dragged = drag_handle(project, name, character.handles[number], place, time)
     edited = dragged.character(name)
-    ends = rig_of(edited).player(dragged, edited)(time).handles
+    ends = get_rig_edits(edited).player(dragged, edited)(time).handles
     if kind(rig) == "points":
         # The moment is a key pose of the nearest frame of the take; it is met as closely as examples are.
         layer = character.layers[0]
         second = layer.played(time, project.takes[layer.take].duration)[0]
         pose = edited.poses[key_pose_at(dragged, edited, layer.take, second)]
-        place_now = in_world(character, state_at(project, character, time), pose.places[number])
+        place_now = to_world_frame(character, state_at(project, character, time), pose.places[number])
         near(root_motion(project, character, time)(place_now[None])[0], place)
     elif character.parents[number] >= 0:
         start = ends[character.parents[number]]
@@ -297,7 +300,7 @@ def test_layer_removal_works_or_gives_the_reason(rig):
         assert [
             are_identical(a, b) for a, b in zip(left.character(name).playing, before[1:], strict=True)
         ] == [True] * (len(before) - 1)
-    near(vertices_of(left, name, 0.3), vertices_of(left, name, 1.3), 1e-12)
+    near(compute_vertices(left, name, 0.3), compute_vertices(left, name, 1.3), 1e-12)
     with pytest.raises(InputError, match="layer 0 does not exist"):
         remove_layer(left, name, 0)
 
@@ -306,8 +309,8 @@ def test_layer_removal_works_or_gives_the_reason(rig):
 def test_every_rig_is_stored_and_sampled(rig):
     """The project file, and what exporters are given: nothing there is written for a rig that need not be."""
     project, name = WORLDS[rig]
-    assert are_identical(project_of(project_bytes(project)), project)
-    performance = performance_of(project, name, 0.0, 0.5, rate=10.0)
+    assert are_identical(parse_project(project_bytes(project)), project)
+    performance = sample_performance(project, name, 0.0, 0.5, rate=10.0)
     assert performance.name == name and len(list(performance.poses())) == 6
 
 
@@ -315,11 +318,11 @@ def test_every_rig_is_stored_and_sampled(rig):
 def test_the_pose_for_viewers_and_the_name(rig):
     project, name = WORLDS[rig]
     pose = pose_of_character(project, name, 0.5)
-    drawn = rig_of(project.characters[name]).drawn(project.characters[name])
+    drawn = get_rig_edits(project.characters[name]).drawn(project.characters[name])
     assert pose.character == drawn.id == name and len(pose.positions) == len(drawn.pivots)
     renamed = rename_character(project, name, "other")
     assert list(renamed.characters) == ["other"] and renamed.character("other").id == "other"
-    near(vertices_of(renamed, "other", 0.5), vertices_of(project, name, 0.5))
+    near(compute_vertices(renamed, "other", 0.5), compute_vertices(project, name, 0.5))
 
 
 @worlds
@@ -362,7 +365,7 @@ def test_sent_character_is_at_rest_and_partial_data_is_refused(rig, seed, cut):
         project, name, random.normal(size=3), random_turns(random), random.normal(size=3)
     )
     data = character_bytes(project, name)
-    sent, original = project_of(data), project.characters[name]
+    sent, original = parse_project(data), project.characters[name]
     (received,) = sent.characters.values()
     near(received.mesh.vertices, original.mesh.vertices.astype(np.float32).astype(float), 0)
     assert (
@@ -373,14 +376,14 @@ def test_sent_character_is_at_rest_and_partial_data_is_refused(rig, seed, cut):
     assert not received.playing or kind(rig) in GRAPHS
     assert not sent.takes or kind(rig) == "points"
     assert all(len(stream.positions) == 1 for stream in sent.streams.values())
-    assert are_identical(sent, project_of(character_bytes(sent, name))), "what is sent again is the same"
+    assert are_identical(sent, parse_project(character_bytes(sent, name))), "what is sent again is the same"
     with pytest.raises(InputError):
-        project_of(data[: int(cut * len(data))])
+        parse_project(data[: int(cut * len(data))])
 
 
 def test_plain_mesh_is_sent_unchanged():
     mesh = tube()
-    sent = project_of(character_bytes(project_of_mesh(mesh, "post"), "post"))
+    sent = parse_project(character_bytes(project_of_mesh(mesh, "post"), "post"))
     near(sent.graph("post").mesh.vertices, mesh.vertices, 1e-6)
     with pytest.raises(InputError, match="unpack"):
-        project_of(character_bytes(sent, "post"), most=1000)
+        parse_project(character_bytes(sent, "post"), most=1000)

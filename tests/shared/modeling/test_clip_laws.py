@@ -10,12 +10,13 @@ from test_character_laws import RIGS, WORLDS, near, rigs
 
 from enliven.document import Marker, Project, Segment, are_identical
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import (
     add_marker,
     blend_clips,
     change_layers,
-    clips_of,
+    compute_vertices,
+    find_layer_clips,
     mirror_layers,
     move_clip,
     move_marker,
@@ -28,7 +29,6 @@ from enliven.modeling.edits import (
     split_clip,
     stretch_clip,
     trim_clip,
-    vertices_of,
 )
 
 laws = settings(deadline=None, max_examples=6)
@@ -54,13 +54,13 @@ def inside(clip, share):
 @given(share=SHARES, time=TIMES, speed=SPEEDS, loop=st.booleans(), hold=st.booleans(), ease=st.floats(0, 0.3))
 def test_a_split_lane_plays_as_before_at_all_times(rig, share, time, speed, loop, hold, ease):
     project, name, numbers = world(rig, speed, loop, hold=hold, ease=ease)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     once = split_clip(project, name, numbers, inside(clip, share))
-    assert len(clips_of(once, name, 0)) == 2
-    twice = split_clip(once, name, numbers, inside(clips_of(once, name, 0)[1], share))
+    assert len(find_layer_clips(once, name, 0)) == 2
+    twice = split_clip(once, name, numbers, inside(find_layer_clips(once, name, 0)[1], share))
     for split in (once, twice):
         # At the first instant of a loop one side has the end of a round, and the other the begin of the next.
-        near(vertices_of(split, name, time), vertices_of(project, name, time), 1e-5)
+        near(compute_vertices(split, name, time), compute_vertices(project, name, time), 1e-5)
     with pytest.raises(InputError, match="no clip is there"):
         split_clip(once, name, numbers, inside(clip, share))
 
@@ -70,19 +70,19 @@ def test_a_split_lane_plays_as_before_at_all_times(rig, share, time, speed, loop
 @given(low=st.floats(0.05, 0.45), high=st.floats(0.55, 0.95), within=st.floats(0, 1), speed=SPEEDS)
 def test_trimmed_clip_can_be_extended_again(rig, low, high, within, speed):
     project, name, numbers = world(rig, speed)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     begin, end = inside(clip, low), inside(clip, high)
     short = trim_clip(project, name, numbers, 0, begin=begin, end=end)
     time = begin + within * (end - begin)
-    near(vertices_of(short, name, time), vertices_of(project, name, time))
+    near(compute_vertices(short, name, time), compute_vertices(project, name, time))
     # Before and after it the frame at its end stands.
-    near(vertices_of(short, name, begin - 0.2), vertices_of(project, name, begin))
-    near(vertices_of(short, name, end + 0.2), vertices_of(project, name, end))
+    near(compute_vertices(short, name, begin - 0.2), compute_vertices(project, name, begin))
+    near(compute_vertices(short, name, end + 0.2), compute_vertices(project, name, end))
     assert short.end_of(short.characters[name]) == pytest.approx(end)
     long = trim_clip(short, name, numbers, 0, begin=clip.begin - 5.0, end=clip.end + 5.0)
-    (extended,) = clips_of(long, name, 0)
+    (extended,) = find_layer_clips(long, name, 0)
     assert (extended.begin, extended.end) == pytest.approx((clip.begin, clip.end))
-    near(vertices_of(long, name, time), vertices_of(project, name, time))
+    near(compute_vertices(long, name, time), compute_vertices(project, name, time))
 
 
 @rigs
@@ -90,15 +90,15 @@ def test_trimmed_clip_can_be_extended_again(rig, low, high, within, speed):
 @given(seconds=st.floats(-0.5, 0.5), time=TIMES, speed=SPEEDS)
 def test_a_slip_plays_another_part_at_the_same_time_and_slipped_back_is_nothing(rig, seconds, time, speed):
     project, name, numbers = world(rig, speed)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     short = trim_clip(project, name, numbers, 0, begin=inside(clip, 0.3), end=inside(clip, 0.7))
     slipped = slip_clip(short, name, numbers, 0, seconds)
-    (was,), (now,) = clips_of(short, name, 0), clips_of(slipped, name, 0)
+    (was,), (now,) = find_layer_clips(short, name, 0), find_layer_clips(slipped, name, 0)
     assert (now.begin, now.end) == pytest.approx((was.begin, was.end))
     at = min(max(time, was.begin), was.end)
-    near(vertices_of(slipped, name, at), vertices_of(project, name, at + seconds / speed))
+    near(compute_vertices(slipped, name, at), compute_vertices(project, name, at + seconds / speed))
     back = slip_clip(slipped, name, numbers, 0, -seconds)
-    near(vertices_of(back, name, time), vertices_of(short, name, time))
+    near(compute_vertices(back, name, time), compute_vertices(short, name, time))
 
 
 @rigs
@@ -106,22 +106,22 @@ def test_a_slip_plays_another_part_at_the_same_time_and_slipped_back_is_nothing(
 @given(blend=st.floats(0.05, 0.3), time=TIMES, jump=st.floats(-0.3, 0.3), within=st.floats(0.0, 1.0))
 def test_blend_is_continuous_and_local(rig, blend, time, jump, within):
     project, name, numbers = world(rig)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     cut = split_clip(project, name, numbers, inside(clip, 0.5))
     cut = slip_clip(cut, name, numbers, 1, jump)
     blended = blend_clips(cut, name, numbers, 0, blend)
-    before, after = clips_of(blended, name, 0)
+    before, after = find_layer_clips(blended, name, 0)
     assert before.end - after.begin == pytest.approx(min(blend, clip.end - clip.begin - 2e-3), abs=1e-6)
     outside = time if not after.begin < time < before.end else after.begin
-    near(vertices_of(blended, name, outside), vertices_of(cut, name, outside), 1e-5)
+    near(compute_vertices(blended, name, outside), compute_vertices(cut, name, outside), 1e-5)
     at = after.begin + within * (before.end - after.begin)
-    ends = [vertices_of(remove_clip(blended, name, numbers, k), name, at) for k in (1, 0)]
-    between = vertices_of(blended, name, at)
+    ends = [compute_vertices(remove_clip(blended, name, numbers, k), name, at) for k in (1, 0)]
+    between = compute_vertices(blended, name, at)
     slack = 0.25 * np.abs(ends[0] - ends[1]).max() + 1e-5
     assert (between <= np.maximum(*ends) + slack).all() and (between >= np.minimum(*ends) - slack).all()
-    step = np.abs(vertices_of(blended, name, at + 1e-6) - between).max()
+    step = np.abs(compute_vertices(blended, name, at + 1e-6) - between).max()
     assert step < 1e-3
-    met = clips_of(blend_clips(blended, name, numbers, 0, 0.0), name, 0)
+    met = find_layer_clips(blend_clips(blended, name, numbers, 0, 0.0), name, 0)
     assert met[0].end == pytest.approx(met[1].begin)
 
 
@@ -130,17 +130,20 @@ def test_blend_is_continuous_and_local(rig, blend, time, jump, within):
 @given(factor=st.floats(0.4, 2.5), share=st.floats(0, 1), time=TIMES, speed=SPEEDS)
 def test_a_stretched_clip_plays_the_same_in_another_time_and_back_is_nothing(rig, factor, share, time, speed):
     project, name, numbers = world(rig, speed)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     end = clip.begin + factor * (clip.end - clip.begin)
     fast = stretch_clip(project, name, numbers, 0, end=end)
-    (stretched,) = clips_of(fast, name, 0)
+    (stretched,) = find_layer_clips(fast, name, 0)
     assert (stretched.begin, stretched.end) == pytest.approx((clip.begin, end))
     assert stretched.speed == pytest.approx(clip.speed / factor)
-    near(vertices_of(fast, name, inside(stretched, share)), vertices_of(project, name, inside(clip, share)))
+    near(
+        compute_vertices(fast, name, inside(stretched, share)),
+        compute_vertices(project, name, inside(clip, share)),
+    )
     back = stretch_clip(fast, name, numbers, 0, end=clip.end)
-    near(vertices_of(back, name, time), vertices_of(project, name, time))
+    near(compute_vertices(back, name, time), compute_vertices(project, name, time))
     early = stretch_clip(project, name, numbers, 0, begin=clip.end - factor * (clip.end - clip.begin))
-    assert clips_of(early, name, 0)[0].end == pytest.approx(clip.end)
+    assert find_layer_clips(early, name, 0)[0].end == pytest.approx(clip.end)
 
 
 @rigs
@@ -148,7 +151,7 @@ def test_a_stretched_clip_plays_the_same_in_another_time_and_back_is_nothing(rig
 @given(share=SHARES, delay=st.floats(-1, 1), time=TIMES, speed=SPEEDS)
 def test_clip_edits_commute_with_time_shift(rig, share, delay, time, speed):
     project, name, numbers = world(rig, speed)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
 
     def edited(given, late):
         changed = split_clip(given, name, numbers, inside(clip, share) + late)
@@ -157,9 +160,13 @@ def test_clip_edits_commute_with_time_shift(rig, share, delay, time, speed):
 
     first = edited(shift_character(project, name, delay), delay)
     second = shift_character(edited(project, 0.0), name, delay)
-    near(vertices_of(first, name, time), vertices_of(second, name, time), 1e-5)
+    near(compute_vertices(first, name, time), compute_vertices(second, name, time), 1e-5)
     moved = move_clip(project, name, numbers, 0, delay)
-    near(vertices_of(moved, name, time), vertices_of(shift_character(project, name, delay), name, time), 1e-5)
+    near(
+        compute_vertices(moved, name, time),
+        compute_vertices(shift_character(project, name, delay), name, time),
+        1e-5,
+    )
 
 
 @rigs
@@ -167,10 +174,16 @@ def test_clip_edits_commute_with_time_shift(rig, share, delay, time, speed):
 @given(share=st.floats(0, 1), time=TIMES, speed=SPEEDS)
 def test_a_reversed_clip_plays_backwards_and_twice_is_nothing(rig, share, time, speed):
     project, name, numbers = world(rig, speed)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     back = reverse_clip(project, name, numbers, 0)
-    near(vertices_of(back, name, inside(clip, share)), vertices_of(project, name, inside(clip, 1 - share)))
-    near(vertices_of(reverse_clip(back, name, numbers, 0), name, time), vertices_of(project, name, time))
+    near(
+        compute_vertices(back, name, inside(clip, share)),
+        compute_vertices(project, name, inside(clip, 1 - share)),
+    )
+    near(
+        compute_vertices(reverse_clip(back, name, numbers, 0), name, time),
+        compute_vertices(project, name, time),
+    )
 
 
 @rigs
@@ -179,15 +192,15 @@ def test_a_reversed_clip_plays_backwards_and_twice_is_nothing(rig, share, time, 
 def test_a_layer_without_hold_is_silent_outside_and_comes_in_without_a_jump(rig, time, away, ease):
     project, name, numbers = world(rig, hold=False)
     silent = change_layers(project, name, numbers, muted=True)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     for outside in (clip.begin - away, clip.end + away):
-        near(vertices_of(project, name, outside), vertices_of(silent, name, outside))
+        near(compute_vertices(project, name, outside), compute_vertices(silent, name, outside))
     within = min(time, clip.end)
-    near(vertices_of(project, name, within), vertices_of(world(rig)[0], name, within))
+    near(compute_vertices(project, name, within), compute_vertices(world(rig)[0], name, within))
     soft = change_layers(project, name, numbers, ease=ease)
     if ease > 0.01:
         for end, now in ((clip.begin, clip.begin + 1e-6), (clip.end, clip.end - 1e-6)):
-            near(vertices_of(soft, name, now), vertices_of(silent, name, end), 1e-3)
+            near(compute_vertices(soft, name, now), compute_vertices(silent, name, end), 1e-3)
 
 
 @rigs
@@ -202,7 +215,7 @@ def test_a_smoothed_layer_moves_less_and_at_zero_is_as_recorded(rig, time, secon
     times = np.linspace(0.25, 2.0, 40)
 
     def way(given):
-        seen = np.array([vertices_of(given, name, float(at)) for at in times])
+        seen = np.array([compute_vertices(given, name, float(at)) for at in times])
         return np.abs(np.diff(seen, 2, axis=0)).sum()
 
     assert way(smooth) <= way(project) * 1.02 + 1e-6
@@ -220,7 +233,7 @@ def test_a_wobble_is_smoothed_off_and_the_way_stays():
     smooth = change_layers(project, name, numbers, smooth=0.2)
     plain = project.with_streams(replace(noisy, positions=still + way))
     off = [
-        np.abs(vertices_of(each, name, 2.0) - vertices_of(plain, name, 2.0)).max()
+        np.abs(compute_vertices(each, name, 2.0) - compute_vertices(plain, name, 2.0)).max()
         for each in (project, smooth)
     ]
     assert off[1] < 0.5 * off[0]
@@ -239,28 +252,28 @@ def test_a_mirrored_layer_twice_is_nothing_and_a_recorded_mesh_refuses(rig):
 @rigs
 def test_clips_that_cannot_be_played_are_refused_and_change_nothing(rig):
     project, name, numbers = world(rig)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     cut = split_clip(project, name, numbers, inside(clip, 0.5))
     short = trim_clip(cut, name, numbers, 1, end=inside(clip, 0.6))
     for wrong, words in (
         (lambda: remove_clip(project, name, numbers, 0), "nothing is left"),
         (lambda: slip_clip(project, name, numbers, 3, 0.1), "clip 3 does not exist"),
-        (lambda: clips_of(project, name, 9), "layer 9 does not exist"),
+        (lambda: find_layer_clips(project, name, 9), "layer 9 does not exist"),
         (lambda: blend_clips(project, name, numbers, 0, 0.1), "no clip begins"),
         (lambda: move_clip(short, name, numbers, 1, 0.3 * (clip.begin - clip.end)), "within another"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()
-    assert len(clips_of(remove_clip(cut, name, numbers, 0), name, 0)) == 1
+    assert len(find_layer_clips(remove_clip(cut, name, numbers, 0), name, 0)) == 1
 
 
 @rigs
 def test_clips_and_markers_are_kept_in_the_file(rig):
     project, name, numbers = world(rig, hold=False, ease=0.1, smooth=0.05)
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     edited = blend_clips(split_clip(project, name, numbers, inside(clip, 0.5)), name, numbers, 0, 0.2)
     edited, marker = add_marker(edited, 1.5, "jump")
-    assert are_identical(project_of(project_bytes(edited)), edited) and marker == "jump"
+    assert are_identical(parse_project(project_bytes(edited)), edited) and marker == "jump"
 
 
 def test_markers_are_added_moved_named_and_removed():

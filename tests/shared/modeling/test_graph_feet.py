@@ -12,15 +12,15 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
     foot_lock_mode,
     key_characters,
     lock_feet,
     mirror_character,
     move_character,
     scale_character,
-    vertices_of,
 )
-from enliven.modeling.edits.graph_feet import feet_of
+from enliven.modeling.edits.graph_feet import find_feet
 from enliven.samples.shipped import load_sample
 
 STEP = 1.0 / 30.0
@@ -61,7 +61,7 @@ def walking(speed: float = 0.05, sunk: float = 0.0, frames: int = 61) -> Project
 
 def feet_at(project: Project, times) -> np.ndarray:
     """(T, 4, 3) metres, the lowest vertex of each leg."""
-    return np.stack([vertices_of(project, "table", float(time))[[0, 5, 10, 15]] for time in times])
+    return np.stack([compute_vertices(project, "table", float(time))[[0, 5, 10, 15]] for time in times])
 
 
 def slide(feet: np.ndarray) -> np.ndarray:
@@ -71,7 +71,7 @@ def slide(feet: np.ndarray) -> np.ndarray:
 
 def test_the_feet_of_a_table_and_of_the_chair_are_its_legs() -> None:
     shape = table()
-    feet = feet_of(shape, np.arange(21))
+    feet = find_feet(shape, np.arange(21))
     assert sorted(foot.node for foot in feet) == [0, 5, 10, 15]
     mesh = load_sample("chair")
     nodes = np.array([[x, y, z] for x in (-0.25, 0.25) for y in (0.05, 0.5, 1.0) for z in (-0.25, 0.25)])
@@ -81,7 +81,7 @@ def test_the_feet_of_a_table_and_of_the_chair_are_its_legs() -> None:
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(indices), 1))
     part = GraphPart("rest", np.arange(len(nodes)))
     chair = GraphShape("chair", nodes, np.zeros((0, 2)), mesh, SkinWeights(indices, weights), (part,))
-    assert len(feet_of(chair, np.arange(len(nodes)))) == 4
+    assert len(find_feet(chair, np.arange(len(nodes)))) == 4
 
 
 @settings(deadline=None, max_examples=5)
@@ -101,7 +101,7 @@ def test_held_feet_do_not_slide_and_lift_where_they_were_lifted(speed: float, wa
         after = feet_at(locked, times)
         assert (slide(after)[1:] < 1e-3).all()
         assert slide(after[: len(times) // 3])[0] < 1e-3 and after[-1, 0, 1] > 0.2, "a step is taken"
-        top = [vertices_of(each, "table", 1.0)[20] for each in (project, locked)]
+        top = [compute_vertices(each, "table", 1.0)[20] for each in (project, locked)]
         np.testing.assert_allclose(top[0], top[1], atol=0.5 * speed)
     unlocked = lock_feet(locked, "table", [0], "never")
     np.testing.assert_allclose(feet_at(unlocked, times), before, atol=1e-12)

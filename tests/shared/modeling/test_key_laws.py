@@ -10,22 +10,22 @@ from test_character_laws import WORLDS
 
 from enliven.document import EASES, KEY_STEP, MotionKey, Project, are_identical, clip_from_keys, key_values
 from enliven.errors import InputError
-from enliven.exporters import performance_of
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.exporters import sample_performance
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
     copy_character,
     ease_key,
+    find_keys,
     key_at,
     key_handle,
     key_layer,
-    keys_of,
     mirror_character,
     move_key,
     remove_key,
     set_key,
     shift_character,
-    vertices_of,
 )
 from enliven.modeling.rigged.posed import posed
 from enliven.rotation import from_rotation_vector, multiply, to_matrix
@@ -61,7 +61,7 @@ def test_key_rotates_bone_after_its_motion(at, degrees, ease):
         assert turn_apart(turns[BONE], wanted) < 1e-9
         assert turn_apart(turns[:BONE], before[:BONE]) < 1e-12, "what it hangs on stays"
         assert key_at(project, ARM, BONE, time).degrees == pytest.approx(each)
-    assert [key.second for _, key in keys_of(project, ARM, BONE)] == pytest.approx(
+    assert [key.second for _, key in find_keys(project, ARM, BONE)] == pytest.approx(
         sorted(frame * KEY_STEP for frame in at)
     )
 
@@ -92,7 +92,7 @@ def test_a_key_that_is_set_and_removed_is_nothing(at, degrees, data):
     for frame, each in zip(at[:-1], degrees, strict=False):
         project = set_key(project, ARM, BONE, frame * KEY_STEP, each)
     more = set_key(project, ARM, BONE, at[-1] * KEY_STEP, degrees[0])
-    number = [round(key.second / KEY_STEP) for _, key in keys_of(more, ARM, BONE)].index(at[-1])
+    number = [round(key.second / KEY_STEP) for _, key in find_keys(more, ARM, BONE)].index(at[-1])
     assert are_identical(remove_key(more, ARM, BONE, number), project)
     eased = ease_key(more, ARM, BONE, number, data.draw(st.sampled_from(EASES)))
     assert are_identical(ease_key(eased, ARM, BONE, number, "smooth"), more)
@@ -102,15 +102,15 @@ def test_a_key_that_is_set_and_removed_is_nothing(at, degrees, data):
 @given(frames, angles, st.integers(0, 90), angles)
 def test_a_key_is_moved_in_time_and_value_and_back(at, first, frame, other):
     project = keyed(at, [first] * len(at))
-    keys = keys_of(project, ARM, BONE)
+    keys = find_keys(project, ARM, BONE)
     time, key = keys[0]
     if any(abs(other_key.second - frame * KEY_STEP) < 1e-6 for _, other_key in keys[1:]):
         with pytest.raises(InputError, match="on one frame"):
             move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
         return
     moved = move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
-    number = [round(key.second / KEY_STEP) for _, key in keys_of(moved, ARM, BONE)].index(frame)
-    assert keys_of(moved, ARM, BONE)[number][1].degrees == other
+    number = [round(key.second / KEY_STEP) for _, key in find_keys(moved, ARM, BONE)].index(frame)
+    assert find_keys(moved, ARM, BONE)[number][1].degrees == other
     assert are_identical(move_key(moved, ARM, BONE, number, time, key.degrees), project)
 
 
@@ -121,12 +121,14 @@ def test_keys_are_a_layer_as_any_other(at, degrees, time, delay):
     number = key_layer(project, ARM, BONE)
     assert number is not None
     muted = change_layers(project, ARM, [number], muted=True)
-    np.testing.assert_allclose(vertices_of(muted, ARM, time), vertices_of(PROJECT, ARM, time), atol=1e-9)
+    np.testing.assert_allclose(
+        compute_vertices(muted, ARM, time), compute_vertices(PROJECT, ARM, time), atol=1e-9
+    )
     shifted = shift_character(project, ARM, delay)
     np.testing.assert_allclose(
-        vertices_of(shifted, ARM, time + delay), vertices_of(project, ARM, time), atol=1e-6
+        compute_vertices(shifted, ARM, time + delay), compute_vertices(project, ARM, time), atol=1e-6
     )
-    assert are_identical(project_of(project_bytes(project)), project), "kept in the file"
+    assert are_identical(parse_project(project_bytes(project)), project), "kept in the file"
 
 
 @laws
@@ -151,13 +153,13 @@ def test_a_copy_has_keys_of_its_own():
     project = set_key(PROJECT, ARM, BONE, 0.5, (0, 40, 0))
     project, other = copy_character(project, ARM)
     changed = set_key(project, other, BONE, 0.5, (0, -40, 0))
-    assert keys_of(changed, ARM, BONE) == keys_of(project, ARM, BONE)
-    assert keys_of(changed, other, BONE)[0][1].degrees == (0, -40, 0)
+    assert find_keys(changed, ARM, BONE) == find_keys(project, ARM, BONE)
+    assert find_keys(changed, other, BONE)[0][1].degrees == (0, -40, 0)
 
 
 def test_export_contains_the_keys():
     project = set_key(set_key(PROJECT, ARM, BONE, 0.0, (0, 0, 0)), ARM, BONE, 1.0, (0, 60, 0))
-    performance = performance_of(project, ARM, 0.0, 1.0, 30.0)
+    performance = sample_performance(project, ARM, 0.0, 1.0, 30.0)
     last = posed(project, project.shape(ARM), 1.0)[0]
     np.testing.assert_allclose(performance.linear[-1], to_matrix(last), atol=1e-6)
     assert turn_apart(last[BONE], posed(PROJECT, PROJECT.shape(ARM), 1.0)[0][BONE]) > 0.1
@@ -178,4 +180,4 @@ def test_invalid_key_is_refused():
     ):
         with pytest.raises(InputError, match=words):
             wrong()
-    assert replace(keys_of(project, ARM, BONE)[0][1], ease="step").ease == "step"
+    assert replace(find_keys(project, ARM, BONE)[0][1], ease="step").ease == "step"

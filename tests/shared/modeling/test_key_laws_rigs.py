@@ -9,29 +9,29 @@ from test_character_laws import near
 
 from enliven.document import EASES, KEY_STEP, MotionKey, are_identical, keyed_stream
 from enliven.errors import InputError
-from enliven.exporters import performance_of
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.exporters import sample_performance
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
     copy_character,
     drag_handle,
     ease_key,
+    find_keys,
+    get_rig_edits,
     key_at,
     key_characters,
     key_handle,
     key_layer,
-    keys_of,
     merge_characters,
     mirror_character,
     move_character,
     move_key,
     pose_of_character,
     remove_key,
-    rig_of,
     root_motion,
     scale_character,
     set_key,
-    vertices_of,
 )
 from enliven.modeling.possessed.pose import graph_pose
 from enliven.rotation import from_rotation_vector, rotate, to_matrix
@@ -68,7 +68,7 @@ def keyed(rig, handle, at, degrees, metres, ease="smooth"):
 def test_a_key_set_moved_or_eased_and_taken_back_is_nothing(rig, handle, at, degrees, way, ease, data):
     project, name = keyed(rig, handle, at[:-1], degrees, way, ease)
     more = set_key(project, name, handle, at[-1] * KEY_STEP, degrees)
-    keys = keys_of(more, name, handle)
+    keys = find_keys(more, name, handle)
     number = [round(time / KEY_STEP) for time, _ in keys].index(at[-1])
     assert are_identical(remove_key(more, name, handle, number), project)
     other = data.draw(st.sampled_from(EASES))
@@ -77,9 +77,9 @@ def test_a_key_set_moved_or_eased_and_taken_back_is_nothing(rig, handle, at, deg
     )
     away = move_key(more, name, handle, number, 2.5, (1, 2, 3))
     last = len(keys) - 1
-    assert keys_of(away, name, handle)[last][1].degrees == (1, 2, 3)
+    assert find_keys(away, name, handle)[last][1].degrees == (1, 2, 3)
     assert are_identical(move_key(away, name, handle, last, at[-1] * KEY_STEP, keys[number][1].degrees), more)
-    assert are_identical(project_of(project_bytes(more)), more), "kept in the file"
+    assert are_identical(parse_project(project_bytes(more)), more), "kept in the file"
 
 
 @things
@@ -89,13 +89,13 @@ def test_keys_of_anything_are_a_layer_as_any_other(rig, handle, at, degrees, way
     project, name = keyed(rig, handle, at, degrees, way)
     plain, number = WORLDS[rig][0], key_layer(project, name, handle)
     muted = change_layers(project, name, [number], muted=True)
-    near(vertices_of(muted, name, time), vertices_of(plain, name, time), 1e-9)
+    near(compute_vertices(muted, name, time), compute_vertices(plain, name, time), 1e-9)
     layer = change_layers(project, name, [number], offset=0.5)
     last = max(at) * KEY_STEP
-    assert keys_of(layer, name, handle)[-1][0] == pytest.approx(last + 0.5)
+    assert find_keys(layer, name, handle)[-1][0] == pytest.approx(last + 0.5)
     copied, other = copy_character(project, name)
     changed = set_key(copied, other, handle, at[0] * KEY_STEP, (9, 9, 9))
-    assert keys_of(changed, name, handle) == keys_of(project, name, handle), "a copy has keys of its own"
+    assert find_keys(changed, name, handle) == find_keys(project, name, handle), "a copy has keys of its own"
     assert key_at(changed, other, handle, at[0] * KEY_STEP).degrees == (9, 9, 9)
 
 
@@ -106,11 +106,11 @@ def test_root_key_moves_character_rigidly(rig, at, degrees, way, time):
     project, name = keyed(rig, None, at[:1], degrees, way)
     plain = WORLDS[rig][0]
     project = set_key(project, name, None, at[1] * KEY_STEP, (0, 0, 0), metres=(0, 0, 0))
-    key_time, stood = at[0] * KEY_STEP, rig_of(plain.character(name)).centre(plain.character(name))
-    turn, before = from_rotation_vector(np.radians(degrees)), vertices_of(plain, name, key_time)
-    near(vertices_of(project, name, key_time), rotate(turn, before - stood) + stood + way)
-    near(vertices_of(project, name, at[1] * KEY_STEP), vertices_of(plain, name, at[1] * KEY_STEP))
-    with_key, unkeyed = vertices_of(project, name, time), vertices_of(plain, name, time)
+    key_time, stood = at[0] * KEY_STEP, get_rig_edits(plain.character(name)).centre(plain.character(name))
+    turn, before = from_rotation_vector(np.radians(degrees)), compute_vertices(plain, name, key_time)
+    near(compute_vertices(project, name, key_time), rotate(turn, before - stood) + stood + way)
+    near(compute_vertices(project, name, at[1] * KEY_STEP), compute_vertices(plain, name, at[1] * KEY_STEP))
+    with_key, unkeyed = compute_vertices(project, name, time), compute_vertices(plain, name, time)
     near(np.linalg.norm(with_key - with_key[0], axis=1), np.linalg.norm(unkeyed - unkeyed[0], axis=1))
 
 
@@ -170,19 +170,19 @@ EDITS = {
 def test_dragged_key_reaches_target_and_keeps_other_keys(rig, handle, edit, frame, degrees, way, to):
     project, name = keyed(rig, handle, [90], degrees, way)
     project, time = EDITS[edit](project, name), frame * KEY_STEP
-    late = vertices_of(project, name, 3.0)
+    late = compute_vertices(project, name, 3.0)
     if handle is None:
         turn = from_rotation_vector(np.radians(degrees))
         edited = key_characters(project, [name], time, to, turn, way)
-        expected = rotate(turn, vertices_of(project, name, time) - way) + way + to
-        near(vertices_of(edited, name, time), expected)
+        expected = rotate(turn, compute_vertices(project, name, time) - way) + way + to
+        near(compute_vertices(edited, name, time), expected)
     else:
-        player = rig_of(project.character(name)).player(project, project.character(name))
+        player = get_rig_edits(project.character(name)).player(project, project.character(name))
         target = (player(time).handles if rig == "bones" else player(time).pose.positions)[handle] + to
         edited = key_handle(project, name, handle, target, time)
         if rig != "bones":  # a bone points there; see test_key_laws
             near(pose_of_character(edited, name, time).positions[handle], target, 1e-5)
-    near(vertices_of(edited, name, 3.0), late)
+    near(compute_vertices(edited, name, 3.0), late)
 
 
 @wholes
@@ -193,7 +193,7 @@ def test_key_can_be_set_within_layers_and_next_to_another(rig):
     twice = project.character(name).with_playing(*project.character(name).playing, layer)
     project = change_layers(project.with_characters(twice), name, [first], weight=0.4)
     edited = key_characters(project, [name], 0.5, (0, 0, 1.0))
-    near(vertices_of(edited, name, 0.5), vertices_of(project, name, 0.5) + np.array([0, 0, 1.0]))
+    near(compute_vertices(edited, name, 0.5), compute_vertices(project, name, 0.5) + np.array([0, 0, 1.0]))
     muted = change_layers(project, name, [first], muted=True)
     with pytest.raises(InputError, match="have no effect"):
         key_characters(muted, [name], 0.5, (0, 0, 1.0))
@@ -204,12 +204,12 @@ def test_dragged_handle_of_keyed_character_reaches_target(rig):
     project, name = keyed(rig, None, [0, 30], (0, 40, 5), (0.2, 0.1, 0))
     if rig != "bones":
         return
-    joints = rig_of(project.shape(name)).player(project, project.shape(name))(0.4).handles
+    joints = get_rig_edits(project.shape(name)).player(project, project.shape(name))(0.4).handles
     for dragged in (
         drag_handle(project, name, 2, joints[2] + (0, 0.1, 0.1), 0.4),
         key_handle(project, name, 2, joints[2] + (0, 0.1, 0.1), 0.4),
     ):
-        handles = rig_of(dragged.shape(name)).player(dragged, dragged.shape(name))(0.4).handles
+        handles = get_rig_edits(dragged.shape(name)).player(dragged, dragged.shape(name))(0.4).handles
         way, bone = joints[2] + (0, 0.1, 0.1) - handles[1], handles[2] - handles[1]
         assert way @ bone / np.linalg.norm(way) / np.linalg.norm(bone) > 1 - 1e-9
 
@@ -217,7 +217,7 @@ def test_dragged_handle_of_keyed_character_reaches_target(rig):
 @things
 def test_export_contains_the_keys(rig, handle):
     project, name = keyed(rig, handle, [0, 30], (0, 40, 0), (0.3, 0.2, 0))
-    motion, before = (vertices_of(each, name, 1.0) for each in (project, WORLDS[rig][0]))
+    motion, before = (compute_vertices(each, name, 1.0) for each in (project, WORLDS[rig][0]))
     assert np.abs(motion - before).max() > 0.02
     vertices = exported(project, name)
     if rig == "points":  # it is baked, to an error of its own; the keys make none
@@ -230,7 +230,7 @@ def test_export_contains_the_keys(rig, handle):
 
 def exported(project, name):
     """(V, 3) metres of the last frame that an exporter is given, at 1 s."""
-    performance = performance_of(project, name, 0.0, 1.0, 10.0)
+    performance = sample_performance(project, name, 0.0, 1.0, 10.0)
     pose = list(performance.poses())[-1]
     skin, mesh = performance.skin, performance.mesh
     arms = mesh.vertices[:, None] - performance.pivots[skin.indices]
@@ -245,7 +245,7 @@ def test_a_merge_goes_on_with_the_keys_of_its_host(rig):
     notes = []
     whole = merge_characters(project, name, graft, 0.5, loose=True, notes=notes)
     assert any("rides on" in note for note in notes)
-    assert keys_of(whole, name, None) == keys_of(project, name, None) and list(whole.characters) == [name]
+    assert find_keys(whole, name, None) == find_keys(project, name, None) and list(whole.characters) == [name]
 
 
 def test_character_without_keys_is_refused():

@@ -20,11 +20,12 @@ from enliven.document import (
     curve_from_keys,
 )
 from enliven.errors import InputError
-from enliven.exporters import performance_of
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.exporters import sample_performance
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import (
     change_layers,
-    clips_of,
+    compute_vertices,
+    find_layer_clips,
     layer_keys,
     move_layer_key,
     remove_layer_key,
@@ -33,7 +34,6 @@ from enliven.modeling.edits import (
     split_clip,
     stretch_clip,
     trim_clip,
-    vertices_of,
 )
 from enliven.motion.layers.timing import Clocks
 
@@ -68,11 +68,11 @@ def test_a_weight_of_one_key_is_the_number(rig, weight, at, time):
         curved = set_layer_key(project, name, [number], "weights", at, weight)
         if hasattr(layer, "weight"):
             plain = change_layers(project, name, [number], weight=weight * layer.weight)
-            near(vertices_of(curved, name, time), vertices_of(plain, name, time))
+            near(compute_vertices(curved, name, time), compute_vertices(plain, name, time))
         silent = set_layer_key(project, name, [number], "weights", at, 0.0)
         muted = change_layers(project, name, [number], muted=True)
         if not (isinstance(layer, Layer) and project.shape(name).travel == layer.id):
-            near(vertices_of(silent, name, time), vertices_of(muted, name, time))
+            near(compute_vertices(silent, name, time), compute_vertices(muted, name, time))
         assert are_identical(remove_layer_key(curved, name, [number], "weights", 0), project)
 
 
@@ -85,7 +85,7 @@ def test_a_speed_of_one_key_is_the_number(rig, speed, at, time):
     for number, layer in enumerate(project.character(name).playing):
         curved = set_layer_key(project, name, [number], "speeds", at, speed)
         plain = change_layers(project, name, [number], speed=speed * layer.speed)
-        near(vertices_of(curved, name, time), vertices_of(plain, name, time))
+        near(compute_vertices(curved, name, time), compute_vertices(plain, name, time))
         curved_layer, other = (each.character(name).playing[number] for each in (curved, plain))
         length = project.length_of(layer)
         assert curved_layer.end(length) == pytest.approx(other.end(length))
@@ -135,19 +135,19 @@ def test_clips_are_split_trimmed_and_shifted_under_curves(rig, fast, weights, ti
     for number in range(count):
         changes = {"loop": False, "speeds": fast, "weights": weights}
         curved = change_layers(project, name, [number], **changes)
-        (clip,) = clips_of(curved, name, number)
+        (clip,) = find_layer_clips(curved, name, number)
         at = clip.begin + share * (clip.end - clip.begin)
         split = split_clip(curved, name, [number], at)
-        near(vertices_of(split, name, time), vertices_of(curved, name, time), 1e-5)
-        assert clips_of(split, name, number)[0].end == pytest.approx(at, abs=1e-6)
+        near(compute_vertices(split, name, time), compute_vertices(curved, name, time), 1e-5)
+        assert find_layer_clips(split, name, number)[0].end == pytest.approx(at, abs=1e-6)
         trimmed = trim_clip(curved, name, [number], 0, begin=at)
         later = max(time, at + 1e-3)
-        near(vertices_of(trimmed, name, later), vertices_of(curved, name, later), 1e-5)
+        near(compute_vertices(trimmed, name, later), compute_vertices(curved, name, later), 1e-5)
         slower = stretch_clip(curved, name, [number], 0, end=clip.end + 0.5)
-        assert clips_of(slower, name, number)[0].end == pytest.approx(clip.end + 0.5, abs=1e-5)
-        assert are_identical(project_of(project_bytes(curved)), curved)
+        assert find_layer_clips(slower, name, number)[0].end == pytest.approx(clip.end + 0.5, abs=1e-5)
+        assert are_identical(parse_project(project_bytes(curved)), curved)
         late = shift_character(curved, name, 0.5)
-        near(vertices_of(late, name, time + 0.5), vertices_of(curved, name, time))
+        near(compute_vertices(late, name, time + 0.5), compute_vertices(curved, name, time))
 
 
 @worlds
@@ -159,14 +159,14 @@ def test_export_matches_displayed_motion(rig):
         project = set_layer_key(project, name, [number], "speeds", 0.8, 0.5)
         project = set_layer_key(project, name, [number], "weights", 0.0, 1.0)
         project = set_layer_key(project, name, [number], "weights", 0.9, 0.3)
-    performance = performance_of(project, name, 0.0, 0.6, 10.0)
+    performance = sample_performance(project, name, 0.0, 0.6, 10.0)
     pose = list(performance.poses())[-1]
     skin, mesh = performance.skin, performance.mesh
     arms = mesh.vertices[:, None] - performance.pivots[skin.indices]
     moved = np.einsum("vkij,vkj->vki", pose.linear[skin.indices].astype(float), arms)
     exported = ((moved + pose.positions[skin.indices]) * skin.weights[..., None]).sum(1)
     # A puppet is baked to an error of its own.
-    near(exported, vertices_of(project, name, 0.6), 0.05 if kind(rig) == "points" else 1e-5)
+    near(exported, compute_vertices(project, name, 0.6), 0.05 if kind(rig) == "points" else 1e-5)
 
 
 def test_keys_are_moved_eased_and_refused():

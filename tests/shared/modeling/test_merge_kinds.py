@@ -11,18 +11,18 @@ from test_character_laws import WORLDS
 from enliven.document import GraphShape
 from enliven.document.project import Project
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
     cut_character,
+    get_rig_edits,
     merge_characters,
     mirror_character,
     move_character,
     paste_character,
     pose_of_character,
-    rig_of,
     scale_character,
-    vertices_of,
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.rotation import rotate
@@ -43,7 +43,7 @@ def beside(host, graft, time):
     """Returns both in one project, with the graft far enough to the right not to touch the host."""
     project, ours = paste_character(Project(), *WORLDS[host])
     project, theirs = paste_character(project, *WORLDS[graft])
-    host_places, graft_places = (vertices_of(project, name, time) for name in (ours, theirs))
+    host_places, graft_places = (compute_vertices(project, name, time) for name in (ours, theirs))
     away = host_places[:, 0].max() - graft_places[:, 0].min() + 0.2
     return move_character(project, theirs, [away, 0.0, 0.0]), ours, theirs
 
@@ -67,18 +67,18 @@ def test_at_the_merge_nothing_jumps_the_host_goes_on_and_the_graft_rides(host, g
     assert list(merged.characters) == [ours] and isinstance(merged.characters[ours], GraphShape)
     assert sum("was baked" in note for note in notes) == 2 - (host in GRAPHS) - (graft in GRAPHS)
     assert ("mm" in " ".join(notes)) == ("points" in (host, graft)), "the error of a baked puppet is said"
-    now, then = vertices_of(merged, ours, time), vertices_of(merged, ours, time + later * FRAME)
+    now, then = compute_vertices(merged, ours, time), compute_vertices(merged, ours, time + later * FRAME)
     for name, rig in ((ours, host), (theirs, graft)):
-        seen = vertices_of(project, name, time)
+        seen = compute_vertices(project, name, time)
         assert off(now, seen) < (within(rig, seen) if rig == "points" else 1e-6)
-    seen = vertices_of(project, ours, time + later * FRAME)
+    seen = compute_vertices(project, ours, time + later * FRAME)
     assert off(then, seen) < within(host, seen)
     # On a host that stands still, the graft does what it did alone.
     count = len(project.characters[ours].playing)
     still = change_layers(project, ours, range(count), muted=True)
     merged = merge_characters(still, ours, theirs, time, loose=True)
-    seen = vertices_of(project, theirs, time + later * FRAME)
-    assert off(vertices_of(merged, ours, time + later * FRAME), seen) < within(graft, seen)
+    seen = compute_vertices(project, theirs, time + later * FRAME)
+    assert off(compute_vertices(merged, ours, time + later * FRAME), seen) < within(graft, seen)
 
 
 def test_a_possessed_leg_grows_out_of_a_rigged_body():
@@ -86,20 +86,20 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
     project, ours, theirs = beside("bones", "graph", 0.5)
     project = scale_character(project, theirs, 0.5)
     tip = pose_of_character(project, ours, 0.5).positions[-1]
-    leg = vertices_of(project, theirs, 0.5)
+    leg = compute_vertices(project, theirs, 0.5)
     nearest = leg[np.abs(leg[:, 0] - leg[:, 0].min()).argmin()]
     project = move_character(project, theirs, tip - nearest - [0.12, 0.0, 0.0])
-    separate = [vertices_of(project, name, 0.5) for name in (ours, theirs)]
+    separate = [compute_vertices(project, name, 0.5) for name in (ours, theirs)]
     merged = merge_characters(project, ours, theirs, 0.5, node="arm 2", loose=True)
-    together = vertices_of(merged, ours, 0.5)
+    together = compute_vertices(merged, ours, 0.5)
     # Vertices inside of the other are gone, and those near the seam are smoothed; none is anywhere else.
     assert off(np.concatenate(separate), together) < 0.1
     assert merged.graph(ours).parts[1].ride.node == 2
     low, high = together.min(0), together.max(0)
     cut, parts = cut_character(merged, ours, PlaneCut((low + high) / 2, [1.0, 0, 0]), 0.5)
     assert len(parts) == 2 and len(cut.characters) == 2
-    reread = project_of(project_bytes(merged))
-    np.testing.assert_array_equal(vertices_of(reread, ours, 0.9), vertices_of(merged, ours, 0.9))
+    reread = parse_project(project_bytes(merged))
+    np.testing.assert_array_equal(compute_vertices(reread, ours, 0.9), compute_vertices(merged, ours, 0.9))
 
 
 @settings(deadline=None, max_examples=8)
@@ -107,16 +107,16 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
 def test_graft_follows_scaling_mirroring_and_moving_of_host(factor, time, seed):
     project, ours, theirs = beside("bones", "graph", 0.5)
     merged = merge_characters(project, ours, theirs, 0.5, loose=True)
-    seen, random = vertices_of(merged, ours, time), np.random.default_rng(seed)
-    centre = rig_of(merged.characters[ours]).centre(merged.characters[ours])
-    scaled = vertices_of(scale_character(merged, ours, factor), ours, time)
+    seen, random = compute_vertices(merged, ours, time), np.random.default_rng(seed)
+    centre = get_rig_edits(merged.characters[ours]).centre(merged.characters[ours])
+    scaled = compute_vertices(scale_character(merged, ours, factor), ours, time)
     np.testing.assert_allclose(scaled, centre + factor * (seen - centre), atol=1e-6)
     normal = random.normal(size=3)
     normal /= np.linalg.norm(normal)
-    mirrored = vertices_of(mirror_character(merged, ours, normal), ours, time)
+    mirrored = compute_vertices(mirror_character(merged, ours, normal), ours, time)
     np.testing.assert_allclose(mirrored, seen - 2 * ((seen - centre) @ normal)[:, None] * normal, atol=1e-6)
     turn, offset = random_turns(random), random.normal(size=3)
-    moved = vertices_of(move_character(merged, ours, offset, turn), ours, time)
+    moved = compute_vertices(move_character(merged, ours, offset, turn), ours, time)
     np.testing.assert_allclose(moved, rotate(turn, seen) + offset, atol=1e-6)
 
 
@@ -131,7 +131,7 @@ def test_a_loop_goes_on_for_ever():
     assert merged.graph(name).parts[0].loop
     for rounds in (-3, 5, 400):
         at = 0.3 + 0.2 + rounds * length
-        assert off(vertices_of(merged, name, at), vertices_of(project, name, at)) < ROUNDED
+        assert off(compute_vertices(merged, name, at), compute_vertices(project, name, at)) < ROUNDED
 
 
 def test_impossible_merge_is_reported():

@@ -10,7 +10,7 @@ from mesh_makers import partition_of_unity, volume, watertight
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_loops import winding_number
 from enliven.modeling.sketching.axis_bones import simplify_chain
-from enliven.modeling.sketching.outline import _crossing_segments, outline_of
+from enliven.modeling.sketching.outline import _crossing_segments, trace_outline
 from enliven.modeling.sketching.sketch import SketchPlane, shape_from_stroke
 
 ALL = {
@@ -39,7 +39,7 @@ def test_a_part_is_closed_even_and_weighted(name):
     # Both halves are alike, the outline is the stroke's.
     low, high = mesh.bounds
     assert low[2] == pytest.approx(-high[2], rel=0.05)
-    outline = outline_of(ALL[name], 200)
+    outline = trace_outline(ALL[name], 200)
     size = float(np.ptp(outline, axis=0).max())
     np.testing.assert_allclose([low[:2], high[:2]], [outline.min(0), outline.max(0)], atol=0.02 * size)
     # Every joint lies in the outline, every vertex follows a bone that is near.
@@ -143,7 +143,7 @@ def test_the_ends_of_a_stroke_may_run_past_each_other():
     turn = np.linspace(0, 2 * np.pi, 200)
     stroke = np.stack([np.cos(turn), np.sin(turn)], 1)
     past = np.concatenate([[[0.9, -0.2], [1.02, -0.1]], stroke[1:], [[0.98, 0.05], [1.08, 0.12]]])
-    outline = outline_of(past, 100)
+    outline = trace_outline(past, 100)
     assert np.linalg.norm(outline, axis=1).max() < 1.1
     assert np.abs(np.linalg.norm(outline, axis=1) - 1).max() < 0.12
 

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_surgery_graphs import block
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.document import History, Plane, Project, graph_shape_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
+from enliven.document import History, Plane, Project, graph_shape_from_poses
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import character_bytes
 from enliven.meshes import extract_submesh, refine
 from enliven.modeling.edits import (
@@ -32,8 +32,8 @@ laws = settings(deadline=None, max_examples=10)
 SEEDS = st.integers(0, 2**32 - 1)
 BRUSHES = st.sampled_from(["stiffer", "softer", "erase"])
 MESH = block(steps=(13, 4, 4))
-CHARACTER = character_from(MESH, DeformationGraph.build(MESH, 12, seed=1), "block")
-SHAPE, STREAM = graph_shape_of(CHARACTER, [CHARACTER.rest_pose(k) for k in (0, 10**9)], "still")
+CHARACTER = character_from_graph(MESH, DeformationGraph.build(MESH, 12, seed=1), "block")
+SHAPE, STREAM = graph_shape_from_poses(CHARACTER, [CHARACTER.rest_pose(k) for k in (0, 10**9)], "still")
 PLAIN = Project().with_streams(STREAM).with_characters(SHAPE)
 LEFT_AND_RIGHT = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
@@ -124,7 +124,7 @@ def test_all_edits_keep_paint():
     moved = move_character(scale_character(copied, name, 1.7), name, [1.0, 0, 0])
     for edited in (copied, moved, mirror_character(copied, name, [1.0, 0, 0])):
         np.testing.assert_array_equal(edited.graph(name).mesh.stiffness, own)
-    for read in (project_of(project_bytes(project)), project_of(character_bytes(project, "block"))):
+    for read in (parse_project(project_bytes(project)), parse_project(character_bytes(project, "block"))):
         np.testing.assert_array_equal(read.graph("block").mesh.stiffness, own)
     mesh = project.graph("block").mesh
     received = message_to_character(character_to_message(replace(CHARACTER, stiffness=own), 1))

@@ -19,12 +19,12 @@ from enliven.formats.project.one_character import project_of_mesh
 from enliven.meshes import Mesh
 from enliven.modeling.edits import (
     change_layers,
-    foot_of,
+    compute_vertices,
+    find_base_centre,
     move_character,
     paste_character,
     shift_character,
     transfer_performance,
-    vertices_of,
 )
 from enliven.modeling.possessed.another_mesh import possess_another
 from enliven.modeling.possessed.solving import solve_again, stale
@@ -54,15 +54,15 @@ def with_stool(size: float = 1.0, place=(2.0, 0.0, 1.0)) -> Project:
 
 def test_transferred_performance_keeps_position_and_size():
     before = with_stool(0.5)
-    stood = vertices_of(before, "stool", 0.0)
+    stood = compute_vertices(before, "stool", 0.0)
     project, name = transfer_performance(before, SOURCE, "stool", nodes=NODES)
     assert name == "stool" and set(project.characters) == set(before.characters)
-    seen = vertices_of(project, name, 0.0)
-    np.testing.assert_allclose(foot_of(seen), foot_of(stood), atol=1e-6)
+    seen = compute_vertices(project, name, 0.0)
+    np.testing.assert_allclose(find_base_centre(seen), find_base_centre(stood), atol=1e-6)
     assert np.ptp(seen[:, 1]) == pytest.approx(np.ptp(stood[:, 1]), rel=0.1), (
         "its performer bends it a little"
     )
-    went = np.linalg.norm(vertices_of(project, name, 0.7) - seen, axis=1)
+    went = np.linalg.norm(compute_vertices(project, name, 0.7) - seen, axis=1)
     assert went.max() > 0.02, "it is performed"
     assert not stale(project, project.graph(name)) and are_identical(solve_again(project, name), project)
     assert are_identical(project.graph(SOURCE), before.graph(SOURCE)), "who gives it keeps it"
@@ -76,9 +76,9 @@ def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size,
     other, _ = transfer_performance(with_stool(size, (x, 0.0, z)), SOURCE, "stool", nodes=NODES)
     height = np.ptp(STOOL.vertices[:, 1])
     for time in (0.0, 0.5, LAST):
-        here, there = (vertices_of(project, name, time) for project in (usual, other))
+        here, there = (compute_vertices(project, name, time) for project in (usual, other))
         moved = [
-            vertices - foot_of(vertices_of(each, name, 0.0))
+            vertices - find_base_centre(compute_vertices(each, name, 0.0))
             for vertices, each in ((here, usual), (there, other))
         ]
         apart = np.linalg.norm(moved[1] / size - moved[0], axis=1) / height
@@ -107,8 +107,8 @@ def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     assert copy == f"{name} performed" and are_identical(
         transferred.characters[name], project.characters[name]
     )
-    height = np.ptp(vertices_of(project, name, 0.2)[:, 1])
-    assert np.ptp(vertices_of(transferred, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
+    height = np.ptp(compute_vertices(project, name, 0.2)[:, 1])
+    assert np.ptp(compute_vertices(transferred, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
     transferred_twice, second = transfer_performance(transferred, SOURCE, name, nodes=NODES)
     assert second == f"{name} performed 2" and set(transferred_twice.characters) == {
         *transferred.characters,
@@ -166,5 +166,5 @@ def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
     possessions = [Possession(take.id, (HoldChange(0.1),), json.dumps(asdict(each))) for each in (how, spots)]
     transferred = [possess_another(Project(), STOOL, take, each, nodes=NODES) for each in possessions]
     for time in (0.0, 0.5):
-        plain, other = (vertices_of(project, name, time) for project, name in transferred)
+        plain, other = (compute_vertices(project, name, time) for project, name in transferred)
         np.testing.assert_allclose(other, plain, atol=1e-9)

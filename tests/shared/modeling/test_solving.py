@@ -16,13 +16,14 @@ from sample_meshes.chair import make_chair
 from surgery_worlds import random_turns
 from swaying import possessed_chair, take_of, without_cache
 
-from enliven.deformation.graph.graph import graph_of
+from enliven.deformation.graph.graph import graph_from_character
 from enliven.document import HoldChange, Project, are_identical
 from enliven.document.history import History
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
     copy_character,
     cut_character,
     merge_characters,
@@ -34,7 +35,6 @@ from enliven.modeling.edits import (
     shift_character,
     turn_character,
     unpaint_character,
-    vertices_of,
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.solving import (
@@ -89,7 +89,9 @@ def test_rigid_edits_keep_motion_and_solution(seed):
     size = project.graph(name).parts[0].size
     for time in TIMES:
         np.testing.assert_allclose(
-            vertices_of(again, name, time), vertices_of(project, name, time), atol=max(size, 1.0) * SETTLED
+            compute_vertices(again, name, time),
+            compute_vertices(project, name, time),
+            atol=max(size, 1.0) * SETTLED,
         )
     assert not is_stale(again, name)
 
@@ -113,7 +115,7 @@ def held_misses(project, name, number=0):
     before, replaying.EmbeddedActor = replaying.EmbeddedActor, Watched
     try:
         misses = []
-        for pose in replay(bare, graph_of(bare), take, part.possession):
+        for pose in replay(bare, graph_from_character(bare), take, part.possession):
             (actor,) = actors
             for hold in actor.holds:
                 attachments = [grip.attachment for grip in hold.attachments]
@@ -147,13 +149,13 @@ def test_a_larger_or_smaller_mesh_is_held_and_follows(factor, seed):
     project, other = possess_mesh(project, mesh, take, replace(how, height=0.0), nodes=40)
     assert other == "chair 2" and len(project.bodies) == 1
     assert held_misses(project, other).max() < 0.04
-    span = np.ptp([vertices_of(project, other, t) for t in np.linspace(0.2, 0.75, 8)], axis=0)
+    span = np.ptp([compute_vertices(project, other, t) for t in np.linspace(0.2, 0.75, 8)], axis=0)
     assert np.linalg.norm(span, axis=1).mean() > 0.03, "it hardly moves"
 
 
 def leg_cut(project, name, time=0.0):
     """The chair without the lower end of one leg; the ids of the chair and of the leg."""
-    seen = vertices_of(project, name, time)
+    seen = compute_vertices(project, name, time)
     outward = np.array([1.0, -1.0, 1.0]) / np.sqrt(3.0)
     foot = seen[(seen @ outward).argmax()]
     cut, parts = cut_character(project, name, PlaneCut(foot + [0.0, 0.3, 0.0], outward), time)  # noqa: RUF005
@@ -165,22 +167,22 @@ def leg_cut(project, name, time=0.0):
 def test_both_parts_are_solved_after_cutting_a_leg(seed):
     """The chair follows its performer as closely as before, and parts above the seat hardly change."""
     project, name = possessed_chair(frames=30, seed=seed)
-    whole = vertices_of(project, name, 0.7)
+    whole = compute_vertices(project, name, 0.7)
     cut, (chair, leg) = leg_cut(project, name)
     assert all(is_stale(cut, part) for part in (chair, leg))
     assert len(cut.graph(leg).mesh.vertices) < 0.2 * len(whole)
-    seen = np.concatenate([vertices_of(cut, part, 0.7) for part in (chair, leg)])
+    seen = np.concatenate([compute_vertices(cut, part, 0.7) for part in (chair, leg)])
     for place in whole[::7]:
         assert np.linalg.norm(seen - place, axis=1).min() < 1e-6, "a cut moves nothing by itself"
     again = solve_again(cut, chair)
     assert not is_stale(again, chair) and again.graph(chair).mesh is cut.graph(chair).mesh
     assert held_misses(again, chair).max() < 1.5 * held_misses(project, name).max() + 0.01
-    off = np.linalg.norm(vertices_of(again, chair, 0.7) - vertices_of(cut, chair, 0.7), axis=1)
+    off = np.linalg.norm(compute_vertices(again, chair, 0.7) - compute_vertices(cut, chair, 0.7), axis=1)
     rest = cut.graph(chair).mesh.vertices[:, 1]
     assert np.median(off[rest > 0.55 * rest.max()]) < 0.04
     assert are_identical(again.graph(leg), cut.graph(leg)), "the leg is not touched"
     both = solve_again(again, leg)
-    assert not is_stale(both, leg) and np.isfinite(vertices_of(both, leg, 0.7)).all()
+    assert not is_stale(both, leg) and np.isfinite(compute_vertices(both, leg, 0.7)).all()
 
 
 def test_a_merge_is_solved_part_by_part_and_a_ride_goes_on():
@@ -191,7 +193,7 @@ def test_a_merge_is_solved_part_by_part_and_a_ride_goes_on():
     again = solve_again(without_cache(merged, name), name)
     assert not is_stale(again, name)
     for time in TIMES:
-        off = vertices_of(again, name, time) - vertices_of(merged, name, time)
+        off = compute_vertices(again, name, time) - compute_vertices(merged, name, time)
         assert np.linalg.norm(off, axis=1).mean() < 0.02
 
 
@@ -212,15 +214,17 @@ def test_paste_keeps_performers_and_undo_restores_solution():
 def test_a_file_keeps_performers_and_damaged_motion_is_solved_again(tmp_path):
     project, name = WORLD
     data = project_bytes(project)
-    assert are_identical(project_of(data), project)
+    assert are_identical(parse_project(data), project)
     for lose in (False, True):
-        opened = project_of(without_stream(data, project.streams[name], lose))
+        opened = parse_project(without_stream(data, project.streams[name], lose))
         assert has_missing_motion(opened.graph(name)) and is_stale(opened, name)
         again = solve_again(opened, name)
-        np.testing.assert_allclose(vertices_of(again, name, 0.9), vertices_of(project, name, 0.9), atol=1e-9)
+        np.testing.assert_allclose(
+            compute_vertices(again, name, 0.9), compute_vertices(project, name, 0.9), atol=1e-9
+        )
     take = project.bodies["sway"]
     with pytest.raises(InputError, match="damaged"):
-        project_of(without_array(data, take.joints, True))
+        parse_project(without_array(data, take.joints, True))
 
 
 def without_stream(data, stream, lose):
@@ -262,7 +266,7 @@ def test_progress_notes_and_refusals():
     parts = (replace(shape.parts[0], possession=replace(how, holds=holds)),)
     free = solve_again(damaged.with_characters(shape.with_changes(parts=parts)), name, notes=notes)
     assert notes == ["At 0.30 s: performer 9 is not in view."]
-    late = [vertices_of(free, name, t) for t in (1.2, 1.3)]
+    late = [compute_vertices(free, name, t) for t in (1.2, 1.3)]
     np.testing.assert_allclose(late[0], late[1], atol=1e-6, err_msg="who lets go moves nothing")
     far = replace(make_cactus(cell=0.08), name="far")
     far = replace(far, vertices=far.vertices + 9.0)
@@ -284,12 +288,12 @@ def test_painted_softness_affects_the_next_solve():
     soft = paint_character(project, name, middle, wide, "softer")
     assert not is_stale(project, name) and is_stale(soft, name)
     times = np.linspace(0.2, 1.2, 6)
-    before, after = ([vertices_of(each, name, float(t)) for t in times] for each in (project, soft))
+    before, after = ([compute_vertices(each, name, float(t)) for t in times] for each in (project, soft))
     assert are_identical(np.array(before), np.array(after)), "nothing moves otherwise until it is solved"
     solved = solve_again(soft, name)
     assert not is_stale(solved, name)
-    after = [vertices_of(solved, name, float(t)) for t in times]
+    after = [compute_vertices(solved, name, float(t)) for t in times]
     assert np.abs(np.array(after) - np.array(before)).max() > 0.005
     back = solve_again(unpaint_character(solved, name), name)
-    reread = [vertices_of(back, name, float(t)) for t in times]
+    reread = [compute_vertices(back, name, float(t)) for t in times]
     np.testing.assert_allclose(reread, before, atol=SETTLED)

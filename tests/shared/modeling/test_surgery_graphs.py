@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import assert_alike
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.deformation.skinning import skin_vertices
-from enliven.document import GraphPart, PoseStream, character_from_graph_shape, graph_shape_of
+from enliven.document import GraphPart, PoseStream, character_from_graph_shape, graph_shape_from_poses
 from enliven.document.character import Pose
 from enliven.document.history import History
 from enliven.document.project import Project, are_identical
@@ -57,7 +57,7 @@ def walking():
     """A block that was possessed: each node bends and sways on its own, smoothly along the block."""
     mesh = block()
     graph = DeformationGraph.build(mesh, 24, seed=1)
-    character = character_from(mesh, graph, "block")
+    character = character_from_graph(mesh, graph, "block")
     poses = []
     for frame in range(13):
         sway = 0.5 * np.sin(frame / 2 + graph.positions[:, 0])
@@ -72,7 +72,7 @@ def walking():
                 moved.astype(np.float32),
             )
         )
-    shape, stream = graph_shape_of(character, poses, "sway")
+    shape, stream = graph_shape_from_poses(character, poses, "sway")
     return Project().with_streams(stream).with_characters(shape), character, poses
 
 
@@ -275,7 +275,7 @@ def test_impossible_edit_is_reported(walking):
         (lambda: mirror_character(project, "block", [0, 0, 0]), "direction"),
         (lambda: move_character(project, "block", [np.nan, 0, 0]), "moved"),
         (lambda: graph_pose(project, project.graph("block"), np.inf), "time"),
-        (lambda: graph_shape_of(character, poses[:1], "one"), "cannot be played"),
+        (lambda: graph_shape_from_poses(character, poses[:1], "one"), "cannot be played"),
         (lambda: PoseStream("s", np.zeros((2, 3, 3)), np.zeros((2, 3)), 0.1), "no frames"),
         (lambda: project.with_characters(unplayed), "the stream 'nothing' does not exist"),
     ]

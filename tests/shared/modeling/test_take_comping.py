@@ -11,18 +11,18 @@ from swaying import possessed_chair
 
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits.characters import paste_character
 from enliven.modeling.edits.merging import merge_characters
 from enliven.modeling.edits.take_comping import (
     alternative_takes,
-    alternatives_of,
     choose_take,
     drop_take,
+    find_alternatives,
     keep_take,
 )
 from enliven.modeling.possessed.pose import graph_pose
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.takes.performed import add_performance
 
 SIZES = (0.2, 0.5, 0.9)
@@ -40,13 +40,15 @@ def three(count: int = 3) -> Project:
 
 
 def turn(project: Project, second: float = 0.25) -> np.ndarray:
-    return pose_of(project, "arm", second).turns
+    return evaluate_pose(project, "arm", second).turns
 
 
 def test_last_alternative_plays_and_each_plays_alone() -> None:
     project = three()
     assert alternative_takes(project, "take 1") == {"take 1": False, "take 2": False, "take 3": True}
-    assert alternatives_of(project, "take 2") == "take 1" and alternatives_of(project, "take 0") == "take 0"
+    assert (
+        find_alternatives(project, "take 2") == "take 1" and find_alternatives(project, "take 0") == "take 0"
+    )
     base, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
     for number, size in enumerate(SIZES, 1):
         chosen = choose_take(project, "take 1", f"take {number}")
@@ -74,11 +76,13 @@ def test_dropping_removes_one_alternative_completely(order) -> None:
 
 def test_they_are_kept_in_files_and_go_along_with_copies() -> None:
     project = three()
-    read = project_of(project_bytes(project), "file")
+    read = parse_project(project_bytes(project), "file")
     assert are_identical(read, project)
     both, name = paste_character(read, project, "arm")
     chosen = choose_take(both, "take 1", "take 1")
-    np.testing.assert_allclose(pose_of(chosen, name, 0.2).turns, pose_of(chosen, "arm", 0.2).turns, atol=1e-9)
+    np.testing.assert_allclose(
+        evaluate_pose(chosen, name, 0.2).turns, evaluate_pose(chosen, "arm", 0.2).turns, atol=1e-9
+    )
     with pytest.raises(InputError, match="not one of these takes"):
         choose_take(project, "take 1", "take 9")
     with pytest.raises(InputError, match="not one of these takes"):

@@ -15,7 +15,7 @@ from enliven.document.layers import Layer, Ref, Span
 from enliven.document.project import Project
 from enliven.document.rigged import Shape, still_shape
 from enliven.errors import InputError
-from enliven.motion.layers.evaluate import Player, pose_of
+from enliven.motion.layers.evaluate import Player, evaluate_pose
 from enliven.motion.layers.polyline import Polyline
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.motion.layers.timing import Clocks
@@ -119,7 +119,7 @@ def test_the_kernels_are_the_definition(seed):
         their_turns, their_joints = plain_pose(project, shape, seconds)
         assert angle(turns[i], their_turns) < 1e-9
         np.testing.assert_allclose(joints[i], their_joints, atol=1e-9)
-        at = pose_of(project, "shape", seconds)
+        at = evaluate_pose(project, "shape", seconds)
         assert angle(at.turns, turns[i]) < 1e-12 and (at.turns[:, 0] >= 0).all()
 
 
@@ -270,7 +270,7 @@ def test_without_legs_the_whole_extent_is_the_size():
 def test_the_pose_moves_vertices_as_the_bones_go():
     rng = np.random.default_rng(5)
     project, shape = any_project(rng)
-    at, pose = pose_of(project, "shape", 0.1), Player(project, "shape").pose(0.1)
+    at, pose = evaluate_pose(project, "shape", 0.1), Player(project, "shape").pose(0.1)
     skeleton = shape.skeleton
     assert pose.character == "shape" and pose.time_ns == 100_000_000
     np.testing.assert_allclose(pose.linear, to_matrix(at.turns), atol=1e-6)
@@ -301,7 +301,7 @@ def test_a_live_moment_is_played_as_the_same_frame_of_a_take(seed):
 
 def test_there_must_be_such_a_shape():
     with pytest.raises(InputError, match="no shape"):
-        pose_of(Project(), "ghost", 0.0)
+        evaluate_pose(Project(), "ghost", 0.0)
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0, 2.0])

@@ -14,7 +14,7 @@ from test_pin import walk, walking
 
 from enliven.document import FEET, Segment, are_identical
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import change_layers, lock_feet
 from enliven.motion.contact.pin import pin_feet, resolve_pins
 from enliven.motion.layers.evaluate import Player
@@ -110,7 +110,7 @@ def test_each_clip_has_its_own_way(slide, first, second):
     assert modes is not None
     modes_at = modes(np.array([0.5, 1.0, 2.0, 2.5]))
     assert (modes_at[:, :2] == FEET.index(first)).all() and (modes_at[:, 2:] == FEET.index(second)).all()
-    assert are_identical(project_of(project_bytes(project)), project), "kept in the file"
+    assert are_identical(parse_project(project_bytes(project)), project), "kept in the file"
 
 
 def test_without_a_word_feet_stand_as_they_did():

@@ -27,7 +27,7 @@ from enliven.modeling.edits.merging import merge_characters
 from enliven.modeling.edits.rigs import pose_of_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.takes.overdub import LiveOverdub, OverdubTransfer
 from enliven.takes.performed import PerformedMotion, add_performance
@@ -217,11 +217,11 @@ def test_a_recording_in_the_place_of_another_replaces_its_span_and_no_more(chair
     begin = BEGIN - 100_000_000
     merged, _ = add_performance(longer, short, begin, replaces=True)
     for second in (0.02, 0.09, 0.345, 0.36):
-        before, after = (pose_of(each, "arm", second).turns for each in (longer, merged))
+        before, after = (evaluate_pose(each, "arm", second).turns for each in (longer, merged))
         np.testing.assert_allclose(after, before, atol=1e-6)
     alone, _ = add_performance(Project().with_characters(ARM), short, begin)
     middle = 0.1 + 3.5 * STEP * 1e-9
-    bone = [pose_of(each, "arm", middle).turns[1] for each in (merged, alone)]
+    bone = [evaluate_pose(each, "arm", middle).turns[1] for each in (merged, alone)]
     np.testing.assert_allclose(bone[0], bone[1], atol=1e-6)
     assert are_identical(merged.takes["take 1 on arm"], longer.takes["take 1 on arm"])
 

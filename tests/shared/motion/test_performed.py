@@ -11,7 +11,7 @@ from performed_arm import ARM, BEGIN, BONES, FRAMES, STEP, performed, waving
 
 from enliven.document.project import Project, are_identical
 from enliven.frames import BodyFrame
-from enliven.motion.layers.evaluate import pose_from, pose_of
+from enliven.motion.layers.evaluate import evaluate_pose, pose_from
 from enliven.person.body import Body
 from enliven.takes.live_layer import LiveLayer
 from enliven.takes.performed import add_performance
@@ -35,7 +35,7 @@ def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
     assert len(shape.layers) == len(limbs), "the bones of a limb have one together"
     alone = performed(own).poses["arm", 3]
     for frame in (0, 4, FRAMES - 1):
-        shown = pose_from(shape, pose_of(merged, "arm", start + frame * STEP * 1e-9), 0.0)
+        shown = pose_from(shape, evaluate_pose(merged, "arm", start + frame * STEP * 1e-9), 0.0)
         np.testing.assert_allclose(shown.linear, alone[frame].linear, atol=2e-3)
         aside = shown.positions - alone[frame].positions
         np.testing.assert_allclose(aside, np.tile(aside[0], (BONES, 1)), atol=2e-3, err_msg="it stays there")
@@ -44,13 +44,16 @@ def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
 def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_take_stays() -> None:
     first, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
     second, _ = add_performance(first, performed(waving({2: 0.8}), "take 2"), BEGIN)
-    turn_before = pose_of(first, "arm", 0.2).turns[1]
-    np.testing.assert_allclose(pose_of(second, "arm", 0.2).turns[1], turn_before, atol=1e-6)
-    assert np.abs(pose_of(second, "arm", 0.2).turns[2] - pose_of(first, "arm", 0.2).turns[2]).max() > 0.05
+    turn_before = evaluate_pose(first, "arm", 0.2).turns[1]
+    np.testing.assert_allclose(evaluate_pose(second, "arm", 0.2).turns[1], turn_before, atol=1e-6)
+    assert (
+        np.abs(evaluate_pose(second, "arm", 0.2).turns[2] - evaluate_pose(first, "arm", 0.2).turns[2]).max()
+        > 0.05
+    )
     replaced, _ = add_performance(first, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
     alone, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
     np.testing.assert_allclose(
-        pose_of(replaced, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6
+        evaluate_pose(replaced, "arm", 0.2).turns, evaluate_pose(alone, "arm", 0.2).turns, atol=1e-6
     )
     assert are_identical(replaced.takes["take 1 on arm"], first.takes["take 1 on arm"]), (
         "nothing recorded is lost"
@@ -66,14 +69,14 @@ def test_live_display_matches_later_playback(first, second, replaces: bool) -> N
     shown = LiveLayer(before, "arm", frozenset(second) if replaces else frozenset())
     for frame in (1, FRAMES // 2, FRAMES - 1):
         seconds, seen = frame * STEP * 1e-9, live.poses["arm", 3][frame]
-        plays = pose_of(after, "arm", seconds)
+        plays = evaluate_pose(after, "arm", seconds)
         pose, joints = shown.pose(seen, seconds)
         np.testing.assert_allclose(pose.linear, pose_from(ARM, plays, 0.0).linear, atol=4e-3)
         np.testing.assert_allclose(joints - joints[0], plays.joints - plays.joints[0], atol=4e-3)
         np.testing.assert_allclose(joints[0], seen.positions[0], atol=1e-5, err_msg="where the stage has it")
         alone, _ = shown.pose(seen, seconds, heard=False)
         if not replaces:
-            played = pose_from(ARM, pose_of(before, "arm", seconds), 0.0)
+            played = pose_from(ARM, evaluate_pose(before, "arm", seconds), 0.0)
             np.testing.assert_allclose(alone.linear, played.linear, atol=1e-6)
 
 
@@ -81,7 +84,7 @@ def test_moving_root_carries_shape_from_its_position() -> None:
     merged, _ = add_performance(
         Project().with_characters(ARM), performed(waving({0: 0.4, 1: 0.4}), root=0.1), BEGIN
     )
-    went = [pose_of(merged, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
+    went = [evaluate_pose(merged, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
     np.testing.assert_allclose(went[0], ARM.skeleton.positions[0], atol=1e-6)
     np.testing.assert_allclose(went[1] - went[0], [0.5, 0.0, 0.0], atol=1e-3)
 

@@ -14,7 +14,7 @@ from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.rotation import from_rotation_vector, rotate
 from enliven.takes.capture_clip import BODY_NAMES
-from enliven.takes.recorded import TakeSettings, clips_of_frames, clips_of_recording
+from enliven.takes.recorded import TakeSettings, clips_of_frames, read_recorded_clips
 from enliven.wire import bodies_to_message
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -43,7 +43,7 @@ def test_a_recording_is_a_take_of_each_visit(tmp_path):
         for i in range(4 * RATE):
             away = 45 <= i < 75
             recorder.write_frame(frame(i / RATE, *([1] if away else [1, 2])))
-    clips = clips_of_recording(path)
+    clips = read_recorded_clips(path)
     assert [clip.id for clip in clips] == ["dance 1", "dance 2", "dance 3"]
     assert [clip.duration for clip in clips] == pytest.approx([119 / RATE, 44 / RATE, 44 / RATE], abs=0.04)
     assert all(clip.skeleton.names == BODY_NAMES for clip in clips)
@@ -67,8 +67,8 @@ def test_passer_by_is_not_a_take(tmp_path):
         for i in range(5):
             recorder.write_frame(frame(i / RATE, 1))
     with pytest.raises(InputError, match="no performer is in it"):
-        clips_of_recording(path)
-    assert len(clips_of_recording(path, settings=TakeSettings(shortest=0.1))) == 1
+        read_recorded_clips(path)
+    assert len(read_recorded_clips(path, settings=TakeSettings(shortest=0.1))) == 1
 
 
 def test_published_bodies_become_a_take(tmp_path):
@@ -80,7 +80,7 @@ def test_published_bodies_become_a_take(tmp_path):
             message = msgspec.msgpack.encode(bodies_to_message(moment.bodies, moment.time_ns))
             recorder.write("bodies", "BodiesMessage", "{}", "jsonschema", "msgpack", message, moment.time_ns)
         recorder.write("bodies", "BodiesMessage", "{}", "jsonschema", "msgpack", b"damaged", 10**10)
-    (clip,) = clips_of_recording(path)
+    (clip,) = read_recorded_clips(path)
     assert clip.id == "show" and len(clip.turns) == 60
     np.testing.assert_allclose(joints_of(clip)[30], waving(1, 30 / RATE).joints, atol=2e-3)
 
@@ -92,4 +92,4 @@ def test_depth_is_sent_to_the_tracker(tmp_path):
             DepthFrame(np.zeros((4, 6), np.uint16), Intrinsics(6, 4, 5, 5, 3, 2), 0, "kinect")
         )
     with pytest.raises(InputError, match=r"enliven track room\.mcap"):
-        clips_of_recording(path)
+        read_recorded_clips(path)

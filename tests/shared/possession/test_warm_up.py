@@ -11,7 +11,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from enliven.samples.shipped import load_sample
 from enliven.deformation.constraints.observed import ObservedPoints
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.person import Body, J
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.standing_placement import standing_figure
@@ -26,7 +26,7 @@ def person(number, time):
 
 mesh = load_sample("chair")
 graph = DeformationGraph.build(mesh, nodes=NODES, seed=0)
-actor = EmbeddedActor(character_from(mesh, graph, "chair"), graph, ActorSettings())
+actor = EmbeddedActor(character_from_graph(mesh, graph, "chair"), graph, ActorSettings())
 if WARM:
     actor.warm_up()
 before, renewed = kernels(), 0

@@ -8,7 +8,7 @@ from PIL import Image
 from sample_meshes.isosurface import surface_of
 
 from enliven.cli import run
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
 from enliven_viewer.film.graph_picture import (
@@ -50,7 +50,7 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
     height = SIZE * 5 // 4
     assert pixels.shape[1] == 3 * SIZE
     graph = DeformationGraph.build(balls, 40)
-    shown, nodes, _ = fit_graph(character_from(balls, graph, "balls"), graph)
+    shown, nodes, _ = fit_graph(character_from_graph(balls, graph, "balls"), graph)
     box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
     middle = nodes[graph.edges[graph.bridges][0]].mean(0)
     for number, turn in enumerate(VIEW_AZIMUTHS):

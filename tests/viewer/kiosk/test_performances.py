@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
 from enliven.recording import Recorder, Recording
@@ -26,7 +26,7 @@ def person(make_box):
 
     refined = split_long_edges(vertices.astype(float), faces, 0.25)
     mesh = Mesh(np.asarray(refined[0], float), np.asarray(refined[1], np.int32), "box")
-    return character_from(mesh, DeformationGraph.build(mesh, nodes=24), "box")
+    return character_from_graph(mesh, DeformationGraph.build(mesh, nodes=24), "box")
 
 
 def make_programme(paths=(), order=("box",)) -> Programme:

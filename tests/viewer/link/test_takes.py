@@ -12,7 +12,7 @@ import pytest
 from enliven import cactus_project, export
 from enliven.document.character import Character, Pose
 from enliven.errors import InputError
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.person.body import Body
 from enliven.recording import Recorder, Recording
 from enliven.wire.convert import bodies_to_message, cues_to_message, pose_to_message
@@ -159,7 +159,7 @@ def test_exported_recording_is_played(tmp_path: Path) -> None:
     while feed.poll(document):
         pass
     assert list(document.characters) == ["cactus"] and feed.unreadable == 0
-    performance = performance_of(cactus_project(), "cactus", end=1.0, rate=10.0)
+    performance = sample_performance(cactus_project(), "cactus", end=1.0, rate=10.0)
     moments = [document.timeline.at(round(time * 1e9)) for time in performance.times]
     for moment, pose in zip(moments, performance.poses(), strict=True):
         np.testing.assert_allclose(moment.poses["cactus"].positions, pose.positions, atol=1e-3)

@@ -11,8 +11,8 @@ import pytest
 from patience import PATIENCE
 from sample_meshes.chair import make_chair
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import handle_characters
@@ -56,7 +56,7 @@ class House:
         mesh = make_chair(0.08)
         graph = DeformationGraph.build(mesh, nodes=24, seed=0)
         self.actor = EmbeddedActor(
-            character_from(mesh, graph, "chair"), graph, ActorSettings(fade=0.1, fade_pace=100.0)
+            character_from_graph(mesh, graph, "chair"), graph, ActorSettings(fade=0.1, fade_pace=100.0)
         )
         self.person = Person()
         self.edge = Edge(self.person, Tracker(), Stage([self.actor]), outlet)
@@ -91,22 +91,22 @@ def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     assert session.target == "chair" and not house.workspace.actions.do("perform.its_own_size_again")
     house.workspace.actions.do("perform.scale_with_both_hands_or_let_it_stay")
     house.until(lambda: sizes.scaled_character == "chair")
-    house.until(lambda: sizes.words is not None)
-    assert sizes.words[0] == "chair: 100%" and "apart" in sizes.words[1]
+    house.until(lambda: sizes.text is not None)
+    assert sizes.text[0] == "chair: 100%" and "apart" in sizes.text[1]
     house.person.away = 1.2
-    house.until(lambda: sizes.of("chair") > 1.6)
+    house.until(lambda: sizes.find_size("chair") > 1.6)
     assert editor.project is first, "nothing is kept before it stays"
     house.until(lambda: sizes.scaled_character is None)  # the hands stay still
-    assert "It stays." in sizes.words
-    size = sizes.of("chair")
+    assert "It stays." in sizes.text
+    size = sizes.find_size("chair")
     house.until(lambda: editor.project.handling)
     assert editor.project.handling["chair"].size == pytest.approx(size)
-    kept = project_of(project_bytes(editor.project)).handling["chair"]
+    kept = parse_project(project_bytes(editor.project)).handling["chair"]
     assert kept.size == pytest.approx(size), "it is saved"
     # Undo and redo reach the stage.
     editor.undo()
     assert editor.project is first
-    house.until(lambda: house.actor.growth == 1.0 and sizes.of("chair") == 1.0)
+    house.until(lambda: house.actor.growth == 1.0 and sizes.find_size("chair") == 1.0)
     editor.redo()
     house.until(lambda: house.actor.growth == pytest.approx(size, rel=1e-3))
     house.until(lambda: not sizes.lacks_size("chair"))
@@ -119,11 +119,11 @@ def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> Non
     session, editor, actor = house.session, house.workspace.editor, house.actor
     house.until(lambda: session.connected and session.performers and "chair" in session.stage_ids)
     assert actor.exaggeration is None, "as the stage's settings say"
-    editor.sketch(lambda project: handle_characters(project, ["chair"], exaggeration=3.0))
+    editor.preview_edit(lambda project: handle_characters(project, ["chair"], exaggeration=3.0))
     house.until(lambda: actor.exaggeration == 3.0)  # during the drag
     editor.edit("swing", lambda project: handle_characters(project, ["chair"], exaggeration=2.5))
     house.until(lambda: actor.exaggeration == 2.5)
-    assert project_of(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
+    assert parse_project(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
     editor.undo()
     house.until(lambda: actor.exaggeration is None)
     editor.redo()

@@ -29,7 +29,7 @@ def lens_from(turn=0.0, up=0.0):
 
 
 def pixel(lens, point):
-    (place,) = lens.pixels_of(np.array([point]))
+    (place,) = lens.project_visible(np.array([point]))
     return place
 
 
@@ -53,7 +53,7 @@ def test_a_side_comes_to_where_the_pointer_is_and_the_others_stay(side, share, t
     other = before[1 - end, axis]
     wanted = point + (share - 1.0) * (point[axis] - other) * direction
     assert box.press(pixel(lens, point), lens)
-    if box._held != side:
+    if box._held_handle != side:
         return  # another handle occludes this one
     box.drag(pixel(lens, wanted), lens)
     box.release()
@@ -75,7 +75,7 @@ def test_box_never_turns_inside_out(drags, turn):
         if box.press(pixel(lens, middle_of(box, side)), lens):
             box.drag((x, y), lens)
             box.release()
-            if not lens.pixels_of(box.corners[:1]) or np.abs(box.corners).max() > 3.0:
+            if not lens.project_visible(box.corners[:1]) or np.abs(box.corners).max() > 3.0:
                 break
     assert (np.diff(box.corners, axis=0) >= 0.02 - 1e-9).all()
 
@@ -94,11 +94,11 @@ def test_box_follows_the_object_when_the_scans_pose_changes(tilts, moves):
     box.corners = np.array([[-0.2, 0.3, -0.3], [0.2, 0.9, 0.1]])
     world = np.linalg.inv(before)
     middle = world[:3, :3] @ box.corners.mean(0) + world[:3, 3]
-    box.follow(before, after)
+    box.move_with_scan(before, after)
     np.testing.assert_allclose(box.corners.mean(0), after[:3, :3] @ middle + after[:3, 3], atol=1e-9)
     np.testing.assert_allclose(np.diff(box.corners, axis=0), [[0.4, 0.6, 0.4]], atol=1e-9)
     box.corners = np.array([[-0.2, 0.0, -0.3], [0.2, 0.9, 0.1]])
-    box.follow(before, after)
+    box.move_with_scan(before, after)
     assert box.corners[0, 1] == 0.0 and box.corners[1, 1] >= 0.02, "what stands on the floor stands on it"
 
 
@@ -152,7 +152,7 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     passed.press(top)
     passed.release(top)
     assert (scan.box.corners[1] == [0.4, 1.0, 0.4]).all(), "it is not meant"
-    scan.keep("box")
+    scan.choose_kept_part("box")
     assert sum(isinstance(mark, Disc) for mark in scan.box.marks(editor.lens)) == 6
     assert sum(isinstance(mark, Line) for mark in scan.box.marks(editor.lens)) == 12
     passed.press(top)
@@ -161,9 +161,9 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     assert scan.box.corners[1, 1] == pytest.approx(0.6, abs=1e-6)
     np.testing.assert_array_equal(editor.camera.view(1.6).camera_from_world, yaw)
     passed.press(top, MIDDLE_BUTTON)
-    assert passed.busy and scan.box._held is None
+    assert passed.busy and scan.box._held_handle is None
     passed.release(top, MIDDLE_BUTTON)
-    scan.done()
+    scan.finish()
     (order,) = scan.perform.client.asked
     assert order == Scan(
         "done", box=[-0.4, 0.0, -0.4, 0.4, order.box[4], 0.4], stage_from_scan=order.stage_from_scan
@@ -174,6 +174,6 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     scan.perform.client.said = ScanMessage(number=1, phase="paused", stage_from_scan=moved)
     scan.advance()
     np.testing.assert_allclose(scan.box.corners, before + np.array([0.3, 0.0, -0.2]))
-    scan.keep("all")
-    scan.done()
+    scan.choose_kept_part("all")
+    scan.finish()
     assert scan.perform.client.asked[-1] == Scan("done", whole=True)

@@ -15,7 +15,7 @@ from staged_session import StagedSession, person, staged_sessions
 
 from enliven.document import GraphShape, Project
 from enliven.formats.gltf.read import read_gltf
-from enliven.modeling.edits import move_character, vertices_of
+from enliven.modeling.edits import compute_vertices, move_character
 from enliven.oneshot.exporting import export
 from enliven_edge import uploaded_actor
 
@@ -40,7 +40,7 @@ def perform(session: StagedSession) -> Project:
     session.perform.possession_requests.press()
     session.until(lambda: session.held == {"chair"}, "the cage is held")
     session.perform.recording.count_in = False
-    session.perform.recording.record()
+    session.perform.recording.toggle()
     session.until(lambda: session.perform.recording.phase == "recording", "the recording")
     for step in range(31):
         body = person()
@@ -60,13 +60,13 @@ def test_a_rig_with_an_actor_is_performed_recorded_edited_and_exported(sitting, 
     cage = project.character("chair", Cage)
     (layer,) = cage.layers
     begin, end = layer.offset, layer.offset + project.length_of(layer)
-    before, after = (vertices_of(project, "chair", time) for time in (begin, end))
+    before, after = (compute_vertices(project, "chair", time) for time in (begin, end))
     assert np.ptp((after - before)[:, 1]) > 0.05, "the corners follow the hands"
     raised = CageRig().corners_at(project, cage, end) - CageRig().corners_at(project, cage, begin)
     assert np.allclose(raised[2:], 0.0, atol=0.01), "the feet stood still"
     assert np.allclose(raised[:2], [0.0, RAISED_M, 0.0], atol=0.05)
     moved = move_character(project, "chair", np.array([1.0, 0.0, 0.0]))
-    assert np.allclose(vertices_of(moved, "chair", end), after + np.array([1.0, 0.0, 0.0]), atol=1e-6)
+    assert np.allclose(compute_vertices(moved, "chair", end), after + np.array([1.0, 0.0, 0.0]), atol=1e-6)
     path = tmp_path / "chair.glb"
     export(moved, path)
     scene = read_gltf(path)

@@ -12,7 +12,7 @@ from swaying import possessed_chair
 from enliven.document import Pose, Project, character_of
 from enliven.matching.match_list import MatchList, MatchRow
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.scene import Scene, SceneCharacter
@@ -44,7 +44,7 @@ def test_a_rigged_one_plays_in_its_place_on_the_stage(editor: Editor) -> None:
     editor.time = 0.7
     (shown,) = twins.merge(scene, OverlayConditions()).actors
     assert twins.hidden == {"arm"}
-    plays = pose_of(editor.project, "arm", 0.7)
+    plays = evaluate_pose(editor.project, "arm", 0.7)
     above = np.maximum(ARM.skeleton.parents, 0)
     np.testing.assert_allclose(shown.pose.positions, plays.joints[above] + ASIDE, atol=1e-5)
     replaced = twins.merge(scene, OverlayConditions(replaces_motion=True)).actors[0]
@@ -66,7 +66,9 @@ def test_matches_lie_on_the_bones_as_they_are_shown(editor: Editor) -> None:
     board = MatchList("arm", "choosing", 1, 5, 0, (MatchRow("1-1", 0, 1.0, (line, line[:0])),), 1)
     shown = LiveOverlay(editor).merge(Scene((on_stage(),), boards={"arm": board}), OverlayConditions())
     (there, nothing) = shown.boards["arm"].rows[0].lines
-    np.testing.assert_allclose(there, pose_of(editor.project, "arm", 0.7).joints[[0, 1]] + ASIDE, atol=1e-5)
+    np.testing.assert_allclose(
+        there, evaluate_pose(editor.project, "arm", 0.7).joints[[0, 1]] + ASIDE, atol=1e-5
+    )
     assert len(nothing) == 0
 
 

@@ -37,8 +37,8 @@ def test_characters_of_a_local_stage_move_to_the_next_stage(tmp_path):
     perform.connect_local("--sensor", "kinekt")
     add_sample(editor, "chair")
     perform.sender.mark_sent("chair", editor.project.character("chair"))
-    assert not perform.waiting
+    assert not perform.waiting_characters
     perform.disconnect()
-    assert perform.waiting == ("chair",)
+    assert perform.waiting_characters == ("chair",)
     perform.disconnect()
-    assert perform.waiting == ("chair",), "leaving again changes nothing"
+    assert perform.waiting_characters == ("chair",), "leaving again changes nothing"

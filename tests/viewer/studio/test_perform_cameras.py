@@ -26,9 +26,9 @@ def test_edge_lists_its_cameras_in_the_background() -> None:
     search = CameraSearch()
     assert search.cameras is None
     search.begin()
-    assert search.searching, "the window does not wait"
+    assert search.is_searching, "the window does not wait"
     until(lambda: (search.poll(), search.cameras is not None)[1])
-    assert not search.problem and not search.searching
+    assert not search.problem and not search.is_searching
     assert all(camera.title for camera in search.cameras or ())
     search.close()
 

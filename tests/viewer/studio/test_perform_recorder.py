@@ -26,7 +26,7 @@ def hear(recorder: LiveRecorder, *steps: int) -> None:
 def test_a_recording_begun_right_after_a_restart_counts_by_the_new_clock(later: int) -> None:
     recorder = LiveRecorder()
     hear(recorder, *range(100, 130))
-    recorder.restarted()
+    recorder.handle_restart()
     recorder.begin("take 1", delay_ns=2 * STEP)
     assert recorder.seconds == 0.0
     hear(recorder, later)
@@ -43,8 +43,8 @@ def test_restart_while_recording_keeps_only_the_earlier_part() -> None:
     hear(recorder, 7)
     recorder.begin("take 1")
     hear(recorder, 8, 9)
-    recorder.restarted()
-    assert recorder.cut
+    recorder.handle_restart()
+    assert recorder.is_cut_short
     hear(recorder, 10, 11)
     assert [taken.time_ns // STEP for taken in recorder.end().frames] == [7, 8, 9]
 
@@ -72,6 +72,6 @@ def test_topic_bursts_after_a_slow_frame_do_not_end_the_recording(box) -> None:
         pose = box.rest_pose(step * STEP)
         recorder.record(POSE, ReceivedPose(pose, "edge", step, 0, 0, 0, 0, box, 1))
     hear(recorder, 91)
-    assert not recorder.cut and recorder.holders.now
+    assert not recorder.is_cut_short and recorder.holders.now
     kept = recorder.end()
     assert len(kept.frames) == 92 and len(kept.poses["box", 1]) == 90

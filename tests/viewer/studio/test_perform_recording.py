@@ -18,7 +18,7 @@ from swaying import swaying
 from enliven.document.project import Project
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
-from enliven.modeling.edits import vertices_of
+from enliven.modeling.edits import compute_vertices
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.person.body import Body
 from enliven.samples.shipped import load_sample
@@ -36,7 +36,7 @@ STEP = 33_333_333
 def seen(frames: list[list[Body]]) -> Stillness:
     stillness = Stillness()
     for number, bodies in enumerate(frames):
-        stillness.see(BodyFrame(bodies, number * STEP, "edge"))
+        stillness.add_frame(BodyFrame(bodies, number * STEP, "edge"))
     return stillness
 
 
@@ -111,7 +111,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
 def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: PerformSession) -> None:
     editor = session.editor
     session.recording.span = (0.3, 0.9)
-    session.recording.record()
+    session.recording.toggle()
     until(session, lambda: session.recording.phase == "recording")
     until(session, lambda: session.recording.phase == "idle")
     part = editor.project.graphs["chair"].parts[0]
@@ -119,7 +119,7 @@ def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: Perfor
     assert editor.project.length_of(part) == pytest.approx(0.6, abs=0.1)
     editor.undo()
     session.recording.loops = True
-    session.recording.record()
+    session.recording.toggle()
     until(session, lambda: len(editor.history.names) > 1)
     assert session.recording.phase == "recording", "the next one is under way"
     session.recording.stop()
@@ -160,17 +160,17 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
         return project.with_streams(*chair.streams.values()).with_characters(chair.graph("chair"))
 
     for kind, add in (("puppet", lambda project: make_puppet(project, mesh, "chair")), ("graph", scanned)):
-        editor.begin(Project())
+        editor.open_project(Project())
         assert editor.edit("open", add)
         before = editor.project.characters["chair"].kind
-        session.recording.record()
+        session.recording.toggle()
         until(session, lambda: session.recording.recorder.seconds > 0.8)
-        session.recording.record()
+        session.recording.toggle()
         assert list(editor.project.characters) == ["chair"], kind
         chair = editor.project.graph("chair")
         assert chair.mesh is not None and len(chair.mesh.vertices) == len(mesh.vertices)
         moved = np.stack(
-            [vertices_of(editor.project, "chair", second) for second in np.linspace(0.1, 0.7, 7)]
+            [compute_vertices(editor.project, "chair", second) for second in np.linspace(0.1, 0.7, 7)]
         )
         # The dance that is recorded depends on the clock: in a slow moment it moves by 1 cm in 0.4 s.
         assert np.ptp(moved, axis=0).max() > 0.005

@@ -11,7 +11,7 @@ from patience import PATIENCE
 from sample_meshes.chair import make_chair
 from staged_session import person, staged_sessions
 
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.wire import ScanMessage
 from enliven_viewer.studio.perform import possession_requests
@@ -22,7 +22,7 @@ from enliven_viewer.studio.workspace.files import add_sample
 def actor(name: str = "chair", **options: object) -> EmbeddedActor:
     mesh = make_chair(0.05)
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
-    return EmbeddedActor(character_from(mesh, graph, name), graph, ActorSettings(**options))
+    return EmbeddedActor(character_from_graph(mesh, graph, name), graph, ActorSettings(**options))
 
 
 @pytest.fixture
@@ -144,11 +144,11 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
     session.present = [person()]
     session.until(lambda: session.perform.performers and len(session.perform.stage_ids) == 2)
     session.house.outlet.send(ScanMessage(1, "scanning"), 0)
-    session.until(lambda: session.perform.possession_requests._scan.phase == "scanning")
+    session.until(lambda: session.perform.possession_requests._scan_message.phase == "scanning")
     session.perform.possession_requests.press()
     assert session.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
     session.house.outlet.send(ScanMessage(1, "finishing"), 0)
-    session.until(lambda: session.perform.possession_requests._scan.phase == "finishing")
+    session.until(lambda: session.perform.possession_requests._scan_message.phase == "finishing")
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == "The scan becomes a character"
     session.pictures(5)

@@ -71,7 +71,7 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     views = list_views(session)
     assert [view.name for view in views] == ["Performer", guest.name]
     assert all(view.bodies for view in views), "each edge's performers are seen in a view of their own"
-    session.recording.record()
+    session.recording.toggle()
     until(session, lambda: session.recording.seconds > 0.3)
     edges[0][0].kill()
     reached = session.recording.recorder.seconds

@@ -14,7 +14,7 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 from enliven.document.project import are_identical
 from enliven.errors import InputError
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.search import score_match
 from enliven_viewer.studio.actions.table import ActionTable
@@ -127,11 +127,11 @@ def test_last_action_is_offered_first(stage: Workspace) -> None:
     stage.actions.do("view.bones")
     finding = PaletteSearch(stage.actions)
     assert finding.matches[0].id == "view.bones" and len(finding.matches) == len(list(stage.actions))
-    finding.step(-1)
-    assert finding.marked == len(finding.matches) - 1
+    finding.move_highlight(-1)
+    assert finding.highlighted == len(finding.matches) - 1
     assert finding.highlighted_action() is None, "the last lacks a stage"
-    finding.type("undo")
-    assert finding.marked == 0
+    finding.set_text("undo")
+    assert finding.highlighted == 0
 
 
 ROOMS: dict[str, tuple[str, ...]] = {"d": ("Here",), "e": ("Here", "There"), "f": ("There",)}
@@ -163,24 +163,24 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     for name, action, key in todo:
         getattr(actions, name)(*(part for part in (action, key) if part))
         if name == "set_shortcut":
-            assert all(actions.action_with_keys(key, room).id == action for room in ROOMS.get(action, ("",)))
+            assert all(actions.find_by_shortcut(key, room).id == action for room in ROOMS.get(action, ("",)))
         elif name == "reset_shortcuts":
-            assert not actions.changed and actions.action_with_keys("x").id == "a"
+            assert not actions.has_custom_shortcuts and actions.find_by_shortcut("x").id == "a"
     reopened = table(folder, done)
-    assert [reopened.keys_of(action) for action in reopened] == [
-        actions.keys_of(action) for action in actions
+    assert [reopened.find_shortcuts(action) for action in reopened] == [
+        actions.find_shortcuts(action) for action in actions
     ]
     for room in ("", "Here", "There"):
         in_room = [
             action for action in actions if (room in action.workspaces if room else not action.workspaces)
         ]
-        room_keys = [key for action in in_room for key in actions.keys_of(action)]
+        room_keys = [key for action in in_room for key in actions.find_shortcuts(action)]
         assert len(room_keys) == len(set(room_keys)), "a key has one meaning in a workspace"
         reopened.workspace = lambda room=room: room
         for key in room_keys:
             done.clear()
             assert reopened.press(key, workspace_only=bool(room)) and done == [
-                actions.action_with_keys(key, room).id
+                actions.find_by_shortcut(key, room).id
             ]
 
 
@@ -192,7 +192,7 @@ def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
         assert actions.press("x", workspace_only=True) is bool(room) and actions.press("x")
     assert done == ["a", "d", "a", "f", "a"]
     actions.set_shortcut("e", "x")
-    assert [actions.keys_of(actions[action_id]) for action_id in "adef"] == [("x",), (), ("x",), ()]
+    assert [actions.find_shortcuts(actions[action_id]) for action_id in "adef"] == [("x",), (), ("x",), ()]
 
 
 def test_an_action_that_takes_anothers_key_or_name_is_refused(tmp_path) -> None:
@@ -212,7 +212,7 @@ def test_a_damaged_file_of_preferences_is_put_aside(tmp_path) -> None:
 
 
 def test_keys_are_written_as_on_a_keyboard() -> None:
-    assert [key_label(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
+    assert [format_key(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
         "Ctrl+Shift+Z",
         "Del",
         "Ctrl+,",

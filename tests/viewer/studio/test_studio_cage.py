@@ -72,7 +72,7 @@ def test_custom_rig_is_moved_copied_mirrored_cut_and_exported(workspace: Workspa
     do(workspace, Key("q"), Click(Spot(0.0, 0.7)), Key("c"), Drag((Spot(-0.2, 0.62), Spot(0.2, 0.66))))
     assert list(editor.project.characters) == ["post", "post 2", "post 3"], editor.toasts.shown
     workspace.asking = "export"
-    workspace.chosen(tmp_path / "posts.glb")
+    workspace.finish_file_dialog(tmp_path / "posts.glb")
     editor.background.finish()
     assert "Wrote 3 shapes" in editor.toasts.shown[-1].text
     while editor.history.undo_name is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.document import GraphPart, PoseStream, Project, graph_shape_at_rest
-from enliven.modeling.edits import move_character, vertices_of
+from enliven.modeling.edits import compute_vertices, move_character
 from enliven.samples.shipped import load_sample
 from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.studio.editor.editor import Editor
@@ -80,7 +80,7 @@ def test_ctrl_f_frames_the_whole_path_and_f_the_current_pose() -> None:
     workspace = Workspace(Editor(project=project))
     editor = workspace.editor
     editor.size = (800.0, 600.0)
-    ends = [vertices_of(project, "walker", time) for time in (0.0, 1.0, 2.0)]
+    ends = [compute_vertices(project, "walker", time) for time in (0.0, 1.0, 2.0)]
     for key, chosen, whole in (
         ("f", ("walker",), False),
         ("ctrl+f", ("walker",), True),

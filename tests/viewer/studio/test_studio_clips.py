@@ -18,7 +18,7 @@ from enliven.modeling.edits import (
     add_marker,
     blend_clips,
     change_layers,
-    clips_of,
+    find_layer_clips,
     paste_character,
     split_clip,
     trim_clip,
@@ -84,7 +84,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
     def clip_after(x: float, by: float, word: str, **held: bool):
         drag(workspace, x, y, by, **held)
         assert editor.history.names == (word,), "one edit"
-        (clip,) = clips_of(editor.project, name, bar.layers[0])
+        (clip,) = find_layer_clips(editor.project, name, bar.layers[0])
         editor.undo()
         assert are_identical(editor.project, before)
         return clip
@@ -108,7 +108,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
 @rigs
 def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_path: Path) -> None:
     name, numbers = NAMES[rig], tuple(range(len(PROJECT.characters[NAMES[rig]].playing)))[:1]
-    (clip,) = clips_of(PROJECT, name, 0)
+    (clip,) = find_layer_clips(PROJECT, name, 0)
     lasts = clip.end - clip.begin
     project = split_clip(PROJECT, name, numbers, clip.begin + 0.5 * lasts)
     workspace = desk(tmp_path, blend_clips(project, name, numbers, 0, 0.4 * lasts))
@@ -118,7 +118,7 @@ def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_pat
     middle = (layout.x(after.begin) + layout.x(before.end)) / 2
     assert layout.handle_at(middle, y).kind == "blend"
     drag(workspace, middle, y, 0.1 * lasts * (layout.x(1.0) - layout.x(0.0)))
-    wide = clips_of(workspace.editor.project, name, numbers[0])
+    wide = find_layer_clips(workspace.editor.project, name, numbers[0])
     assert wide[0].end - wide[1].begin == pytest.approx(0.6 * lasts)
     assert layout.handle_at(layout.x(before.end), y).kind == "edge"
     assert layout.handle_at(layout.x(after.begin), y).kind == "begin"
@@ -159,10 +159,10 @@ def test_a_drag_sticks_to_what_is_near_and_to_whole_frames_else(tmp_path: Path) 
     layout, bar = timeline.layout, bar_of(workspace, NAMES["graph"])
     (clip,), y = bar.clips, bar.top + LANE_HEIGHT / 2
     drag(workspace, bar.left + FAR, y, layout.x(0.9) - bar.left + 4.0)
-    assert clips_of(workspace.editor.project, NAMES["graph"], 0)[0].begin == pytest.approx(0.9)
+    assert find_layer_clips(workspace.editor.project, NAMES["graph"], 0)[0].begin == pytest.approx(0.9)
     workspace.editor.undo()
     drag(workspace, bar.left + FAR, y, layout.x(0.703) - bar.left)
-    begin = clips_of(workspace.editor.project, NAMES["graph"], 0)[0].begin
+    begin = find_layer_clips(workspace.editor.project, NAMES["graph"], 0)[0].begin
     assert begin == pytest.approx(21 / 30) and clip.begin == 0.5
 
 
@@ -186,7 +186,7 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     drag(workspace, x, RULER_HEIGHT / 2, timeline.layout.x(0.8) - x)
     assert editor.project.markers["marker"].seconds == pytest.approx(0.8)
     assert editor.history.names[-1] == "move marker"
-    assert timeline.double(timeline.layout.x(0.8), RULER_HEIGHT / 2) and timeline.marker == "marker"
+    assert timeline.double_click(timeline.layout.x(0.8), RULER_HEIGHT / 2) and timeline.marker == "marker"
 
 
 @settings(max_examples=60, deadline=None)
@@ -216,7 +216,7 @@ def test_zooming_keeps_the_time_under_the_pointer_and_never_leaves_the_project(n
 @given(st.floats(0.1, 0.9), st.floats(0.0, 0.4), st.floats(500, 2500))
 def test_every_end_of_every_clip_is_found_where_it_is_drawn(share, blend, width) -> None:
     project, name = WORLDS["graph"]
-    (clip,) = clips_of(project, name, 0)
+    (clip,) = find_layer_clips(project, name, 0)
     project = split_clip(project, name, [0], clip.begin + share * (clip.end - clip.begin))
     project = blend_clips(project, name, [0], 0, blend)
     layout = TimelineLayout(4.0, width, project=project)
@@ -239,14 +239,14 @@ def test_keys_split_blend_reverse_and_remove_what_is_under_the_playhead(rig: str
     bar = bar_of(workspace, name)
     number = bar.layers[0]
     editor.scrub((bar.clips[0].begin + bar.clips[0].end) / 2)
-    assert press("shift+s") and len(clips_of(editor.project, name, number)) == 2
+    assert press("shift+s") and len(find_layer_clips(editor.project, name, number)) == 2
     editor.scrub(editor.time - 0.1)
     assert press("shift+b")
-    first, second = clips_of(editor.project, name, number)
+    first, second = find_layer_clips(editor.project, name, number)
     assert first.end > second.begin
-    assert press("shift+r") and clips_of(editor.project, name, number)[0].speed < 0
+    assert press("shift+r") and find_layer_clips(editor.project, name, number)[0].speed < 0
     editor.scrub(second.end - 0.05)
-    assert press("shift+delete") and len(clips_of(editor.project, name, number)) == 1
+    assert press("shift+delete") and len(find_layer_clips(editor.project, name, number)) == 1
     assert editor.history.names == ("split clip", "blend clips", "reverse clip", "remove clip")
     for _ in range(4):
         editor.undo()
@@ -278,7 +278,7 @@ def test_clip_pictures_are_drawn_in_the_background() -> None:
 
 def test_a_trimmed_clip_leaves_its_pixels_free(tmp_path: Path) -> None:
     name = NAMES["graph"]
-    (clip,) = clips_of(PROJECT, name, 0)
+    (clip,) = find_layer_clips(PROJECT, name, 0)
     project = trim_clip(PROJECT, name, [0], 0, end=clip.begin + 0.3)
     bar = next(
         each for each in TimelineLayout(4.0, 1500.0, project=project).bars() if each.character.id == name

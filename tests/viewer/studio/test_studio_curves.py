@@ -15,7 +15,14 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS
 
 from enliven.document import KEY_STEP, MIN_SPEED, Layer, are_identical
-from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
+from enliven.modeling.edits import (
+    change_layers,
+    compute_vertices,
+    find_keys,
+    get_rig_edits,
+    layer_keys,
+    set_key,
+)
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.editor.editor import Editor
@@ -35,7 +42,7 @@ def desk(rig: str, handle: int | None = BONE, keyed: bool = False) -> tuple[Edit
             project = set_key(project, name, BONE, frame * KEY_STEP, degrees)
     editor = Editor(project=project)
     if rig == "points":
-        editor.solving.settle(project, name)
+        editor.motion_solver.settle(project, name)
     editor.choose(name, handle if rig != "graph" else None)
     curves = CurveInput(editor, TimeAxis(editor))
     curves.toggle()
@@ -47,7 +54,7 @@ def test_places_and_turns_are_those_that_are_played(rig: str) -> None:
     editor, curves, name = desk(rig)
     groups = curves.settle()
     character = editor.project.characters[name]
-    player = rig_of(character).player(editor.project, character)
+    player = get_rig_edits(character).player(editor.project, character)
     for k in (0, 57, 120, 239):
         pose, handles = player(float(curves.times[k]))
         linear, place = np.asarray(pose.linear, float), groups["place"].values[k]
@@ -102,7 +109,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
         assert editor.draft is not None and editor.history.names == (), "a draft until it is let go"
     curves.release(x, y - up)
     assert editor.history.names == ("move key",) and not curves.busy
-    (_, first), (time, key), (_, last) = keys_of(editor.project, name, BONE)
+    (_, first), (time, key), (_, last) = find_keys(editor.project, name, BONE)
     assert key.degrees == pytest.approx((0, 50, -10)) and time == pytest.approx(15 * KEY_STEP)
     assert first.degrees == (0, 0, 0) and last.degrees == (5, -30, 20), "the others stay"
     editor.undo()
@@ -112,7 +119,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
     curves.press(x, y)
     curves.drag(x + along, y)
     curves.release(x + along, y)
-    _, (time, key), _ = keys_of(editor.project, name, BONE)
+    _, (time, key), _ = find_keys(editor.project, name, BONE)
     assert time == pytest.approx(25 * KEY_STEP) and key.degrees == (0, 40, -10)
     curves.press(x + along, y)
     curves.release(x + along, y)
@@ -124,15 +131,15 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     group = curves.shown_group()
     assert group is not None and group.name == "keys"
     x, y = curves.axis.scale.x(30 * KEY_STEP), curves.scale(group).y(33.0)
-    curves.double(x, y)
-    keys = keys_of(editor.project, name, BONE)
+    curves.double_click(x, y)
+    keys = find_keys(editor.project, name, BONE)
     assert len(keys) == 4 and 33.0 in [pytest.approx(value, abs=0.01) for value in keys[2][1].degrees]
     curves.press(*at(curves, 2, 0))
     curves.release(*at(curves, 2, 0))
     curves.ease("step")
-    assert keys_of(editor.project, name, BONE)[2][1].ease == "step"
+    assert find_keys(editor.project, name, BONE)[2][1].ease == "step"
     assert curves.type("delete") and not curves.type("delete"), "the node stays where no key is chosen"
-    assert len(keys_of(editor.project, name, BONE)) == 3
+    assert len(find_keys(editor.project, name, BONE)) == 3
     assert editor.history.names == ("set key", "step key", "remove key")
 
 
@@ -140,8 +147,8 @@ def test_a_bone_without_keys_gets_its_first_by_a_double_click() -> None:
     editor, curves, name = desk("bones")
     group = curves.shown_group()
     assert group is not None and not group.dots
-    curves.double(curves.axis.scale.x(0.5), curves.scale(group).y(3.0))
-    ((time, key),) = keys_of(editor.project, name, BONE)
+    curves.double_click(curves.axis.scale.x(0.5), curves.scale(group).y(3.0))
+    ((time, key),) = find_keys(editor.project, name, BONE)
     assert time == pytest.approx(0.5) and max(key.degrees) == pytest.approx(3.0)
     assert isinstance(editor.project.characters[name].playing[-1], Layer)
 
@@ -156,7 +163,7 @@ def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
     before = editor.project.puppet(name).poses[dot.number].places
     x, y = curves.axis.scale.x(dot.time), curves.scale(group).y(dot.value)
     curves.press(x, y)
-    held = curves._held[0]
+    held = curves._held_key[0]
     curves.drag(x, y - 20)
     curves.release(x, y - 20)
     after = editor.project.puppet(name).poses[held.number].places
@@ -186,15 +193,15 @@ def test_posing_sets_keys_while_that_is_on() -> None:
     editor, _, name = desk("bones")
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
-    editor.time, editor.keying = 0.7, True
+    editor.time, editor.is_auto_key = 0.7, True
     modeled = editor.project.shape(name).modeling
     tool = PoseTool(editor)
-    start = editor.lens.pixels_of(editor.stage_character(name).handles[[BONE]])[0]
+    start = editor.lens.project_visible(editor.stage_character(name).handles[[BONE]])[0]
     assert tool.press(Pointer(start))
     tool.drag(Pointer((start[0] + 40, start[1] + 30)))
     tool.release(Pointer((start[0] + 40, start[1] + 30)))
     assert editor.history.names == (f"key {name}",)
-    ((time, key),) = keys_of(editor.project, name, BONE)
+    ((time, key),) = find_keys(editor.project, name, BONE)
     assert time == pytest.approx(0.7, abs=KEY_STEP) and np.abs(key.degrees).max() > 1.0
     assert np.array_equal(editor.project.shape(name).modeling, modeled), "its pose at all moments stays"
 
@@ -207,7 +214,7 @@ def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None
     editor.time = time
     assert commands.lacks_key() and not commands.lacks()
     commands.set()
-    assert len(keys_of(editor.project, name, BONE)) == 1 and not commands.lacks_key()
+    assert len(find_keys(editor.project, name, BONE)) == 1 and not commands.lacks_key()
     commands.remove()
     assert are_identical(editor.project, before)
 
@@ -229,22 +236,24 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
     KeyCommands(editor).set()  # at 0 s it is unchanged
-    editor.time, editor.keying = 1.0, True
-    before = vertices_of(editor.project, name, 1.0)
-    x, y = editor.lens.pixels_of(before.mean(0)[None])[0]
+    editor.time, editor.is_auto_key = 1.0, True
+    before = compute_vertices(editor.project, name, 1.0)
+    x, y = editor.lens.project_visible(before.mean(0)[None])[0]
     drag(MoveTool(editor), (x, y), (90, -20))
     assert editor.history.names == ("set key", f"move {name}")
-    (_, still), (time, key) = keys_of(editor.project, name, None)
+    (_, still), (time, key) = find_keys(editor.project, name, None)
     assert time == pytest.approx(1.0) and not any(still.metres) and np.abs(key.metres).max() > 0.05
-    after, start = vertices_of(editor.project, name, 1.0), vertices_of(editor.project, name, 0.0)
+    after, start = compute_vertices(editor.project, name, 1.0), compute_vertices(editor.project, name, 0.0)
     np.testing.assert_allclose(after - before, np.broadcast_to(key.metres, after.shape), atol=1e-6)
-    np.testing.assert_allclose(start, vertices_of(WORLDS[rig][0], name, 0.0), atol=1e-6)
+    np.testing.assert_allclose(start, compute_vertices(WORLDS[rig][0], name, 0.0), atol=1e-6)
     if rig == "points":
-        editor.solving.settle(editor.project, name)
+        editor.motion_solver.settle(editor.project, name)
     seen = editor.stage_character(name).vertices  # a puppet's surface is solved in the background
     if rig != "points":
         np.testing.assert_allclose(seen, after, atol=1e-5)
-    handles = rig_of(editor.chosen()).player(editor.project, editor.chosen())(1.0).handles
+    handles = (
+        get_rig_edits(editor.find_selected()).player(editor.project, editor.find_selected())(1.0).handles
+    )
     np.testing.assert_allclose(editor.stage_character(name).handles, handles, atol=1e-6)
     curves.group = "moves"
     group = curves.shown_group()
@@ -253,7 +262,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     curves.press(x, y)
     curves.drag(x, y - 30)
     curves.release(x, y - 30)
-    assert keys_of(editor.project, name, None)[1][1].metres[0] > key.metres[0]
+    assert find_keys(editor.project, name, None)[1][1].metres[0] > key.metres[0]
     assert editor.history.names[-1] == "move key"
 
 
@@ -267,7 +276,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         shown = curves.shown_group()
         assert shown is not None and shown.name == group and not shown.dots
         for second, value in ((0.3, 0.8), (0.9, 0.5)):
-            curves.double(curves.axis.scale.x(second), curves.scale(shown).y(value))
+            curves.double_click(curves.axis.scale.x(second), curves.scale(shown).y(value))
         shown = curves.settle()[group]
         assert [dot.time for dot in shown.dots] == pytest.approx([0.3, 0.9], abs=0.02)
         drawn = np.interp([dot.time for dot in shown.dots], curves.times, shown.values[:, 0])
@@ -299,18 +308,18 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     editor.frame_all(at_once=True)
     editor.time, tool = 0.6, PoseTool(editor)
     assert not any(isinstance(mark, Disc) for mark in tool.overlay().marks), "no dots before it sets keys"
-    editor.keying = True
+    editor.is_auto_key = True
     assert len(tool.overlay().marks) == len(editor.project.graph(name).positions)
     nodes = np.array(editor.stage_character(name).nodes, float)
-    pixels = np.array(editor.lens.pixels_of(nodes))
+    pixels = np.array(editor.lens.project_visible(nodes))
     distances = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
     node = int(distances.min(1).argmax())  # one that is alone in the image
     drag(tool, tuple(pixels[node]), (0, -40))
     assert editor.selection.handle == node and editor.history.names == (f"key {name}",)
-    ((time, key),) = keys_of(editor.project, name, node)
+    ((time, key),) = find_keys(editor.project, name, node)
     assert time == pytest.approx(0.6, abs=KEY_STEP) and np.abs(key.metres).max() > 0.01
     moved = np.array(editor.stage_character(name).nodes, float)
-    (pixel,) = editor.lens.pixels_of(moved[[node]])
+    (pixel,) = editor.lens.project_visible(moved[[node]])
     np.testing.assert_allclose(pixel, pixels[node] + (0, -40), atol=0.5)
     assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3
     commands = KeyCommands(editor)

@@ -43,7 +43,7 @@ def workspace() -> Workspace:
 
 @pytest.fixture
 def tool(workspace) -> LimbEndsTool:
-    workspace.input.take("ends")
+    workspace.input.activate_tool("ends")
     ends_tool = workspace.input.tool
     assert isinstance(ends_tool, LimbEndsTool)
     assert not len(ends_tool.marks)
@@ -101,7 +101,9 @@ def test_clicks_off_the_mesh_and_escape_name_nothing(tool):
 
 
 def test_a_mesh_that_is_no_person_has_five_marks_too(tool):
-    tool.editor.begin(project_of_mesh(KNOWN.mesh.with_faces(np.arange(len(KNOWN.mesh.faces)) < 60), "rag"))
+    tool.editor.open_project(
+        project_of_mesh(KNOWN.mesh.with_faces(np.arange(len(KNOWN.mesh.faces)) < 60), "rag")
+    )
     tool.editor.choose("rag")
     assert not len(tool.marks)
     tool.wait()

@@ -21,7 +21,7 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project, are_identical
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import motion_of, state_of
+from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion
 from enliven.modeling.edits import change_layers, rename_character
 from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point
@@ -77,7 +77,7 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     toasts = Toasts(5.0)
     solving, good = MotionSolver(toasts), posed()
     assert solved(solving, good)[1] is good.puppets["star"]
-    before = state_of(*solved(solving, good), 0.4).places
+    before = evaluate_state(*solved(solving, good), 0.4).places
     still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
     layer = good.puppets["star"].layers[0]
     wrong = PuppetLayer(layer.take, velocities=still)
@@ -87,7 +87,7 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     problem = solving.problem("star")
     assert problem is not None and "left" in problem.what and "contradicts" in problem.what
     assert [toast.is_error for toast in toasts.shown] == [True]
-    np.testing.assert_array_equal(state_of(*solved(solving, bad), 0.4).places, before)
+    np.testing.assert_array_equal(evaluate_state(*solved(solving, bad), 0.4).places, before)
     assert solved(solving, good)[1] is good.puppets["star"] and solving.problem("star") is None
     solving.close()
 
@@ -109,22 +109,22 @@ def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> 
 
 def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
     coverages, take = CoverageCache(), "sway"
-    none = coverages.of(
+    none = coverages.find_coverage(
         project_with(*NAMES, take=take), project_with(*NAMES, take=take).puppets["star"], take
     )
-    assert none is not None and none.needed >= 2 and not none.away.any()
+    assert none is not None and none.needed >= 2 and not none.distances.any()
     lefts = []
     for count in (1, 2, 3):
         project = posed((0.0, 0.75, 2.25)[:count])
-        coverage = coverages.of(project, project.puppets["star"], take)
+        coverage = coverages.find_coverage(project, project.puppets["star"], take)
         assert coverage is not None
         frames = [round(pose.time / coverage.step) for pose in project.puppets["star"].poses]
-        assert np.abs(coverage.away[frames]).max() < 1e-9 and coverage.left == pytest.approx(
-            coverage.away.max()
-        )
+        assert np.abs(
+            coverage.distances[frames]
+        ).max() < 1e-9 and coverage.remaining_distance == pytest.approx(coverage.distances.max())
         assert not set(coverage.frames[: coverage.needed]) & set(frames)
-        assert coverages.of(project, project.puppets["star"], take) is coverage, "kept"
-        lefts.append(coverage.left)
+        assert coverages.find_coverage(project, project.puppets["star"], take) is coverage, "kept"
+        lefts.append(coverage.remaining_distance)
     assert lefts == sorted(lefts, reverse=True)
 
 
@@ -133,7 +133,7 @@ def test_still_take_has_no_coverage() -> None:
     clip = project.takes["sway"]
     still = replace(clip, id="still", turns=clip.turns[:1].repeat(20, 0), root=clip.root[:1].repeat(20, 0))
     project = project.with_takes(still)
-    assert CoverageCache().of(project, project.puppets["star"], "still") is None
+    assert CoverageCache().find_coverage(project, project.puppets["star"], "still") is None
 
 
 def test_unnamed_points_are_named_after_their_joint() -> None:
@@ -242,7 +242,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
     for held in (first, second, level):
         project = with_constraint(project, "star", 0, held)
     assert list_constraints(project, "star", 0) == (level, second)
-    places = state_of(project, project.puppets["star"], 10 / 30).places
+    places = evaluate_state(project, project.puppets["star"], 10 / 30).places
     np.testing.assert_allclose(places[1], second.place, atol=1e-8)
     assert list_constraints(without_constraint(project, "star", 0, second), "star", 0) == (level,)
 
@@ -250,7 +250,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
     view = workspace.state(PerformerView)
-    view.follow()
+    view.update()
     figure = view.figure()
     assert figure is not None
     pixel = view.lens.project(figure.joints)[0][figure.skeleton.index("bone 1")]
@@ -272,13 +272,13 @@ def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
         view.linked = linked
         editor.camera.face(0.3, 0.2)
         editor.advance(10.0)
-        view.follow()
+        view.update()
         before = view.lens.forward
         view.press((1.0, 200.0))
         view.move((61.0, 200.0))
         view.release()
         editor.advance(10.0)
-        view.follow()
+        view.update()
         angle = math.acos(np.clip(before @ view.lens.forward, -1, 1))
         assert angle == pytest.approx(0.48 * math.cos(0.2), abs=0.03)
         assert (np.linalg.norm(view.lens.forward - editor.lens.forward) < 1e-6) == linked
@@ -309,7 +309,7 @@ def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_pa
 
 def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES, take="sway")
-    workspace.input.take("choose")
+    workspace.input.activate_tool("choose")
     workspace.editor.edit("later", lambda project: change_layers(project, "star", [0], offset=0.4))
     workspace.state(KeyPoseNavigator).begin("sway", 0.61)
     workspace.state(KeyPoseNavigator).begin("sway", 1.5)
@@ -341,4 +341,4 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
 
 def test_contacts_are_those_of_the_motion() -> None:
     project = change_layers(posed(), "star", [0], switches=(Switch(0, "contact"), Switch(30, "flight")))
-    assert motion_of(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")
+    assert solve_layer_motion(project, project.puppet("star"), 0).switches[0] == Switch(0, "contact")

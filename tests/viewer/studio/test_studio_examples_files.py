@@ -14,7 +14,7 @@ from made_studio_puppets import project_with, star, studio
 
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import state_of
+from enliven.examples.puppet_motion import evaluate_state
 from enliven.formats.motion.expmap import COLUMNS
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
@@ -95,14 +95,14 @@ def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
         and workspace.browser is not None
         and workspace.browser.name == "star.toml"
     )
-    workspace.chosen(tmp_path / "star.toml")
+    workspace.finish_file_dialog(tmp_path / "star.toml")
     assert (tmp_path / "star.toml").is_file()
     workspace.open(tmp_path / "star.toml")
     project = workspace.editor.project
     assert (
         list(project.puppets) == ["star", "star 2"] and workspace.puppets.puppet is project.puppets["star 2"]
     )
-    first, second = (state_of(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
+    first, second = (evaluate_state(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
     np.testing.assert_allclose(second.places, first.places, atol=1e-6)
     assert [name for name in project.takes if name.startswith("sway")] == ["sway"], "the take is the same one"
 
@@ -117,7 +117,7 @@ def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace.store.new(acting())
     before = workspace.editor.project
     workspace.ask("export")
-    workspace.chosen(tmp_path / "star.glb")
+    workspace.finish_file_dialog(tmp_path / "star.glb")
     assert workspace.editor.background.busy
     workspace.editor.background.finish()
     assert not workspace.editor.background.busy and are_identical(workspace.editor.project, before)
@@ -135,7 +135,7 @@ def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     workspace.store.new(acting())
     (tmp_path / "file").write_text("in the way")
     workspace.ask("export")
-    workspace.chosen(tmp_path / "file" / "star.glb")
+    workspace.finish_file_dialog(tmp_path / "file" / "star.glb")
     workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.say)
     assert "still running" in said(workspace)
     workspace.editor.background.finish()

@@ -123,10 +123,10 @@ def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_i
     timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "poses")
-    x = lanes.x_of(row, 0.75)
-    drag(workspace, (x, middle(row)), lanes.x_of(row, 1.2))
+    x = lanes.find_x(row, 0.75)
+    drag(workspace, (x, middle(row)), lanes.find_x(row, 1.2))
     assert workspace.editor.project.puppets["star"].poses[1].time == pytest.approx(1.2, abs=0.02)
-    assert workspace.editor.history.names[-1] == "retime a key pose" and not workspace.puppets.posing
+    assert workspace.editor.history.names[-1] == "retime a key pose" and not workspace.puppets.is_posing
     workspace.editor.undo()
     assert workspace.editor.project.puppets["star"].poses[1].time == 0.75
     timeline.press(x, middle(row))
@@ -162,14 +162,14 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     def at(second: float) -> tuple[float, float]:
         lanes = timeline.layout
         row = row_of(lanes, "band")
-        return lanes.x_of(row, second), middle(row)
+        return lanes.find_x(row, second), middle(row)
 
     drag(workspace, at(1.0), at(1.5)[0])
     assert switches() == [(0, "contact"), (45, "flight"), (60, "contact")]
     drag(workspace, at(1.5), at(2.9)[0])
     assert switches() == [(0, "contact"), (59, "flight"), (60, "contact")], "it stops at the next one"
     workspace.editor.undo()
-    assert timeline.double(*at(0.5))
+    assert timeline.double_click(*at(0.5))
     assert switches() is not None and (15, "flight") in switches() and len(switches()) == 5
     timeline.press(*at(0.5))
     timeline.release(at(0.5)[0])
@@ -209,7 +209,7 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
 
 def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
-    workspace.editor.solving.settle(workspace.editor.project, "star")
+    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
     lanes = workspace.state(TimelineInput).layout
     bands = workspace.state(TimelineInput).rows.details.bands(lanes, row_of(lanes, "band"))
     assert bands and bands[0][0].frame == 0
@@ -222,7 +222,7 @@ def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_
     scrubbed, fresh = desk_with(tmp_path / "one", project), desk_with(tmp_path / "other", project)
     timeline, layout = scrubbed.state(TimelineInput), scrubbed.state(TimelineInput).layout
     for each in (scrubbed, fresh):
-        each.editor.solving.settle(project, "star")
+        each.editor.motion_solver.settle(project, "star")
     timeline.press(layout.x(0.1), RULER_HEIGHT / 2)
     for time in (0.4, 1.9, 0.2, 2.2, 1.1):
         timeline.drag(layout.x(time))

@@ -22,7 +22,12 @@ from enliven.formats.project.file import write_project
 from enliven_viewer.studio.background import Cancelled, WorkProgress
 from enliven_viewer.studio.error_texts import find_pattern
 from enliven_viewer.studio.workspace import workspace as workspace_module
-from enliven_viewer.studio.workspace.exporting import ExportOptions, export, supported_options, write_export
+from enliven_viewer.studio.workspace.exporting import (
+    ExportOptions,
+    export,
+    list_supported_options,
+    write_export,
+)
 from enliven_viewer.studio.workspace.files import EXPORT_SUFFIXES, FILM_SUFFIX
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -167,7 +172,7 @@ def test_scale_axis_and_motion_in_place_are_those_of_the_command(workspace, tmp_
     written(workspace, tmp_path / "plain.csv", left_out={"limb 2"}, rate=12, last=0.5)
     assert (tmp_path / "window.csv").read_text() != (tmp_path / "plain.csv").read_text()
     # A .glb fixes the axis, so the window shows that choice in grey, and the export ignores it.
-    assert "up" not in supported_options(".glb") and "scale" in supported_options(".glb")
+    assert "up" not in list_supported_options(".glb") and "scale" in list_supported_options(".glb")
     written(workspace, tmp_path / "out.glb", up="z", last=0.5)
     turned = (tmp_path / "out.glb").read_bytes()
     written(workspace, tmp_path / "out.glb", last=0.5)

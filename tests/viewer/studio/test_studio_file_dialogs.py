@@ -53,7 +53,7 @@ def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
     browser.new_folder_name = " dances "
     browser.make_folder()
     assert browser.folder == (tmp_path / "dances").resolve() and browser.new_folder_name is None
-    assert browser.name == "work" and browser.chosen() == browser.folder / "work.enliven"
+    assert browser.name == "work" and browser.get_path() == browser.folder / "work.enliven"
     for name, words in (
         ("", "no folder"),
         ("..", "no folder"),
@@ -75,7 +75,7 @@ def test_a_name_that_no_file_can_have_is_refused(tmp_path: Path, name: str, savi
     browser = FileBrowser(tmp_path, (".glb",), saving=saving)
     browser.name = name
     with pytest.raises(InputError, match=r"no file can have that name|no such file"):
-        browser.chosen()
+        browser.get_path()
 
 
 def picture() -> bytes:

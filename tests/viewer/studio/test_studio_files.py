@@ -19,9 +19,9 @@ from made_bodies import man, meshed, random_motion
 
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError, ResourceError
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters.gltf.write import build_glb
 from enliven.exporters.performance import Performance
-from enliven.exporters.sampling import performance_of
+from enliven.exporters.sampling import sample_performance
 from enliven.mapping.model_clips import play_own_clip, played_clip
 from enliven.modeling.edits import rename_character
 from enliven.motion.layers.evaluate import Player
@@ -95,7 +95,7 @@ def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_
     workspace.ask(wish)
     workspace.go_on(discard=False)
     assert workspace.asking == "save as" and workspace.browser is not None
-    workspace.chosen(tmp_path / "kept.enliven")
+    workspace.finish_file_dialog(tmp_path / "kept.enliven")
     assert (tmp_path / "kept.enliven").is_file()
     assert workspace.ended if wish == "quit" else "limb" not in workspace.editor.project.shapes
 
@@ -119,10 +119,10 @@ def test_opening_another_project_asks_first(workspace: Workspace, tmp_path) -> N
 
 def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspace: Workspace) -> None:
     store = workspace.store
-    store.autosave(store._since + 1.0)
+    store.autosave(store._saved_at + 1.0)
     store.settle()
     assert not store.folder.exists(), "not yet time"
-    store.autosave(store._since + 60.0)
+    store.autosave(store._saved_at + 60.0)
     store.settle()
     written = list(store.folder.iterdir())
     assert [path.name for path in written] == [f"recovery-{os.getpid()}.enliven"]
@@ -140,11 +140,11 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
 
 def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace, tmp_path) -> None:
     store = workspace.store
-    store.autosave(store._since + 60.0)
+    store.autosave(store._saved_at + 60.0)
     store.settle()
     store.save(tmp_path / "work.enliven")
     assert list(store.folder.iterdir()) == []
-    store.autosave(store._since + 120.0)
+    store.autosave(store._saved_at + 120.0)
     store.settle()
     assert list(store.folder.iterdir()) == []
 
@@ -153,7 +153,7 @@ def test_unwritable_recovery_file_is_reported(workspace: Workspace, tmp_path) ->
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
     store._saved = store._autosaved = workspace.editor.project.without("limb")
-    store.autosave(store._since + 60.0)
+    store.autosave(store._saved_at + 60.0)
     store.settle()
     assert "Ctrl+S" in said(workspace)
 
@@ -166,7 +166,7 @@ def test_unknown_file_type_is_reported_with_known_types(workspace: Workspace, tm
 def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) -> None:
     workspace.ask("export")
     assert workspace.asking == "export" and workspace.browser is not None
-    workspace.chosen(tmp_path / "out.glb")
+    workspace.finish_file_dialog(tmp_path / "out.glb")
     workspace.editor.background.finish()
     assert "Wrote 1 shape" in said(workspace)
     before = workspace.editor.project.shapes["limb"]
@@ -185,7 +185,7 @@ def test_empty_export_gives_advice(workspace: Workspace, tmp_path) -> None:
     workspace.store.new()
     workspace.asking = "export"
     with pytest.raises(InputError, match="Sketch"):
-        workspace.chosen(tmp_path / "out.glb")
+        workspace.finish_file_dialog(tmp_path / "out.glb")
 
 
 def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
@@ -197,10 +197,10 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
     assert [path.name for path in browser.folders()] == ["inner"]
     assert [path.name for path in browser.files()] == ["A.GLB", "b.glb"]
     browser.name = "b.glb"
-    assert browser.chosen() == tmp_path / "b.glb"
+    assert browser.get_path() == tmp_path / "b.glb"
     browser.name = "nothing.glb"
     with pytest.raises(InputError, match="no such file"):
-        browser.chosen()
+        browser.get_path()
     browser.enter(tmp_path / "inner")
     assert browser.name == "" and browser.files() == []
     browser.enter(tmp_path / "gone")
@@ -209,10 +209,10 @@ def test_the_browser_lists_folders_and_what_can_be_opened(tmp_path) -> None:
 
 def test_a_saved_name_gets_its_ending(tmp_path) -> None:
     browser = FileBrowser(tmp_path, (".enliven",), "squid v1.2", saving=True)
-    assert browser.chosen() == tmp_path / "squid v1.2.enliven"
+    assert browser.get_path() == tmp_path / "squid v1.2.enliven"
     browser.name = "  "
     with pytest.raises(InputError, match="no file"):
-        browser.chosen()
+        browser.get_path()
 
 
 def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
@@ -242,10 +242,10 @@ def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
     (tmp_path / "old.enliven").write_text("precious")
     browser = FileBrowser(tmp_path, (".enliven",), "old", saving=True)
     with pytest.raises(InputError, match="Save again"):
-        browser.chosen()
-    assert browser.chosen() == tmp_path / "old.enliven"
+        browser.get_path()
+    assert browser.get_path() == tmp_path / "old.enliven"
     own = FileBrowser(tmp_path, (".enliven",), "old", saving=True, project_path=tmp_path / "old.enliven")
-    assert own.chosen() == tmp_path / "old.enliven"
+    assert own.get_path() == tmp_path / "old.enliven"
 
 
 @pytest.mark.slow
@@ -303,7 +303,7 @@ def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
         back = clip.mapped(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
         project = Project().with_characters(shape).with_takes(back)
         performances.append(
-            performance_of(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0)
+            sample_performance(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0)
         )
     write_clips(path, [f"clip {number}" for number in range(len(loops))], performances)
     return path
@@ -311,10 +311,10 @@ def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
 
 def write_clips(path: Path, names: list[str], performances: list[Performance]) -> None:
     """Writes performances of one character as one model with an animation for each."""
-    whole = GLTF2.load_from_bytes(glb_of([performances[0]]))
+    whole = GLTF2.load_from_bytes(build_glb([performances[0]]))
     blob = bytearray(whole.binary_blob() or b"")
     for performance in performances[1:]:
-        other = GLTF2.load_from_bytes(glb_of([performance]))
+        other = GLTF2.load_from_bytes(build_glb([performance]))
         views, accessors = len(whole.bufferViews), len(whole.accessors)
         for view in other.bufferViews:
             view.byteOffset = (view.byteOffset or 0) + len(blob)
@@ -367,7 +367,7 @@ def test_two_models_with_clips_of_one_name_keep_their_own(tmp_path) -> None:
 def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspace, tmp_path) -> None:
     assert "Ctrl+O" in workspace.actions["file.again"].why_not()
     workspace.ask("save")
-    workspace.chosen(tmp_path / "work.enliven")
+    workspace.finish_file_dialog(tmp_path / "work.enliven")
     after = Workspace.new(Editor(), tmp_path / "recovery")
     assert [Path(name).name for name in after.preferences.recent] == ["work.enliven"]
     assert after.actions.do("file.again") and "limb" in after.editor.project.shapes
@@ -380,9 +380,9 @@ def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -
     workspace.ask("quit")
     workspace.go_on(discard=False)
     with pytest.raises(ResourceError):
-        workspace.chosen(tmp_path / "file" / "work.enliven")
+        workspace.finish_file_dialog(tmp_path / "file" / "work.enliven")
     workspace.ask("save")
-    workspace.chosen(tmp_path / "work.enliven")
+    workspace.finish_file_dialog(tmp_path / "work.enliven")
     assert not workspace.ended and not workspace.store.dirty
 
 

@@ -16,18 +16,18 @@ from test_character_laws import WORLDS, near
 
 from enliven.modeling.edits import (
     change_layers,
+    compute_vertices,
+    find_keys,
+    get_rig_edits,
     key_layer,
-    keys_of,
     move_character,
-    rig_of,
     set_key,
-    vertices_of,
 )
 from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.animation.ghost_pass import GhostPass
-from enliven_viewer.studio.features.animation.ghost_picture import smooth
+from enliven_viewer.studio.features.animation.ghost_picture import smooth_trail
 from enliven_viewer.studio.features.animation.ghost_times import choose_ghost_times, find_key_times
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
 from enliven_viewer.studio.features.animation.motion_samples import smooth_normals
@@ -44,7 +44,7 @@ def desk(rig: str, time: float = 0.8) -> tuple[Editor, Ghosts, str]:
     project = change_layers(project, name, range(len(project.characters[name].playing)), offset=0.0)
     editor = Editor(project=project)
     if rig == "points":
-        editor.solving.settle(project, name)
+        editor.motion_solver.settle(project, name)
     editor.choose(name)
     editor.time = time
     ghosts = Ghosts(editor)
@@ -57,9 +57,9 @@ def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
     editor, ghosts, name = desk(rig)
     picture = ghosts.settle()
     assert picture is not None and picture.bodies
-    bodies = ghosts._known[name].bodies
+    bodies = ghosts._samples[name].bodies
     for moment, body in bodies.items():
-        vertices = vertices_of(editor.project, name, moment)
+        vertices = compute_vertices(editor.project, name, moment)
         if len(body.faces):
             near(body.rows[:, :3], vertices, 1e-5)
         else:
@@ -85,18 +85,18 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
     for offset in (0.0, 1.5):
         if offset:
             editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
-            editor.solving.settle(editor.project, name) if rig == "points" else None
+            editor.motion_solver.settle(editor.project, name) if rig == "points" else None
             ghosts.settle()
-        sampled = ghosts._known[name]
-        for frame in (sampled.wanted.first, sampled.wanted.last):
-            time = frame * sampled.wanted.step
-            pose, handles = rig_of(editor.project.characters[name]).player(
+        sampled = ghosts._samples[name]
+        for frame in (sampled.request.first, sampled.request.last):
+            time = frame * sampled.request.step
+            pose, handles = get_rig_edits(editor.project.characters[name]).player(
                 editor.project, editor.project.characters[name]
             )(time)
             near(sampled.points[frame], handles if len(handles) else pose.positions, 1e-5)
     picture = ghosts.settle()
     assert picture is not None and len(picture.tubes)
-    points = np.concatenate([part for part in ghosts._known[name].points.values()])
+    points = np.concatenate([part for part in ghosts._samples[name].points.values()])
     low, high = points.min(0) - 0.2, points.max(0) + 0.2
     assert (picture.tubes[:, :3] >= low).all() and (picture.tubes[:, :3] <= high).all()
 
@@ -105,7 +105,7 @@ def test_one_switch_shows_and_hides_and_without_it_nothing_is_worked_out() -> No
     _, ghosts, _ = desk("bones")
     assert ghosts.settle() is not None
     ghosts.toggle()
-    assert ghosts.picture() is None and not ghosts._known and ghosts._work is None
+    assert ghosts.picture() is None and not ghosts._samples and ghosts._sampling is None
 
 
 def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
@@ -128,7 +128,7 @@ def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
     free.set()
     ghosts.settle()
     assert threading.current_thread() not in threads
-    assert ghosts._known[name].wanted.character is editor.project.characters[name]
+    assert ghosts._samples[name].request.character is editor.project.characters[name]
 
 
 def test_a_chosen_bone_has_the_trail() -> None:
@@ -137,8 +137,8 @@ def test_a_chosen_bone_has_the_trail() -> None:
     editor.select(handle=1)
     single = ghosts.settle()
     assert every is not None and single is not None
-    sampled = ghosts._known[name]
-    line = np.stack([sampled.points[k][1] for k in range(sampled.wanted.first, sampled.wanted.last + 1)])
+    sampled = ghosts._samples[name]
+    line = np.stack([sampled.points[k][1] for k in range(sampled.request.first, sampled.request.last + 1)])
     away = np.linalg.norm(single.tubes[:, None, :3] - line[None], axis=2).min(1)
     assert away.max() < 0.1, "all of it lies along the way of that joint"
 
@@ -153,13 +153,13 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
     assert number is not None
     editor.edit("keys", lambda _: project)
     if rig == "points":
-        editor.solving.settle(editor.project, name)
+        editor.motion_solver.settle(editor.project, name)
     for chosen in ({"handle": handle}, {"layer": number}):
         editor.choose(name)
         editor.select(**chosen)
         ghosts.settle()
-        moments = ghosts._known[name].wanted.moments
-        assert set(moments) <= {key[0] for key in keys_of(project, name, handle)} and len(moments) == 4
+        moments = ghosts._samples[name].request.moments
+        assert set(moments) <= {key[0] for key in find_keys(project, name, handle)} and len(moments) == 4
     later = change_layers(project, name, [number], offset=0.5)
     moved = find_key_times(later, later.character(name), handle, number)
     assert moved == pytest.approx((0.7, 1.0, 1.6, 2.0))
@@ -171,7 +171,7 @@ def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:
     editor, ghosts, name = desk("points")
     ghosts.settle()
     keys = find_key_times(editor.project, editor.project.characters[name])
-    assert keys and set(ghosts._known[name].bodies) <= set(keys)
+    assert keys and set(ghosts._samples[name].bodies) <= set(keys)
 
 
 @settings(deadline=None, max_examples=60)
@@ -205,7 +205,7 @@ def test_ghosts_are_the_nearest_on_each_side_and_never_beyond(keys, time, count,
 @given(st.integers(2, 12), st.integers(0, 10**6))
 def test_a_smooth_line_goes_through_every_frame(frames: int, seed: int) -> None:
     line = np.random.default_rng(seed).normal(size=(frames, 3))
-    fine = smooth(line)
+    fine = smooth_trail(line)
     np.testing.assert_allclose(fine[:: (len(fine) - 1) // (frames - 1)], line, atol=1e-12)
 
 

@@ -70,8 +70,8 @@ def test_the_script_finds_each_way_in_which_a_text_is_shown(script) -> None:
     module = """
 _TAB_TIPS = {"Play": "Only the picture"}
 draw_heading("A title")
-button(workspace, "Press me")
-choice(workspace, "Yes" if new else "Keep", "No")
+draw_button(workspace, "Press me")
+draw_choice(workspace, "Yes" if new else "Keep", "No")
 names = Texts({"dark": "Dark theme"})
 said = tr("{0} of all", number)
 class Tool:

@@ -105,13 +105,13 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
 def test_snapped_places_lie_on_the_grid_and_are_the_nearest(start, way, grid, radians) -> None:
     snapping = Snapping(True, grid)
     begin, wanted = np.array(start), np.array(way)
-    end = begin + snapping.way(begin, wanted)
+    end = begin + snapping.snap_offset(begin, wanted)
     moved = np.abs(wanted) > 1e-9
     steps = end / grid
     assert np.allclose(steps[moved], np.round(steps[moved]), atol=1e-6)
     assert (np.abs(end - begin - wanted) <= grid / 2 + 1e-9).all()
     assert np.allclose(end[~moved], (begin + wanted)[~moved])
-    turned = snapping.turn(radians)
+    turned = snapping.snap_angle(radians)
     assert abs(turned - radians) <= math.radians(7.5) + 1e-9
     assert math.degrees(turned) / 15 == pytest.approx(round(math.degrees(turned) / 15), abs=1e-9)
     assert (
@@ -123,7 +123,7 @@ def test_a_drag_snaps_by_the_switch_or_while_ctrl_is_held(workspace) -> None:
     editor = workspace.editor
 
     def dragged(**held: bool) -> np.ndarray:
-        workspace.input.take("carry")
+        workspace.input.activate_tool("carry")
         at = pixel_on(workspace, "post")
         workspace.input.press(at, **held)
         workspace.input.move((at[0] + 47.0, at[1] - 13.0), **held)

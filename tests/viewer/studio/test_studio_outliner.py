@@ -74,7 +74,7 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
     outliner.click(row(outliner, "character limb"), ctrl=True)
     assert editor.selection.characters == ("star", "post")
     outliner.click(row(outliner, "character limb"), ctrl=True)
-    assert editor.selection.characters == ("star", "post", "limb") and editor.chosen().id == "limb"
+    assert editor.selection.characters == ("star", "post", "limb") and editor.find_selected().id == "limb"
     outliner.fold(row(outliner, "character limb"))
     outliner.click(row(outliner, "handle limb 1"))
     assert editor.selection.characters == ("limb",) and editor.selection.handle == 1
@@ -83,13 +83,13 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
 
 def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> None:
     editor, before = workspace.editor, len(list_exportable(workspace.editor.project))
-    wide = np.ptp(np.array(editor.box()), axis=0)[0]
+    wide = np.ptp(np.array(editor.measure_bounds()), axis=0)[0]
     workspace.outliner.hide("post", on=True)
     assert (
         "post" not in [posed.id for posed in editor.visible_characters]
         and len(list_exportable(editor.project)) == before
     )
-    assert np.ptp(np.array(editor.box()), axis=0)[0] < wide
+    assert np.ptp(np.array(editor.measure_bounds()), axis=0)[0] < wide
     workspace.actions.do("shape.show_all")
     assert len(editor.visible_characters) == 3 and editor.history.names[-1] == "show post"
     editor.choose("star")

@@ -14,7 +14,13 @@ from enliven.document.skeleton import Skeleton
 from enliven.motion.layers.evaluate import ShapePose, pose_from
 from enliven.rotation import IDENTITY
 from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.studio.viewport.picking import Lens, bone_at, find_crossings, joint_at, surface_at
+from enliven_viewer.studio.viewport.picking import (
+    Lens,
+    find_bone_at,
+    find_crossings,
+    find_joint_at,
+    find_surface_at,
+)
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 SIZE = (900.0, 600.0)
@@ -53,7 +59,7 @@ lenses = st.builds(lens_of, st.floats(-3.0, 3.0), st.floats(0.05, 1.4))
 def test_every_joint_is_picked_at_its_pixel(posed: StageCharacter, lens: Lens) -> None:
     pixels, depths = lens.project(posed.handles)
     for joint, pixel in enumerate(pixels):
-        hit = joint_at([posed], lens, (float(pixel[0]), float(pixel[1])), 4.0)
+        hit = find_joint_at([posed], lens, (float(pixel[0]), float(pixel[1])), 4.0)
         assert hit is not None
         near = np.linalg.norm(pixels - pixel, axis=1) <= 0.5
         assert near[hit.handle] and hit.pixels <= 0.5
@@ -66,7 +72,7 @@ def test_a_place_on_a_bone_is_picked_where_it_is_in_space(posed, lens, number, a
     joint = 1 + number % (len(posed.handles) - 1)
     start, end = posed.handles[posed.character.parents[joint]], posed.handles[joint]
     pixel = lens.project((start + along * (end - start))[None])[0][0]
-    hit = bone_at([posed], lens, (float(pixel[0]), float(pixel[1])), 2.0)
+    hit = find_bone_at([posed], lens, (float(pixel[0]), float(pixel[1])), 2.0)
     assert hit is not None and hit.pixels < 1e-6 + 2.0
     if hit.handle == joint:
         ends = lens.project(np.stack([start, end]))[0]
@@ -77,7 +83,7 @@ def test_a_place_on_a_bone_is_picked_where_it_is_in_space(posed, lens, number, a
 @given(trees(), lenses, st.floats(20, 880), st.floats(20, 580))
 @settings(max_examples=60, deadline=None)
 def test_the_nearest_bone_is_that_of_a_thousand_samples(posed, lens, x, y) -> None:
-    hit = bone_at([posed], lens, (x, y), 1e9)
+    hit = find_bone_at([posed], lens, (x, y), 1e9)
     assert hit is not None
     share = np.linspace(0, 1, 1001)[:, None]
     parents = posed.character.parents
@@ -119,7 +125,7 @@ def test_a_ray_goes_through_its_pixel_and_a_plane_gives_it_back(lens: Lens, x: f
     ahead = lens.view.eye + np.outer([0.5, 2.0, 7.0], lens.ray((x, y)))
     assert np.abs(lens.project(ahead)[0] - [x, y]).max() < 1e-6
     through = np.array([0.3, 0.8, -0.2])
-    place = lens.on_plane((x, y), through)
+    place = lens.intersect_plane((x, y), through)
     assert np.abs(lens.project(place[None])[0][0] - [x, y]).max() < 1e-6
     assert abs((place - through) @ lens.forward) < 1e-9
 
@@ -129,11 +135,11 @@ def test_the_nearer_of_two_surfaces_is_picked(make_limb) -> None:
     limbs = [make_limb("far", at=(0.0, 0.2, -0.5)), make_limb("near", at=(0.0, 0.2, 0.5))]
     stage = [standing(s, s.skeleton.positions) for s in limbs]
     at = lens.project(np.array([[0.0, 0.7, 0.56]]))[0][0]
-    hit = surface_at(stage, lens, (float(at[0]), float(at[1])))
+    hit = find_surface_at(stage, lens, (float(at[0]), float(at[1])))
     assert hit is not None and hit.character == "near" and hit.handle == -1
     corners = limbs[1].mesh.vertices[limbs[1].mesh.faces[hit.face]]
     assert (corners[:, 2] > 0.5).all() and corners[:, 1].min() <= 0.7 <= corners[:, 1].max()
-    assert surface_at(stage, lens, (3.0, 3.0)) is None
+    assert find_surface_at(stage, lens, (3.0, 3.0)) is None
 
 
 def test_points_behind_the_camera_are_not_picked(make_limb) -> None:
@@ -141,6 +147,6 @@ def test_points_behind_the_camera_are_not_picked(make_limb) -> None:
     shape = make_limb()
     behind = np.add(shape.skeleton.positions, [0.0, 0.0, 60.0])
     posed = standing(shape, behind)
-    assert joint_at([posed], lens, (450.0, 300.0), 1e9) is None
-    assert bone_at([posed], lens, (450.0, 300.0), 1e9) is None
+    assert find_joint_at([posed], lens, (450.0, 300.0), 1e9) is None
+    assert find_bone_at([posed], lens, (450.0, 300.0), 1e9) is None
     assert find_crossings([posed], lens, np.array([[0.0, 0.0], [900.0, 600.0]])) == []

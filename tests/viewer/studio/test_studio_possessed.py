@@ -13,18 +13,18 @@ from sample_meshes.chair import make_chair
 from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Spot, Wait, play, steps
 from swaying import possessed_chair, without_cache
 
-from enliven.document import graph_shape_of
+from enliven.document import graph_shape_from_poses
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.project import Project, are_identical
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.modeling.edits import (
+    compute_vertices,
     cut_character,
     delete_character,
-    foot_of,
+    find_base_centre,
     move_character,
     paste_character,
     scale_character,
-    vertices_of,
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.solving import stale
@@ -51,7 +51,7 @@ def workspace(make_limb, tmp_path) -> Workspace:
             moved = nodes + np.float32([0.1 * np.sin(frame / 5), 0, 0]) * (nodes[:, 1:2] - 0.1)
             linear = np.tile(np.eye(3, dtype=np.float32), (5, 1, 1))
             poses.append(Pose(name, frame * NS // 30, linear, moved.astype(np.float32)))
-        shape, stream = graph_shape_of(character, poses, name)
+        shape, stream = graph_shape_from_poses(character, poses, name)
         project = project.with_streams(stream).with_characters(shape)
     opened = Workspace.new(Editor(), tmp_path)
     opened.store.new(project)
@@ -175,7 +175,7 @@ def test_recorded_take_contains_the_possessed_mesh(tmp_path, box) -> None:
 
 def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     workspace.asking = "export"
-    workspace.chosen(tmp_path / "posts.glb")
+    workspace.finish_file_dialog(tmp_path / "posts.glb")
     workspace.editor.background.finish()
     assert (tmp_path / "posts.glb").stat().st_size > 1000 and "2 shapes" in workspace.editor.toasts.shown[
         -1
@@ -231,9 +231,9 @@ def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspac
     play([Key("ctrl+shift+v")], stage)
     editor.background.finish()
     assert editor.history.names[-1] == f"give {performed} to stool"
-    seen = [vertices_of(editor.project, "stool", time) for time in (0.0, 0.4)]
+    seen = [compute_vertices(editor.project, "stool", time) for time in (0.0, 0.4)]
     assert np.abs(seen[1] - seen[0]).max() > 0.02
-    assert abs(foot_of(seen[0])[0] - 2.0) < 0.2
+    assert abs(find_base_centre(seen[0])[0] - 2.0) < 0.2
     editor.undo()
     assert are_identical(editor.project, before)
     editor.choose(performed)

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
 from enliven.document.puppet import Puppet
-from enliven.examples.puppet_motion import in_world
+from enliven.examples.puppet_motion import to_world_frame
 from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, mirror_places
-from enliven_viewer.studio.viewport.picking import joint_at, surface_at
-from enliven_viewer.studio.viewport.ray import NEAREST, first_hit, vertex_hit
+from enliven_viewer.studio.viewport.picking import find_joint_at, find_surface_at
+from enliven_viewer.studio.viewport.ray import NEAREST, find_first_hit, find_hit_vertex
 
 PLACE = np.array([0.1, 0.5, -0.2])
 
@@ -71,7 +71,7 @@ def test_compiled_ray_matches_the_slow_reference(seed: int) -> None:
     eye = rng.normal(0, 1, 3) * 2 + [0, 0.5, 0]
     way = rng.normal([0.0, 0.5, 0.0], 0.3) - eye
     way /= np.linalg.norm(way)
-    face, distance = first_hit(mesh.vertices, mesh.faces, eye, way)
+    face, distance = find_first_hit(mesh.vertices, mesh.faces, eye, way)
     slow, metres = first_face(mesh.vertices, mesh.faces, eye, way)
     assert face == slow or distance == pytest.approx(metres), "a ray through an edge may meet either face"
     assert distance == pytest.approx(metres)
@@ -82,7 +82,7 @@ def test_of_a_face_the_nearest_corner_is_taken() -> None:
     face = mesh.faces[7]
     for corner in face:
         near = 0.9 * mesh.vertices[corner] + 0.1 * mesh.vertices[face].mean(0)
-        assert vertex_hit(mesh.vertices, face, near) == corner
+        assert find_hit_vertex(mesh.vertices, face, near) == corner
 
 
 @pytest.mark.parametrize("name", TIPS)
@@ -93,11 +93,11 @@ def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
     standing = editor.puppets.stage_puppets[0]
     middle = standing.vertices.mean(0)
     place = standing.vertices[vertex(name)] * 0.93 + middle * 0.07
-    hit = surface_at(editor.stage_characters, editor.lens, pixel_of(editor, place))
+    hit = find_surface_at(editor.stage_characters, editor.lens, pixel_of(editor, place))
     assert hit is not None and hit.character == standing.id
     met = editor.lens.view.eye + hit.depth * editor.lens.ray(pixel_of(editor, place))
     assert np.linalg.norm(met - place) < 0.15
-    assert surface_at(editor.stage_characters, editor.lens, (3.0, 3.0)) is None
+    assert find_surface_at(editor.stage_characters, editor.lens, (3.0, 3.0)) is None
 
 
 def test_into_the_mesh_and_out_again() -> None:
@@ -106,7 +106,7 @@ def test_into_the_mesh_and_out_again() -> None:
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
     standing = editor.puppets.stage_puppets[0]
     assert np.allclose(standing.to_mesh(standing.vertices), star().vertices)
-    assert np.allclose(standing.vertices, in_world(standing.character, standing.state, star().vertices))
+    assert np.allclose(standing.vertices, to_world_frame(standing.character, standing.state, star().vertices))
     assert np.allclose(standing.handles[0], standing.vertices[vertex("head")])
     assert np.allclose(standing.solved, standing.vertices, atol=1e-6)
 
@@ -115,10 +115,10 @@ def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> Non
     editor = editor_with("head", "left")
     standing, lens = editor.puppets.stage_puppets[0], editor.lens
     x, y = pixel_of(editor, standing.handles[1])
-    hit = joint_at([standing], lens, (x + 5, y - 5), 11.0)
+    hit = find_joint_at([standing], lens, (x + 5, y - 5), 11.0)
     assert hit is not None and hit.handle == 1
-    assert joint_at([standing], lens, (x + 15, y), 11.0) is None
-    assert joint_at([editor_with().puppets.stage_puppets[0]], lens, (x, y), 11.0) is None
+    assert find_joint_at([standing], lens, (x + 15, y), 11.0) is None
+    assert find_joint_at([editor_with().puppets.stage_puppets[0]], lens, (x, y), 11.0) is None
 
 
 @pytest.mark.parametrize("part", GIZMO_PARTS)

@@ -54,12 +54,12 @@ def bad(workspace: Workspace) -> list[str]:
 def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None:
     workspace, stage = studio(tmp_path, take="sway")
     hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
-    tool_of(workspace).suggested.of(workspace.puppets.puppet)
+    tool_of(workspace).suggested.suggest_vertices(workspace.puppets.puppet)
     tool_of(workspace).suggested.wait()  # ends are on the silhouette, so their rings can be clicked
     play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
     puppet = workspace.puppets.puppet
     assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]
-    assert workspace.puppets.point == 2 and not workspace.puppets.posing
+    assert workspace.puppets.point == 2 and not workspace.puppets.is_posing
     start = OnPuppet("star", point=0)
     play([Drag((start, Near(start, -10, -90)))], stage)
     puppet = workspace.puppets.puppet
@@ -67,7 +67,7 @@ def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None
     assert puppet.poses[0].places[0][1] > puppet.rest[0][1] + 0.1
     assert np.array_equal(puppet.poses[0].places[1:], puppet.rest[1:])
     play([Key("enter")], stage)
-    assert not workspace.puppets.posing and not bad(workspace)
+    assert not workspace.puppets.is_posing and not bad(workspace)
 
 
 def test_arrows_move_along_their_axis(tmp_path) -> None:
@@ -92,16 +92,16 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     at = workspace.editor.lens.project(workspace.puppets.stage_puppets[0].handles)[0][1]
     user_input.press((at[0], at[1]))
     user_input.move((at[0] + 40, at[1]))
-    assert workspace.puppets.dragging
+    assert workspace.puppets.is_dragging
     user_input.key("escape")
-    assert not workspace.puppets.dragging and are_identical(workspace.puppets.puppet.poses, kept)
+    assert not workspace.puppets.is_dragging and are_identical(workspace.puppets.puppet.poses, kept)
     user_input.move((at[0] + 80, at[1]))
     user_input.release((at[0] + 80, at[1]))
     assert are_identical(workspace.puppets.puppet.poses, kept), "what was dropped stays dropped"
     user_input.key("escape")
-    assert workspace.puppets.point is None and workspace.puppets.posing
+    assert workspace.puppets.point is None and workspace.puppets.is_posing
     user_input.key("escape")
-    assert not workspace.puppets.posing and are_identical(workspace.puppets.puppet.poses, kept)
+    assert not workspace.puppets.is_posing and are_identical(workspace.puppets.puppet.poses, kept)
 
 
 def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
@@ -110,7 +110,7 @@ def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
     play([Drag((start, Near(start, 0, -60)))], stage)
     kept = workspace.puppets.puppet
     play([Key("q")], stage)
-    assert not workspace.puppets.posing and workspace.puppets.puppet is kept and len(kept.poses) == 1
+    assert not workspace.puppets.is_posing and workspace.puppets.puppet is kept and len(kept.poses) == 1
 
 
 def test_keys_nudge_reset_and_remove_the_chosen_point(tmp_path) -> None:
@@ -145,13 +145,13 @@ def test_dragging_the_mesh_turns_the_view_and_puts_no_point(tmp_path) -> None:
 def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
     workspace, stage = studio(tmp_path)
     tool = tool_of(workspace)
-    tool.suggested.of(workspace.puppets.puppet)
+    tool.suggested.suggest_vertices(workspace.puppets.puppet)
     tool.suggested.wait()
-    ends = tool.suggested.of(workspace.puppets.puppet)
+    ends = tool.suggested.suggest_vertices(workspace.puppets.puppet)
     assert len(ends) >= 5
     play([Click(Near(OnPuppet("star", ends[0]), 4, -3))], stage)
     assert workspace.puppets.puppet.points[0].vertex == ends[0]
-    assert ends[0] not in tool.suggested.of(workspace.puppets.puppet)
+    assert ends[0] not in tool.suggested.suggest_vertices(workspace.puppets.puppet)
 
 
 def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
@@ -228,7 +228,7 @@ def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
 def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
-    workspace.editor.solving.settle(workspace.editor.project, "star")
+    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
     seen = []
     for _ in range(12):
         workspace.editor.playing = True
@@ -243,7 +243,7 @@ def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
 def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
-    workspace.editor.solving.settle(workspace.editor.project, "star")
+    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
     vertices = []
     for before in (0.0, 2.5):
         workspace.editor.scrub(before)
@@ -321,7 +321,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
-    workspace.state(PuppetCommands).bake()
+    workspace.state(PuppetCommands).bake_puppet()
     assert "Baking" in workspace.editor.toasts.shown[-1].text and "post" in workspace.editor.project.puppets
     workspace.editor.background.finish()
     assert (
@@ -331,7 +331,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     )
     play([Key("ctrl+z")], stage)
     workspace.editor.choose("post")
-    workspace.state(PuppetCommands).bake()
+    workspace.state(PuppetCommands).bake_puppet()
     workspace.puppets.add_point(20)
     workspace.editor.background.finish()
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
@@ -339,6 +339,6 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
 
 def test_puppet_without_motion_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
-    workspace.state(PuppetCommands).bake()
+    workspace.state(PuppetCommands).bake_puppet()
     workspace.editor.background.finish()
     assert bad(workspace) and "star" in workspace.editor.project.puppets

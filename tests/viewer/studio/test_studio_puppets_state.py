@@ -42,7 +42,7 @@ def puppet_of(puppets: PuppetEditor):
 
 def test_a_drag_is_one_edit_of_the_key_pose_and_is_seen_at_once() -> None:
     puppets = posing("head", "left", "foot")
-    assert puppets.begin_pose("sway", 0.5) and puppets.posing and puppets.number == 0
+    assert puppets.begin_pose("sway", 0.5) and puppets.is_posing and puppets.number == 0
     before, edits = puppet_of(puppets), steps(puppets)
     place = before.rest[1] + [0.0, 0.3, 0.1]
     for share in (0.3, 0.6, 1.0):
@@ -50,9 +50,9 @@ def test_a_drag_is_one_edit_of_the_key_pose_and_is_seen_at_once() -> None:
         assert puppets.editor.project.puppets["star"] is before, "while it is dragged nothing is remembered"
         assert np.array_equal(puppets.stage_puppets[0].vertices[before.points[1].vertex], puppets.places[1])
     assert puppets.drop() and steps(puppets) == edits + 1
-    assert np.allclose(puppet_of(puppets).poses[0].places[1], place) and puppets.posing
+    assert np.allclose(puppet_of(puppets).poses[0].places[1], place) and puppets.is_posing
     puppets.editor.undo()
-    assert are_identical(puppet_of(puppets).poses, before.poses) and puppets.posing, (
+    assert are_identical(puppet_of(puppets).poses, before.poses) and puppets.is_posing, (
         "the key pose stays in the hand"
     )
     puppets.editor.redo()
@@ -92,7 +92,7 @@ def test_cancel_puts_a_key_pose_back_and_a_new_one_away() -> None:
         puppets.drag(0, puppets.places[0] + [0, 0.05, 0])
         puppets.drop()
     puppets.cancel()
-    assert are_identical(puppet_of(puppets).poses, kept) and not puppets.posing
+    assert are_identical(puppet_of(puppets).poses, kept) and not puppets.is_posing
     puppets.begin_pose("sway", 1.0)
     puppets.cancel()
     assert are_identical(puppet_of(puppets).poses, kept)
@@ -121,11 +121,11 @@ def test_another_puppet_and_another_project_leave_the_key_pose() -> None:
     puppets.editor.choose(None)
     puppets.editor.advance(0.0)
     puppets.editor.choose("star")
-    assert not puppets.posing
+    assert not puppets.is_posing
     puppets.edit_pose(0)
-    puppets.editor.begin(puppets.editor.project)
+    puppets.editor.open_project(puppets.editor.project)
     puppets.editor.choose("star")
-    assert not puppets.posing
+    assert not puppets.is_posing
 
 
 def test_a_drag_at_the_moment_of_a_key_pose_changes_that_point_alone() -> None:
@@ -158,7 +158,7 @@ def test_a_drag_without_a_key_pose_begins_one_at_the_moment_that_is_shown() -> N
 def test_drag_without_a_take_gives_advice_and_changes_nothing() -> None:
     puppets = posing("head", "left", take="")
     puppets.drag(1, puppet_of(puppets).rest[1] + [0, 0.2, 0])
-    assert not puppets.drop() and not puppets.posing and puppet_of(puppets).poses == ()
+    assert not puppets.drop() and not puppets.is_posing and puppet_of(puppets).poses == ()
     assert "No take is shown" in puppets.editor.toasts.shown[-1].text
     assert np.array_equal(puppets.stage_puppets[0].vertices, star().vertices), "it springs back"
 
@@ -168,10 +168,10 @@ def test_the_key_pose_is_left_when_it_plays_or_another_time_is_shown() -> None:
     for leave in (lambda e: e.scrub(1.0), lambda e: setattr(e, "playing", True)):
         puppets.begin_pose("sway", 0.5)
         puppets.editor.advance(0.0)
-        assert puppets.posing
+        assert puppets.is_posing
         leave(puppets.editor)
         puppets.editor.advance(0.0)
-        assert not puppets.posing and len(puppet_of(puppets).poses) == 1
+        assert not puppets.is_posing and len(puppet_of(puppets).poses) == 1
 
 
 def test_a_point_where_one_is_chooses_it() -> None:

@@ -120,7 +120,7 @@ def test_saving_during_a_recording_stores_the_take_so_far(workspace: Workspace, 
 
 def test_a_recording_that_is_given_up_after_it_was_saved_can_be_saved_away(workspace, tmp_path: Path) -> None:
     workspace.ask("save")
-    workspace.perform.recording.drop()
+    workspace.perform.recording.discard()
     assert workspace.store.dirty, "the file has what the window no longer has"
     workspace.ask("save")
     assert not workspace.store.dirty and not seconds(tmp_path / "work.enliven")
@@ -128,12 +128,12 @@ def test_a_recording_that_is_given_up_after_it_was_saved_can_be_saved_away(works
 
 def test_running_recordings_are_written_for_recovery(workspace: Workspace, tmp_path: Path) -> None:
     store = workspace.store
-    store.autosave(store._since + 60.0)
+    store.autosave(store._saved_at + 60.0)
     store.settle()
     (kept,) = (tmp_path / "recovery").glob("recovery-*.enliven")
     assert seconds(kept) > 0.9
     perform(workspace, 90)
-    store.autosave(store._since + 600.0)
+    store.autosave(store._saved_at + 600.0)
     store.settle()
     assert seconds(kept) > 2.8, "again and again while it runs"
     after = ProjectStore(Editor(), tmp_path / "recovery")
@@ -146,7 +146,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
     """An empty recording endangers neither the project nor the window."""
     recorder = workspace.perform.recording.recorder
     recorder.end()
-    recorder.restarted()
+    recorder.handle_restart()
     recorder.begin("take 1")
     workspace.store.autosave_now()
     (kept,) = (tmp_path / "recovery").glob("recovery-*.enliven")

@@ -10,6 +10,7 @@ from made_acting_stage import acting_stage, pixel_on
 
 from enliven.document.project import are_identical
 from enliven.modeling.edits import (
+    compute_vertices,
     copy_characters,
     group_centre,
     mirror_character,
@@ -19,7 +20,6 @@ from enliven.modeling.edits import (
     shift_characters,
     turn_character,
     turn_characters,
-    vertices_of,
 )
 from enliven.rotation import from_rotation_vector, rotate
 from enliven_viewer.studio.viewport.selection import Selection
@@ -42,7 +42,7 @@ def _made(tmp_path_factory) -> None:
 
 
 def seen(project, name: str, time: float = 0.4) -> np.ndarray:
-    return vertices_of(project, name, time)
+    return compute_vertices(project, name, time)
 
 
 numbers = st.floats(-2.0, 2.0)
@@ -99,14 +99,14 @@ def test_click_selects_one_and_ctrl_toggles(clicks) -> None:
         if isinstance(click, tuple):
             chosen = selection.characters
             rest = [name for name in chosen if name != click[0]]
-            selection = Selection.of(*(rest if click[0] in chosen else (*chosen, click[0])))
+            selection = Selection.from_ids(*(rest if click[0] in chosen else (*chosen, click[0])))
             expected = [name for name in expected if name != click[0]] + [click[0]] * (
                 click[0] not in expected
             )
         else:
             selection, expected = Selection(click), [click]
-        assert list(selection.characters) == expected and selection.several == (len(expected) > 1)
-        assert selection.within(PROJECT) == selection
+        assert list(selection.characters) == expected and selection.has_several == (len(expected) > 1)
+        assert selection.restricted_to(PROJECT) == selection
     assert set(selection.with_active("limb").characters) == set(expected if "limb" in expected else ["limb"])
 
 
@@ -157,7 +157,7 @@ def test_each_deed_on_several_is_one_step_that_undo_takes_back(workspace) -> Non
         changed = [n for n in PAIR if editor.project.characters.get(n) is not first.characters[n]]
         handled = [n for n in PAIR if n in editor.project.handling]
         if deed == "edit.duplicate":
-            assert len(editor.project.characters) == 5 and editor.selection.several
+            assert len(editor.project.characters) == 5 and editor.selection.has_several
         else:
             assert list(PAIR) in (changed, handled), deed
         editor.undo()
@@ -167,7 +167,7 @@ def test_each_deed_on_several_is_one_step_that_undo_takes_back(workspace) -> Non
 def test_drag_moves_all_selected_characters(workspace) -> None:
     editor = workspace.editor
     editor.choose_all("limb", "post")
-    workspace.input.take("carry")
+    workspace.input.activate_tool("carry")
     before = {name: seen(editor.project, name) for name in PAIR}
     at = pixel_on(workspace, "post")
     workspace.input.press(at)
@@ -175,7 +175,7 @@ def test_drag_moves_all_selected_characters(workspace) -> None:
     workspace.input.release((at[0] + 60.0, at[1]))
     ways = {name: seen(editor.project, name) - before[name] for name in PAIR}
     assert np.allclose(ways["limb"][0], ways["post"][0], atol=1e-6) and np.linalg.norm(ways["post"][0]) > 0.05
-    assert editor.history.names[-1] == "move 2 shapes" and editor.selection.several
+    assert editor.history.names[-1] == "move 2 shapes" and editor.selection.has_several
 
 
 def test_single_shape_actions_refuse_multiple_selection(workspace) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from made_acting_stage import acting_stage
 
 from enliven.meshes.files import save_mesh
-from enliven.modeling.edits import scale_character, vertices_of
+from enliven.modeling.edits import compute_vertices, scale_character
 from enliven.samples.shipped import load_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -23,7 +23,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 
 def box(stage: Workspace, name: str) -> tuple[np.ndarray, np.ndarray]:
-    vertices = vertices_of(stage.editor.project, name, stage.editor.time)
+    vertices = compute_vertices(stage.editor.project, name, stage.editor.time)
     return vertices.min(0), vertices.max(0)
 
 

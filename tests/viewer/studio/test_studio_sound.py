@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from enliven.document.project import are_identical
 from enliven.errors import InputError
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.sounds import SOUND_RATE, Sound, mix_sounds
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.sound.player import SoundPlayer
@@ -102,21 +102,21 @@ def test_sound_follows_the_playhead_and_plays_only_with_it() -> None:
     sound = noise(0.0, 3 * SOUND_RATE)
     editor.edit("sound", lambda project: project.with_sounds(sound))
     assert editor.length >= 3.0, "a project lasts as long as its sound"
-    player.follow()
+    player.synchronise()
     assert not devices
     editor.time, editor.playing = 1.0, True
-    player.follow()
+    player.synchronise()
     begun = round((1.0 + Device.latency) * SOUND_RATE)
     np.testing.assert_array_equal(devices[0].ask(0.1), sound.samples[SOUND_RATE : SOUND_RATE + 3200])
     editor.time = 1.06
-    player.follow()
+    player.synchronise()
     np.testing.assert_array_equal(devices[0].ask(0.01), sound.samples[SOUND_RATE + 3200 :][:320])
     editor.time = 2.0  # the playhead was dragged
-    player.follow()
+    player.synchronise()
     there = begun + SOUND_RATE
     np.testing.assert_array_equal(devices[0].ask(0.01), sound.samples[there : there + 320])
     player.toggle()
-    player.follow()
+    player.synchronise()
     assert devices[0].closed and len(devices) == 1
 
 
@@ -132,7 +132,7 @@ def test_missing_sound_device_is_reported_once_and_playback_continues(tmp_path) 
     editor.edit("sound", lambda project: project.with_sounds(noise(0.0)))
     editor.playing = True
     for _ in range(5):
-        player.follow()
+        player.synchronise()
     assert len(tried) == 1 and editor.playing
     assert [toast.text for toast in editor.toasts.shown] == [
         "The sound cannot be played here (PortAudio library not found)"
@@ -146,7 +146,7 @@ def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     editor.scrub(1.5)
     workspace.open(written(tmp_path / "song.wav"))
     assert editor.project.sounds["song"].begin == pytest.approx(1.5)
-    again = project_of(project_bytes(editor.project))
+    again = parse_project(project_bytes(editor.project))
     assert are_identical(again.sounds["song"].samples, editor.project.sounds["song"].samples)
     editor.scrub(0.5)
     workspace.actions.do("sound.begin")

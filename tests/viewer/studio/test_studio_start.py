@@ -13,7 +13,7 @@ from strokes import limb
 from studio_driver import HeadlessStage, Key, play
 
 from enliven.formats.project.file import read_project
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.samples.shipped import load_sample
 from enliven.takes.overdub import has_motion
@@ -117,10 +117,10 @@ def test_a_step_goes_on_a_moment_after_its_deed_and_not_by_another(workspace: Wo
     workspace.actions.do("view.play")
     workspace.actions.do("sample.cactus")
     workspace.watch_tour(0.1)
-    assert tour.number == 0 and tour.ticked == 0.0, "a cactus is no chair"
+    assert tour.number == 0 and tour.done_display_s == 0.0, "a cactus is no chair"
     workspace.actions.do("sample.chair")
     workspace.watch_tour(0.1)
-    assert tour.number == 0 and tour.ticked > 0.0 and not tour.text, "a tick first"
+    assert tour.number == 0 and tour.done_display_s > 0.0 and not tour.text, "a tick first"
     workspace.watch_tour(5.0)
     workspace.watch_tour(0.1)
     assert tour.number == 1 and tour.target.widgets[0] == "recorded person"
@@ -199,7 +199,7 @@ def test_playback_pauses_during_a_stroke_and_resumes(
 ) -> None:
     editor, hands = workspace.editor, workspace.input
     editor.time, editor.playing = 1.3, was_playing
-    hands.take(tool)
+    hands.activate_tool(tool)
     x, y = limb_there.mean(0).tolist()
     wide = 20.0 + float(np.ptp(limb_there[:, 0]))
     hands.press((x - wide * (tool == "cut"), y))
@@ -211,7 +211,7 @@ def test_playback_pauses_during_a_stroke_and_resumes(
     assert editor.playing == was_playing and editor.time == pytest.approx(1.3)
     assert len(editor.project.characters) == 1 + (tool == "cut")
     hands.press((x, y))
-    hands.drop()
+    hands.cancel_tool()
     assert editor.playing == was_playing, "also where the stroke is dropped"
 
 
@@ -253,7 +253,7 @@ def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[floa
 
 def draw_cut(workspace: Workspace, path: tuple[tuple[float, float], ...]) -> bool:
     """Draws a stroke with the scissors; returns True if it cut."""
-    workspace.input.take("cut")
+    workspace.input.activate_tool("cut")
     count, (start, end) = len(workspace.editor.project.graphs), np.array(path)
     workspace.input.press(tuple(start))
     for share in np.linspace(0.0, 1.0, 12):
@@ -295,8 +295,8 @@ def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, nam
     if name == "cactus":
         project = workspace.editor.project
         puppet = next(iter(project.puppets.values()))
-        assert not rig_of(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
-        hands = [rig_of(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
+        assert not get_rig_edits(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
+        hands = [get_rig_edits(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
         assert np.abs(hands[1] - hands[0]).max() > 0.3, "it dances"
     assert not [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     workspace.actions.do("edit.undo")

@@ -77,7 +77,7 @@ SPANS = st.tuples(st.floats(0.0, 2.0), st.floats(0.3, 2.0)).map(lambda one: (one
 @settings(max_examples=60)
 def test_the_marked_span_is_dragged_by_its_ends_and_as_a_whole(stage_once, span, kind, pixels) -> None:
     timeline: TimelineInput = stage_once.state(TimelineInput)
-    timeline.snapping, stage_once.editor.marked = False, span
+    timeline.snapping, stage_once.editor.marked_range = False, span
     layout = timeline.layout
     low, high = (layout.x(end) for end in span)
     x = {"from": low, "to": high, "marked": (low + high) / 2}[kind]
@@ -86,7 +86,7 @@ def test_the_marked_span_is_dragged_by_its_ends_and_as_a_whole(stage_once, span,
     timeline.drag(x + pixels)
     timeline.release(x + pixels)
     moved = layout.time(x + pixels) - layout.time(x)
-    first, last = stage_once.editor.marked
+    first, last = stage_once.editor.marked_range
     assert first >= 0.0 and last - first >= 0.1 - 1e-9
     if kind == "marked":
         assert last - first == pytest.approx(span[1] - span[0])
@@ -104,12 +104,15 @@ def stage_once(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrubs(stage: Workspace) -> None:
     editor, timeline = stage.editor, stage.state(TimelineInput)
     editor.scrub(1.0)
-    editor.marked = (0.2, 1.6)
+    editor.marked_range = (0.2, 1.6)
     layout = timeline.layout
     timeline.press(layout.x(1.6), 4.0)
     timeline.drag(layout.x(1.0) + 3.0)
     timeline.release(layout.x(1.0) + 3.0)
-    assert editor.marked == (0.2, pytest.approx(1.0)) and stage.perform.recording.span == editor.marked
+    assert (
+        editor.marked_range == (0.2, pytest.approx(1.0))
+        and stage.perform.recording.span == editor.marked_range
+    )
     bare = replace(layout, marked=None)
     assert bare.handle_at(layout.x(1.6), 4.0).kind == "ruler"
     assert layout.handle_at(layout.x(1.6) + EDGE_GRAB_DISTANCE + 1, 4.0).kind == "ruler"

@@ -30,7 +30,7 @@ from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.project_length import length_of
+from enliven_viewer.studio.viewport.project_length import measure_project_length
 from enliven_viewer.studio.window import measure_elapsed
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -55,7 +55,7 @@ speeds = st.floats(0.25, 4.0) | st.floats(-4.0, -0.25)
 @settings(max_examples=40, deadline=None)
 def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> None:
     project = project_of(offsets, [data.draw(speeds) for _ in offsets])
-    layout = TimelineLayout(length_of(project, 2.0), width, project=project)
+    layout = TimelineLayout(measure_project_length(project, 2.0), width, project=project)
     bars = layout.bars()
     assert len(bars) == len(offsets)
     for bar, offset in zip(bars, offsets, strict=True):
@@ -81,8 +81,8 @@ def test_pixels_and_times_are_inverse(time: float, length: float, width: float) 
 def test_numbers_on_the_ruler_do_not_touch(length: float, width: float) -> None:
     layout = TimelineLayout(length, width, project=Project())
     numbered = [layout.x(time) for time, number in layout.ticks() if number]
-    assert numbered[0] == LABEL_WIDTH and numbered[-1] <= LABEL_WIDTH + layout.track + 1e-6
-    if length / layout.track * 60 <= 300:
+    assert numbered[0] == LABEL_WIDTH and numbered[-1] <= LABEL_WIDTH + layout.track_width + 1e-6
+    if length / layout.track_width * 60 <= 300:
         assert all(b - a >= 60 - 1e-6 for a, b in pairwise(numbered))
 
 
@@ -124,11 +124,13 @@ def test_loops_play_on_until_they_begin_again_together() -> None:
         project = project_of([0.0] * len(lengths), [2.0 / seconds for seconds in lengths])
         return change_layers(project, "s", range(len(lengths)), loop=True)
 
-    assert length_of(looped(1.8, 1.2), 2.0) == pytest.approx(3.6)
-    assert length_of(looped(2.0), 2.0) == pytest.approx(2.0)
-    assert length_of(looped(0.5, 0.75), 2.0) == pytest.approx(2.25 + 0.75)
-    assert length_of(looped(1.0, 1.618034), 2.0) <= 8.0 + 1.7, "it does not wait for ever"
-    assert length_of(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), "what does not loop ends"
+    assert measure_project_length(looped(1.8, 1.2), 2.0) == pytest.approx(3.6)
+    assert measure_project_length(looped(2.0), 2.0) == pytest.approx(2.0)
+    assert measure_project_length(looped(0.5, 0.75), 2.0) == pytest.approx(2.25 + 0.75)
+    assert measure_project_length(looped(1.0, 1.618034), 2.0) <= 8.0 + 1.7, "it does not wait for ever"
+    assert measure_project_length(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), (
+        "what does not loop ends"
+    )
 
 
 @given(st.data(), st.floats(RULER_HEIGHT + 80.0, 400.0))
@@ -144,21 +146,21 @@ def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_wh
         wanted, recorded = data.draw(st.sampled_from(names)), data.draw(st.booleans())
         if not recorded:
             editor.choose(None)
-            timeline.follow(tall)
+            timeline.scroll_to_recording(tall)
             editor.choose(wanted)
-        timeline.follow(tall, wanted if recorded else "")
+        timeline.scroll_to_recording(tall, wanted if recorded else "")
         mine = [lane for lane in timeline.layout.lanes() if lane.character.id == wanted]
         assert min(lane.top for lane in mine) >= RULER_HEIGHT
         assert max(lane.top + lane.height for lane in mine) <= tall
         assert timeline.scrolled >= 0.0
     timeline.scrolled = 17.0
-    timeline.follow(tall)
+    timeline.scroll_to_recording(tall)
     assert timeline.scrolled == 17.0, "nothing new was chosen: the artist's place is kept"
 
 
 def test_playing_stays_between_the_in_and_out_points(workspace_playing) -> None:
     editor = workspace_playing.editor
-    editor.marked, editor.playing, editor.loop = (0.5, 1.25), True, True
+    editor.marked_range, editor.playing, editor.loop = (0.5, 1.25), True, True
     editor.time = 0.6
     seen = []
     for _ in range(40):
@@ -178,13 +180,13 @@ def test_playing_stays_between_the_in_and_out_points(workspace_playing) -> None:
 def test_in_and_out_points_are_set_by_actions_and_taken_away(workspace_playing) -> None:
     workspace, editor = workspace_playing, workspace_playing.editor
     editor.scrub(0.5)
-    assert workspace.actions.do("view.in_point") and editor.marked == (0.5, editor.length)
+    assert workspace.actions.do("view.in_point") and editor.marked_range == (0.5, editor.length)
     editor.scrub(1.0)
-    assert workspace.actions.do("view.out_point") and editor.marked == (0.5, 1.0)
+    assert workspace.actions.do("view.out_point") and editor.marked_range == (0.5, 1.0)
     editor.scrub(0.25)
     workspace.actions.do("view.out_point")
-    assert editor.marked == (0.0, 0.25), "an out point before the in point begins a new range"
-    assert workspace.actions.do("view.whole_loop") and editor.marked is None
+    assert editor.marked_range == (0.0, 0.25), "an out point before the in point begins a new range"
+    assert workspace.actions.do("view.whole_loop") and editor.marked_range is None
     assert not workspace.actions.do("view.whole_loop")
 
 

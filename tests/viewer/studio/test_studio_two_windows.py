@@ -58,7 +58,7 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     second.ask("save")
     second.ask_for_name()
     assert second.asking == "save as"
-    second.chosen(tmp_path / "mine.enliven")
+    second.finish_file_dialog(tmp_path / "mine.enliven")
     assert characters(tmp_path / "mine.enliven") == ["second", "shared"]
     assert characters(tmp_path / "work.enliven") == ["first", "shared"]
     second.ask("save")
@@ -70,7 +70,7 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     (tmp_path / "work.enliven").write_bytes((tmp_path / "mine.enliven").read_bytes())
     first.editor.edit("rename", lambda project: project.without("first"))
     first.asking = "save as"
-    first.chosen(other)
+    first.finish_file_dialog(other)
     assert first.asking == "changed" and characters(tmp_path / "work.enliven") == ["second", "shared"]
 
 

@@ -76,7 +76,7 @@ def test_number_of_examples_is_rated_without_percents() -> None:
     from enliven_viewer.studio.examples.coverage import TakeCoverage
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
-    coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "left": 1.38})
+    coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "remaining_distance": 1.38})
     assert coverage_words(coverage, 0) == "about 1 would be enough for sway"
     assert coverage_words(coverage, 2) == "one more would be enough for sway, at the dashed moment"
     assert coverage_words(replace(coverage, needed=3), 2).startswith("3 more would be enough")

@@ -22,7 +22,7 @@ WIDGETS = {
 }
 """Functions of ImGui that derive an id from their first argument."""
 PREFIXES = ("slider_", "drag_", "input_", "v_slider_")
-HELPERS = {"button": 1, "choice": 1, "switch": 1, "modal": 0, "panel": 0}
+HELPERS = {"draw_button": 1, "draw_choice": 1, "draw_switch": 1, "open_modal": 0, "panel": 0}
 """Own functions that pass on a label, and its argument index: their callers are checked instead."""
 PASSED_ON = {
     *(("modal.py", word) for word in ("label", "title", "yes", "no")),
@@ -133,7 +133,7 @@ def test_no_label_changes_the_id_of_its_widget() -> None:
 )
 def test_labels_that_change_are_found(label: str) -> None:
     assert changing("a.py", f"imgui.button({label})")
-    assert changing("a.py", f"button(workspace, {label})")
+    assert changing("a.py", f"draw_button(workspace, {label})")
 
 
 @pytest.mark.parametrize(

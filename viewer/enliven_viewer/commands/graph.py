@@ -49,7 +49,7 @@ def graph(
         )
     require_folder(output)
     # Heavy modules are imported only here, so that `--help` appears quickly.
-    from enliven.deformation.graph.graph import DeformationGraph, character_from
+    from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
     from enliven.meshes import fit_height, load_mesh, refine
     from enliven.samples.shipped import load_sample
     from enliven_viewer.film.graph_picture import write_graph_picture
@@ -65,7 +65,11 @@ def graph(
     deformation_graph = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
     name = CHAIR if mesh == CHAIR else Path(mesh).name
     counts = write_graph_picture(
-        output, character_from(shape, deformation_graph, name), deformation_graph, name, (size, size * 5 // 4)
+        output,
+        character_from_graph(shape, deformation_graph, name),
+        deformation_graph,
+        name,
+        (size, size * 5 // 4),
     )
     print_line(
         f"enliven: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges and "

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.document import Character, Project, Props, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven.person import Body
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 
@@ -49,7 +49,7 @@ class ProjectScenes:
         """Returns a character of a project at a time. Its surface is solved."""
         if name not in self._surfaces or self._surfaces[name][0] is not project:
             character = project.character(name)
-            self._surfaces[name] = project, rig_of(character).surface(project, character)
+            self._surfaces[name] = project, get_rig_edits(character).surface(project, character)
         vertices = self._surfaces[name][1](time)
         drawn_character = self._drawn_character(project, name, vertices)
         return SceneCharacter(

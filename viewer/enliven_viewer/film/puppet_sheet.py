@@ -9,7 +9,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import Project, Puppet, character_from_puppet
-from enliven.examples.puppet_motion import in_world, loop_position, motion_of, pose_of_state, state_of
+from enliven.examples.puppet_motion import (
+    evaluate_state,
+    loop_position,
+    pose_of_state,
+    solve_layer_motion,
+    to_world_frame,
+)
 from enliven.skeletons.facing import facing_of
 from enliven_viewer.film.motion_sheet import CAMERA_AZIMUTH, MotionRow, make_performer_row, write_rows
 
@@ -43,7 +49,7 @@ def write_puppet_sheet(
 def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     """Returns the row of the performer of the lowest unmuted layer, at the frames that the layer plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
-    layer, motion = puppet.layers[number], motion_of(project, puppet, number)
+    layer, motion = puppet.layers[number], solve_layer_motion(project, puppet, number)
     clip = project.takes[layer.take]
     seconds = [loop_position(layer, motion, time)[0] * clip.step for time in times]
     return make_performer_row(clip, facing_of(clip.skeleton), motion.travels, seconds)
@@ -52,9 +58,10 @@ def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> Motio
 def _make_puppet_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     held_vertices, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, held_vertices, weights, puppet.surface)
-    states = [state_of(project, puppet, time) for time in times]
+    states = [evaluate_state(project, puppet, time) for time in times]
     surfaces = [
-        in_world(puppet, state, surface.solve_from_rest(state.places)).astype(np.float32) for state in states
+        to_world_frame(puppet, state, surface.solve_from_rest(state.places)).astype(np.float32)
+        for state in states
     ]
     poses = [pose_of_state(puppet, state) for state in states]
     return MotionRow(character_from_puppet(puppet), poses, CAMERA_AZIMUTH, surfaces)

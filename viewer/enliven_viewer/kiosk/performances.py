@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.arrays import Float32
-from enliven.deformation.graph.graph import graph_of
+from enliven.deformation.graph.graph import graph_from_character
 from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame
@@ -330,6 +330,6 @@ def list_shipped_visits() -> list[Path]:
 
 def _prepare(character: Character) -> EmbeddedActor:
     """Returns an actor of a character, with the person in its mesh found and its solver compiled."""
-    actor = EmbeddedActor(character, graph_of(character))
+    actor = EmbeddedActor(character, graph_from_character(character))
     actor.warm_up()
     return actor

@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.character_store.prepared import PreparedCharacter, prepare_once
 from enliven.character_store.store import key_of
-from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.document import Character
 from enliven.kiosk.profile import KioskProfile
 from enliven.kiosk.spot import Press
@@ -335,5 +335,5 @@ def make_spare_character(profile: KioskProfile) -> dict[str, Character]:
 def _prepare_spare(sample: Literal["chair", "lamp"], name: str) -> PreparedCharacter:
     """Prepares a shipped mesh."""
     mesh, settings, size, height = prepare_for_actor(load_sample(sample), ActorSettings())
-    character = character_from(mesh, DeformationGraph.build(mesh, nodes=_SPARE_NODES), name)
+    character = character_from_graph(mesh, DeformationGraph.build(mesh, nodes=_SPARE_NODES), name)
     return PreparedCharacter(character, settings, size, height, None)

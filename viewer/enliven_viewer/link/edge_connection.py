@@ -52,7 +52,7 @@ from enliven_viewer.link.received_data import Health, Notice, ReceivedPose
 from enliven_viewer.link.requests import Requests
 from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import SILENCE_TIMEOUT_S, TopicHealth, TopicWatch
-from enliven_viewer.link.topic_tracks import relabel, track_of
+from enliven_viewer.link.topic_tracks import find_track, relabel
 
 _POLL_BUDGET_S = 0.01
 """Maximum time in seconds that one poll spends on messages, so that a flood of them does not block
@@ -367,7 +367,7 @@ class EdgeConnection:
                 return
             elif self.status is not None and self._accepts_message(topic, message):
                 own_message = relabel(message, lambda character: self._label(self.name, character))
-                track = track_of(topic)
+                track = find_track(topic)
                 self._keep(
                     topic,
                     topic.key(own_message),

@@ -12,7 +12,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.frame_clock import FrameClock
 from enliven_viewer.link.placed_values import place_value
 from enliven_viewer.link.received_data import ReceivedBodies, ReceivedPose
-from enliven_viewer.link.topic_tracks import list_shown_topics, track_of
+from enliven_viewer.link.topic_tracks import find_track, list_shown_topics
 from enliven_viewer.playback.document import Document, EdgeState
 
 _NOTICE_S = 5.0
@@ -64,7 +64,7 @@ class EdgeFeed:
         for topic, received in arrived_values:
             self._add_times(received)
             value = received if self.transform is None else place_value(received, self.transform)
-            track_of(topic).put(document, value)
+            find_track(topic).put(document, value)
             self.on_message(topic, value)
         for call in self.link.take(CALLS):
             self.on_message(CALLS, call)

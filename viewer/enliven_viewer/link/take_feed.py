@@ -24,7 +24,7 @@ from enliven.wire import (
     message_to_character,
     message_to_pose,
 )
-from enliven_viewer.link.topic_tracks import list_shown_topics, track_of
+from enliven_viewer.link.topic_tracks import find_track, list_shown_topics
 from enliven_viewer.playback.document import Document, EdgeState
 
 log = logging.getLogger(__name__)
@@ -102,7 +102,7 @@ class TakeFeed:
             character, codec = self._held[key]
             document.add_pose(message_to_pose(pose, codec), character)
         else:
-            track = track_of(STREAMS[topic])
+            track = find_track(STREAMS[topic])
             message = msgspec.msgpack.decode(data, type=STREAMS[topic].type)
             track.put(document, track.read(message, self.name))
 

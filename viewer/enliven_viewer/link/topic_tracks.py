@@ -96,7 +96,7 @@ characters.
 """
 
 
-def track_of(topic: Topic) -> TopicTrack:
+def find_track(topic: Topic) -> TopicTrack:
     """Returns the track of a topic. Messages without a special track are put onto the timeline unchanged."""
     default_track = TopicTrack(
         lambda message, edge: message, lambda document, value: document.add(topic, value)

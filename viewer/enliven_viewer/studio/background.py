@@ -51,14 +51,14 @@ class BackgroundTask:
     def __init__(self, toasts: Toasts, busy: str) -> None:
         self._toasts, self._busy = toasts, busy
         self._pool: ThreadPoolExecutor | None = None
-        self._work: tuple[Future[Any], Callable[[Any], object]] | None = None
+        self._running_work: tuple[Future[Any], Callable[[Any], object]] | None = None
         self.progress: WorkProgress | None = None  # This is None if the work cannot be cancelled.
         self.message = ""
 
     @property
     def busy(self) -> bool:
         """Returns True if a computation is running."""
-        return self._work is not None
+        return self._running_work is not None
 
     def begin(
         self,
@@ -72,20 +72,20 @@ class BackgroundTask:
         Args:
             progress: progress to display, if the work can be cancelled.
         """
-        if self._work is not None:
+        if self._running_work is not None:
             self._toasts.say(self._busy, tr("Wait until it is done."))
             return
         self._pool = self._pool or ThreadPoolExecutor(1, "background task")
-        self._work = (self._pool.submit(work), then)
+        self._running_work = (self._pool.submit(work), then)
         self.progress, self.message = progress, message
         self._toasts.say(f"{message} ...", tr("You can go on working."))
 
     def cancel(self) -> None:
         """Cancels the computation. Its result is discarded, and other work can start at once."""
-        if self._work is None or self.progress is None:
+        if self._running_work is None or self.progress is None:
             return
         self.progress.cancelled = True
-        self._work, self.progress = None, None
+        self._running_work, self.progress = None, None
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
@@ -95,9 +95,9 @@ class BackgroundTask:
 
     def poll(self) -> None:
         """Takes a finished result, or shows its error. Call once per frame."""
-        if self._work is None or not self._work[0].done():
+        if self._running_work is None or not self._running_work[0].done():
             return
-        (work, then), self._work = self._work, None
+        (work, then), self._running_work = self._running_work, None
         self.progress = None
         error = work.exception()
         if error is None:
@@ -107,6 +107,6 @@ class BackgroundTask:
 
     def finish(self) -> None:
         """Waits for the computation: before the window closes, and in sessions without a window."""
-        if self._work is not None:
-            self._work[0].exception()
+        if self._running_work is not None:
+            self._running_work[0].exception()
             self.poll()

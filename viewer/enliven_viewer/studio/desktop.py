@@ -30,11 +30,11 @@ class Desktop:
         self._dropped: list[Path] = []
         self.scale = self._find_density()
         self.path = PointerPath()
-        glfw.set_drop_callback(self._window, self._drop)
-        self._listen()
+        glfw.set_drop_callback(self._window, self._handle_drop)
+        self._install_pointer_callbacks()
         self._fit_to_screen()
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Opens dropped files, and updates the window title. Call once per frame."""
         dropped, self._dropped = self._dropped, []
         self._workspace.drop(dropped)
@@ -75,7 +75,7 @@ class Desktop:
         size = (round(settings.width * self.scale), round(settings.height * self.scale))
         glfw.set_window_size(self._window, min(size[0], work_area[2]), min(size[1], work_area[3]))
 
-    def _listen(self) -> None:
+    def _install_pointer_callbacks(self) -> None:
         """Converts pointer positions to logical pixels.
 
         The pointer stays in the window while a button is held.
@@ -92,9 +92,9 @@ class Desktop:
             if inside or not held:
                 before[1](window, inside)
 
-        self._kept = (glfw._GLFWcursorposfun(move), glfw._GLFWcursorenterfun(enter))
-        before.append(library.glfwSetCursorPosCallback(self._window, self._kept[0]))
-        before.append(library.glfwSetCursorEnterCallback(self._window, self._kept[1]))
+        self._pointer_callbacks = (glfw._GLFWcursorposfun(move), glfw._GLFWcursorenterfun(enter))
+        before.append(library.glfwSetCursorPosCallback(self._window, self._pointer_callbacks[0]))
+        before.append(library.glfwSetCursorEnterCallback(self._window, self._pointer_callbacks[1]))
 
-    def _drop(self, window: object, paths: list[str]) -> None:
+    def _handle_drop(self, window: object, paths: list[str]) -> None:
         self._dropped += [Path(path) for path in paths]

@@ -95,15 +95,15 @@ def translate_error(error: EnlivenError) -> EnlivenError:
     return EnlivenError(_translate(error.what), where=texts[0], remedy=texts[1])
 
 
-def known_texts() -> Iterator[LazyText]:
+def list_known_texts() -> Iterator[LazyText]:
     """Yields all texts that can be translated."""
     yield from (*_PROBLEMS, *_ADVICE, *_REASONS, *_PLACES)
 
 
 def find_pattern(text: str) -> tuple[LazyText, tuple[str, ...]] | None:
     """Returns the known text that an English text follows, and the values in it. None: it follows none."""
-    if text in _PLAIN:
-        return _PLAIN[text], ()
+    if text in _PLAIN_TEXTS:
+        return _PLAIN_TEXTS[text], ()
     for expression, pattern in _EXPRESSIONS:
         match = expression.fullmatch(text)
         if match is not None:
@@ -119,10 +119,10 @@ def _translate(text: str) -> str:
     return tr(message.pattern, *(_translate(value) for value in values))
 
 
-def _expression_of(pattern: str) -> re.Pattern[str]:
+def _compile_pattern(pattern: str) -> re.Pattern[str]:
     """Returns the expression for a text with values. Each value appears once, in order."""
     return re.compile("(.+)".join(map(re.escape, re.split(r"\{\d\}", pattern))), re.DOTALL)
 
 
-_PLAIN = {text.pattern: text for text in known_texts() if "{" not in text.pattern}
-_EXPRESSIONS = [(_expression_of(text.pattern), text) for text in known_texts() if "{" in text.pattern]
+_PLAIN_TEXTS = {text.pattern: text for text in list_known_texts() if "{" not in text.pattern}
+_EXPRESSIONS = [(_compile_pattern(text.pattern), text) for text in list_known_texts() if "{" in text.pattern]

@@ -18,20 +18,20 @@ class PointerPath:
     """
 
     def __init__(self) -> None:
-        self._told: list[PointerPosition] = []
+        self._positions: list[PointerPosition] = []
 
     def add(self, x: float, y: float) -> None:
         """Adds the position of a pointer event, in whole pixels like ImGui's."""
-        self._told.append((float(math.floor(x)), float(math.floor(y))))
-        del self._told[:-_MAX_POSITIONS]
+        self._positions.append((float(math.floor(x)), float(math.floor(y))))
+        del self._positions[:-_MAX_POSITIONS]
 
     def take(self, at: PointerPosition) -> list[PointerPosition]:
         """Returns the positions up to ImGui's current one, which comes last."""
-        if at not in self._told:
+        if at not in self._positions:
             # The pointer was moved without an event, for example by a test, so the older positions do not
             # belong to its path.
-            self._told.clear()
+            self._positions.clear()
             return [at]
-        end = self._told.index(at) + 1
-        taken, self._told = self._told[:end], self._told[end:]
+        end = self._positions.index(at) + 1
+        taken, self._positions = self._positions[:end], self._positions[end:]
         return taken

@@ -85,7 +85,7 @@ class Preferences:
         self.language = language_in_use()
         use_theme(kept.theme, kept.colours)
         self.theme, self.colours = get_theme()
-        self._begun = self._current_choices()
+        self._initial_choices = self._current_choices()
 
     def save(self) -> None:
         """Writes the file. If that fails, the choices apply until the program ends."""
@@ -94,7 +94,7 @@ class Preferences:
         chosen = self._current_choices()
         # Write unchanged values back exactly, because a later version may have stored values
         # that are unknown here.
-        changed = {name: value for name, value in chosen.items() if value != self._begun[name]}
+        changed = {name: value for name, value in chosen.items() if value != self._initial_choices[name]}
         kept = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}
         try:
             write_file(self.path, msgspec.json.format(msgspec.json.encode(kept), indent=2))

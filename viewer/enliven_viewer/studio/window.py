@@ -14,7 +14,7 @@ from enliven.errors import ResourceError
 from enliven.supervision.lifetime import parent_is_gone
 from enliven_viewer.live.idle_loop import IdleLoop
 from enliven_viewer.settings import WindowStart
-from enliven_viewer.studio.actions.imgui_keys import KEYS, held_keys
+from enliven_viewer.studio.actions.imgui_keys import KEYS, find_held_modifiers
 from enliven_viewer.studio.app.style import apply_colours, apply_style, load_fonts
 from enliven_viewer.studio.desktop import Desktop
 from enliven_viewer.studio.live_outputs import WindowOutputs
@@ -80,7 +80,7 @@ class StudioWindow:
         # This is the rectangle that F11 restores. A window that starts in full screen has no earlier
         # rectangle, so it gets a default rectangle.
         settings = workspace.editor.settings
-        self._windowed: WindowRectangle | None = (
+        self._window_rectangle: WindowRectangle | None = (
             (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None
         )
         self._idle_loop = IdleLoop()
@@ -88,8 +88,8 @@ class StudioWindow:
         self._pictures: WindowPictures | None = None
         self.desktop: Desktop | None = None
         self._inset = PreviewPlacement()
-        self._last = time.monotonic()
-        self._framed = False
+        self._last_frame_s = time.monotonic()
+        self._has_framed = False
         self._theme = get_theme()[0]
 
     def run(
@@ -206,7 +206,7 @@ class StudioWindow:
     @property
     def audience(self) -> bool:
         """Returns True if only the performance is shown, since the window fills an audience's screen."""
-        return self.opening.audience and self._windowed is not None
+        return self.opening.audience and self._window_rectangle is not None
 
     @property
     def _idle(self) -> bool:
@@ -214,7 +214,7 @@ class StudioWindow:
         perform, editor = self.workspace.perform, self.workspace.editor
         still = perform.live is None or perform.live.is_quiet
         still = still and not self._idle_loop.loss
-        still = still and (self.workspace.tour is None or not self.workspace.tour.moves)
+        still = still and (self.workspace.tour is None or not self.workspace.tour.is_moving)
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
@@ -227,13 +227,13 @@ class StudioWindow:
     def _draw_picture(self) -> None:
         """Advances time, and draws the 3D view in the middle of the window."""
         now = time.monotonic()
-        elapsed = measure_elapsed(self._last, now) if self.step is None else self.step
-        self._last = now
+        elapsed = measure_elapsed(self._last_frame_s, now) if self.step is None else self.step
+        self._last_frame_s = now
         workspace, area = self.workspace, self.places.viewport
         editor = workspace.editor
         editor.size = (area.width, area.height)
-        if not self._framed:
-            self._framed = True
+        if not self._has_framed:
+            self._has_framed = True
             editor.frame_all(at_once=True)
         self.pace += (1 / max(elapsed, 1e-3) - self.pace) * min(elapsed * 2, 1.0)
         editor.advance(elapsed)
@@ -275,7 +275,7 @@ class StudioWindow:
             self._handle_input(places.viewport, keys=not asking)
         self.workspace.store.autosave()
         if self.desktop is not None:
-            self.desktop.follow()
+            self.desktop.update()
         if self.workspace.ended:
             self.workspace.store.close()
             self.close()
@@ -299,7 +299,7 @@ class StudioWindow:
         if is_over_view and io.mouse_wheel:
             user_input.wheel(io.mouse_wheel)
         if keys and not io.want_text_input and not self.workspace.asking:
-            modifiers = held_keys()
+            modifiers = find_held_modifiers()
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
                     self._handle_key(modifiers + name)
@@ -307,7 +307,7 @@ class StudioWindow:
     def _handle_key(self, key: str) -> None:
         """Handles a key: for the window itself, or for the workspace."""
         if key == "f11":
-            self._windowed = toggle_full_screen(glfw_window_hello_imgui(), self._windowed)
+            self._window_rectangle = toggle_full_screen(glfw_window_hello_imgui(), self._window_rectangle)
         elif (
             key == "escape" and self.opening.escape_ends and self.workspace.perform.recording.phase == "idle"
         ):

@@ -160,8 +160,8 @@ def _frame_from_axes(left: Float, up: Float) -> Float | None:
 
 
 def _yaw_from_rotation(turn: Float) -> float:
-    """Returns the radians about +Y of a rotation (3, 3), as :func:`enliven.examples.performer.yaw_of`
-    does."""
+    """Returns the radians about +Y of a rotation (3, 3), as
+    :func:`enliven.examples.performer.yaw_from_rotation` does."""
     return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
 
 

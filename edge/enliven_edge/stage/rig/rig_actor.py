@@ -20,7 +20,7 @@ from enliven.meshes import GLTF_SUFFIXES
 from enliven.person import Body, parse_parts
 from enliven.possession import Cues, Mode, make_cues
 from enliven_edge.stage.actor import ChosenActor
-from enliven_edge.stage.character_setup import name_of
+from enliven_edge.stage.character_setup import make_character_id
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
@@ -199,7 +199,9 @@ def create_rig_actor(spec: str, settings: MatchingSettings | None = None, name: 
     if Path(spec).suffix.lower() not in GLTF_SUFFIXES:
         remedy = "Give a rigged .glb, .gltf or .vrm, or drive the mesh by a graph."
         raise InputError("it has no skeleton of its own", where=spec, remedy=remedy)
-    rig = read_gltf(Path(spec), name=name or name_of(spec), height=settings.height or None, floor=True)
+    rig = read_gltf(
+        Path(spec), name=name or make_character_id(spec), height=settings.height or None, floor=True
+    )
     for note in rig.notes:
         log.info("%s: %s", spec, note)
     return RigActor(rig.shape, settings)

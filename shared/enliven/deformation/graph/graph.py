@@ -145,14 +145,14 @@ class DeformationGraph:
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
 
 
-def graph_of(character: Character) -> DeformationGraph:
+def graph_from_character(character: Character) -> DeformationGraph:
     """Returns the deformation graph of a character. It depends only on transmitted data, so it is the same on
     every machine."""
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id)
     return DeformationGraph.from_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
 
 
-def character_from(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
+def character_from_graph(mesh: Mesh, graph: DeformationGraph, id: str) -> Character:
     """Returns the mesh as a character with the nodes of ``graph`` as its transforms."""
     return Character(
         id,

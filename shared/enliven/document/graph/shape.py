@@ -133,7 +133,7 @@ def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tu
     return GraphShape(name, nodes, edges, mesh, skin, (part,)), stream
 
 
-def graph_shape_of(
+def graph_shape_from_poses(
     character: Character, poses: Sequence[Pose], stream_id: str, step: float | None = None
 ) -> tuple[GraphShape, PoseStream]:
     """Converts a possessed character and its recorded poses to a shape and its stream.

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import Project, Puppet
-from enliven.examples.puppet_motion import State, state_of
+from enliven.examples.puppet_motion import State, evaluate_state
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
 
@@ -57,7 +57,7 @@ def evaluate_states(project: Project, puppet: Puppet, times: Float) -> tuple[Flo
         (F, P, 3) control points in the mesh's frame, metres, and the pose of the mesh's frame in the world:
         (F, 4) rotations and (F, 3) positions, metres.
     """
-    states = [state_of(project, puppet, float(time)) for time in times]
+    states = [evaluate_state(project, puppet, float(time)) for time in times]
     rotations, positions = frame_poses(puppet, states)
     return np.array([state.places for state in states]).reshape(len(times), -1, 3), rotations, positions
 

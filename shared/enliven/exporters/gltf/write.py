@@ -52,13 +52,13 @@ def write_gltf(
         InputError: if there is no character, or one has no mesh.
         ResourceError: if the file cannot be written.
     """
-    write_file(Path(path), glb_of(performances, name), "Choose another place.")
+    write_file(Path(path), build_glb(performances, name), "Choose another place.")
 
 
 GLB = Exporter(write_gltf, keyed=True)
 
 
-def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
+def build_glb(performances: Sequence[Performance], name: str = "enliven") -> bytes:
     """Returns the bytes of the file. See :func:`write_gltf`."""
     if not performances:
         raise InputError("there is nothing to write", where="glTF", remedy="Give a character.")

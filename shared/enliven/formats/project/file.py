@@ -91,7 +91,7 @@ def read_project(path: Path | str) -> Project:
             at rest.
     """
     path = Path(path)
-    return project_of(read_file(path), str(path))
+    return parse_project(read_file(path), str(path))
 
 
 def project_bytes(project: Project) -> bytes:
@@ -112,7 +112,7 @@ def project_bytes(project: Project) -> bytes:
     return buffer.getvalue()
 
 
-def project_of(data: bytes, where: str = "project", most: int | None = None) -> Project:
+def parse_project(data: bytes, where: str = "project", most: int | None = None) -> Project:
     """Reads a project from the bytes of a file. ``where`` is the name of the file in error messages.
 
     Args:

@@ -1,5 +1,5 @@
 from .take_comping import (
-    alternatives_of as alternatives_of,
+    find_alternatives as find_alternatives,
     group_as_take as group_as_take,
     choose_take as choose_take,
     drop_take as drop_take,
@@ -23,7 +23,7 @@ from .characters import (
 )
 from .clips import (
     blend_clips as blend_clips,
-    clips_of as clips_of,
+    find_layer_clips as find_layer_clips,
     mirror_layers as mirror_layers,
     move_clip as move_clip,
     remove_clip as remove_clip,
@@ -60,7 +60,7 @@ from .keys import (
     ease_key as ease_key,
     key_at as key_at,
     key_layer as key_layer,
-    keys_of as keys_of,
+    find_keys as find_keys,
     move_key as move_key,
     remove_key as remove_key,
     set_key as set_key,
@@ -93,8 +93,8 @@ from .root_layers import (
 from .rigs import (
     RIGS as RIGS,
     bake_root_layers as bake_root_layers,
-    foot_of as foot_of,
+    find_base_centre as find_base_centre,
     pose_of_character as pose_of_character,
-    rig_of as rig_of,
-    vertices_of as vertices_of,
+    get_rig_edits as get_rig_edits,
+    compute_vertices as compute_vertices,
 )

@@ -18,7 +18,7 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import LayerBase, Project, RigBase, are_identical, unused
 from enliven.errors import InputError
-from enliven.modeling.edits.rigs import handle_number, rig_of
+from enliven.modeling.edits.rigs import get_rig_edits, handle_number
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.rig import check_names
 from enliven.modeling.rigged.axes import Axes
@@ -66,7 +66,9 @@ def paste_character(
         raise InputError(problem, where=character.where, remedy="Give three metres and seconds.")
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
-    copy = rig_of(copy).moved(copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3))
+    copy = get_rig_edits(copy).moved(
+        copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3)
+    )
     return project.with_characters(copy), copy.id
 
 
@@ -126,7 +128,7 @@ def move_character(
         raise InputError(
             f"it cannot be moved by {offset}, {turn}", where=character.where, remedy="Give finite numbers."
         )
-    return project.with_characters(rig_of(character).moved(character, shift, turn, centre))
+    return project.with_characters(get_rig_edits(character).moved(character, shift, turn, centre))
 
 
 def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
@@ -136,7 +138,7 @@ def turn_character(project: Project, character_id: str, turn: AnyArray) -> Proje
         InputError: if the character does not exist, or the rotation is not a unit quaternion.
     """
     character = project.character(character_id)
-    return move_character(project, character_id, _ORIGIN, turn, rig_of(character).centre(character))
+    return move_character(project, character_id, _ORIGIN, turn, get_rig_edits(character).centre(character))
 
 
 def scale_character(project: Project, character_id: str, factor: float) -> Project:
@@ -149,7 +151,7 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     if not (np.isfinite(factor) and factor > 0.0):
         remedy = "Give a number above 0, or use mirror_character."
         raise InputError(f"it cannot be {factor} times as large", where=character.where, remedy=remedy)
-    return project.with_characters(rig_of(character).scaled(character, float(factor)))
+    return project.with_characters(get_rig_edits(character).scaled(character, float(factor)))
 
 
 def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
@@ -162,7 +164,7 @@ def mirror_character(project: Project, character_id: str, normal: AnyArray | Seq
     """
     character = project.character(character_id)
     axes = Axes.mirror(np.asarray(normal, np.float64))
-    return project.with_characters(rig_of(character).mirrored(project, character, axes))
+    return project.with_characters(get_rig_edits(character).mirrored(project, character, axes))
 
 
 def shift_character(project: Project, character_id: str, delay: float) -> Project:
@@ -189,7 +191,7 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
         for number, layer in enumerate(character.playing)
     )
     changed_layers = character.with_playing(*layers)
-    rig_of(changed_layers).check_layers(project, changed_layers, wanted)
+    get_rig_edits(changed_layers).check_layers(project, changed_layers, wanted)
     return project.with_characters(changed_layers)
 
 
@@ -226,7 +228,9 @@ def drag_handle(
         raise InputError(
             f"{place} is not a position", where=character.where, remedy="Give three numbers in metres."
         )
-    return rig_of(character).dragged(project, character, handle_number(character, handle), target, time)
+    return get_rig_edits(character).dragged(
+        project, character, handle_number(character, handle), target, time
+    )
 
 
 def cut_character(
@@ -246,7 +250,7 @@ def cut_character(
     Raises:
         InputError: if the character does not exist, or the stroke cuts nothing off.
     """
-    rig, messages = rig_of(project.character(character_id)), [] if notes is None else notes
+    rig, messages = get_rig_edits(project.character(character_id)), [] if notes is None else notes
     return rig.cut(project, character_id, stroke, time, notes=messages)
 
 

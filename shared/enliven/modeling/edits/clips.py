@@ -28,7 +28,7 @@ _MAX_CLIP_SPEED = 50.0
 _Lane = Callable[[tuple[Segment, ...]], Sequence[Segment]]
 
 
-def clips_of(project: Project, character_id: str, number: int) -> tuple[Segment, ...]:
+def find_layer_clips(project: Project, character_id: str, number: int) -> tuple[Segment, ...]:
     """Returns the clips of a layer, in seconds of the project.
 
     Raises:

@@ -99,7 +99,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     )
     if feet == "never":
         return project.with_characters(bare)
-    standing_feet = feet_of(bare, nodes)
+    standing_feet = find_feet(bare, nodes)
     if not standing_feet:
         remedy = "Choose the lane of a part that stands on the floor, or name its ends (E)."
         raise InputError("no foot was found in these parts", where=shape.where, remedy=remedy)
@@ -114,7 +114,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     return project.with_streams(stream).with_characters(locked)
 
 
-def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
+def find_feet(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
     """Returns the feet that some nodes of a possessed mesh move, the largest first."""
     vertices = np.asarray(shape.mesh.vertices)
     size, tall = float(np.ptp(vertices, axis=0).max()), float(np.ptp(vertices[:, 1]))

@@ -19,7 +19,7 @@ from enliven.modeling.edits.characters import (
     scale_character,
     shift_character,
 )
-from enliven.modeling.edits.rigs import rig_of
+from enliven.modeling.edits.rigs import get_rig_edits
 from enliven.rotation import IDENTITY
 
 
@@ -95,4 +95,4 @@ def mute_characters(project: Project, names: Sequence[str], muted: bool) -> Proj
 
 def _character_centre(project: Project, name: str) -> Float:
     character = project.character(name)
-    return rig_of(character).centre(character)
+    return get_rig_edits(character).centre(character)

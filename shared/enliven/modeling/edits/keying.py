@@ -20,7 +20,7 @@ from enliven.modeling.edits.root_layers import root_motion, root_values
 from enliven.modeling.possessed.pose import evaluate_layer
 from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import bone_number
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import (
     IDENTITY,
     conjugate,
@@ -108,7 +108,7 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     if j == 0:
         remedy = "Drag another joint, or move the whole character."
         raise InputError("the root of a skeleton can only be moved", where=shape.where, remedy=remedy)
-    seen_at = pose_of(project, shape.id, time)
+    seen_at = evaluate_pose(project, shape.id, time)
     turns, joints = seen_at.turns, seen_at.joints
     start = joints[int(shape.skeleton.parents[j])]
     way, bone = place - start, joints[j] - start

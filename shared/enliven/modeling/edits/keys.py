@@ -36,7 +36,7 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import remove_layer
-from enliven.modeling.edits.rigs import rig_of
+from enliven.modeling.edits.rigs import get_rig_edits
 from enliven.modeling.rigged.bones import bone_number
 
 Handle = int | str | None
@@ -48,7 +48,7 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
     """Returns the number of the layer that plays the keys of a handle, or None if it has no keys."""
     character = project.character(character_id)
     if handle is not None:
-        return rig_of(character).key_layer(project, character, _handle_number(character, handle))
+        return get_rig_edits(character).key_layer(project, character, _handle_number(character, handle))
     first = len(character.playing) - len(character.root_layers)
     key_layers = (
         number for number, layer in enumerate(character.root_layers) if project.takes[layer.take].keys
@@ -56,7 +56,7 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
     return next((first + number for number in key_layers), None)
 
 
-def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[float, MotionKey], ...]:
+def find_keys(project: Project, character_id: str, handle: Handle) -> tuple[tuple[float, MotionKey], ...]:
     """Returns the keys of a handle, each with the time in seconds of the project at which it plays."""
     number = key_layer(project, character_id, handle)
     if number is None:
@@ -107,7 +107,7 @@ def set_key(
         new_key = replace(new_key, ease=ease or "smooth")
         if handle is not None:
             at = _handle_number(character, handle)
-            return rig_of(character).with_key_layer(project, character, at, new_key)
+            return get_rig_edits(character).with_key_layer(project, character, at, new_key)
         return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
     key_seconds = _second_in_keys(project, layer, time)
@@ -247,7 +247,7 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
 def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Project:
     """Adds the first key of a whole character. The key acts about the centre of the character at rest."""
     clip = clip_from_keys(unused(f"{character.id} keys", project.takes), "root", [key])
-    layer = RootLayer(clip.id, np.array(rig_of(character).centre(character)))
+    layer = RootLayer(clip.id, np.array(get_rig_edits(character).centre(character)))
     new_character = character.with_changes(root_layers=(*character.root_layers, layer))
     return project.with_takes(clip).with_characters(new_character)
 

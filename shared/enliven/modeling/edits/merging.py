@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
-from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
+from enliven.modeling.edits.rigs import RIGS, get_rig_edits, handle_number
 from enliven.modeling.edits.root_motion_rig import remove_root_layers, restore_root_layers
 from enliven.modeling.mesh.seam import SeamSettings
 from enliven.modeling.rig import Merge
@@ -79,7 +79,7 @@ def bake_to_graph(project: Project, character_id: str, time: float, notes: list[
         return project
     times, looped = _frame_times(project, character, time)
     stream_id = unused(character_id, project.streams)
-    graph, stream, note = rig_of(character).as_graph(project, character, times, stream_id)
+    graph, stream, note = get_rig_edits(character).as_graph(project, character, times, stream_id)
     if looped:
         graph = graph.with_playing(*(replace(part, loop=True) for part in graph.parts))
     notes.append(f"{character.where} was baked from {times[0]:.2f} s to {times[-1]:.2f} s{note}.")
@@ -89,7 +89,7 @@ def bake_to_graph(project: Project, character_id: str, time: float, notes: list[
 def _frame_times(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
     """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``, and True if
     the motion is a loop."""
-    rig = rig_of(character)
+    rig = get_rig_edits(character)
     audible_layers = [layer for layer in character.playing if not layer.muted]
     loop_lengths = [layer.lasting(project.length_of(layer)) for layer in audible_layers if layer.loop]
     step_times = not any(layer.weights or layer.speeds for layer in audible_layers)

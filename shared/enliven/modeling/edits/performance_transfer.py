@@ -12,7 +12,7 @@ from enliven.arrays import Float
 from enliven.document import GraphLayer, GraphPart, GraphShape, Project, RigBase, TimeMap, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import move_character, scale_character
-from enliven.modeling.edits.rigs import foot_of, vertices_of
+from enliven.modeling.edits.rigs import compute_vertices, find_base_centre
 from enliven.modeling.possessed.another_mesh import possess_another
 from enliven.possession import apply_vertex_motion, settings_from_possession
 
@@ -62,7 +62,7 @@ def transfer_performance(
         raise InputError("the source and the target are the same character", where=shape.where, remedy=remedy)
     if target.mesh is None or not len(target.mesh.faces):
         raise InputError("it has no surface", where=target.where, remedy="Choose one with a mesh.")
-    posed = vertices_of(project, target_id, time)
+    posed = compute_vertices(project, target_id, time)
     mesh = replace(target.mesh, vertices=posed, name=target_id)
     take = project.bodies[layer.possession.take]
     # The original mesh may have been placed at a fixed position in the room. The new mesh is elsewhere, so it
@@ -117,7 +117,9 @@ def _scale_and_place(project: Project, name: str, posed: Float) -> Project:
         shape.mesh.vertices
     )
     project = scale_character(project, name, _vertical_extent(posed) / scaled_project)
-    return move_character(project, name, foot_of(posed) - foot_of(vertices_of(project, name, 0.0)))
+    return move_character(
+        project, name, find_base_centre(posed) - find_base_centre(compute_vertices(project, name, 0.0))
+    )
 
 
 def _vertical_extent(vertices: Float) -> float:

@@ -21,7 +21,7 @@ RIGS: dict[str, RigEdits] = {
 """The edits of every kind of rig, by the name of the kind. Register further kinds here."""
 
 
-def rig_of(character: RigBase) -> RigEdits:
+def get_rig_edits(character: RigBase) -> RigEdits:
     """Returns the edits for a character's rig.
 
     If the character has root layers, the edits are wrapped to apply them.
@@ -52,26 +52,26 @@ def handle_number(character: RigBase, handle: int | str) -> int:
     return number
 
 
-def vertices_of(project: Project, character_id: str, time: float) -> Float:
+def compute_vertices(project: Project, character_id: str, time: float) -> Float:
     """Returns the vertices (V, 3) in metres of a character at a time of the project.
 
     Raises:
         InputError: if the character does not exist, or lacks data that it needs to move.
     """
     character = project.character(character_id)
-    return rig_of(character).seen(project, character, time)
+    return get_rig_edits(character).seen(project, character, time)
 
 
 def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
     """Returns the transforms of a character for the network and the viewer.
 
-    The errors are those of :func:`vertices_of`.
+    The errors are those of :func:`compute_vertices`.
     """
     character = project.character(character_id)
-    return rig_of(character).player(project, character)(time).pose
+    return get_rig_edits(character).player(project, character)(time).pose
 
 
-def foot_of(vertices: Float) -> Float:
+def find_base_centre(vertices: Float) -> Float:
     """Returns the centre (3,) in metres of the bounding box of vertices (V, 3) at the height of the lowest
     vertex.
     """

@@ -28,7 +28,7 @@ def alternative_takes(project: Project, alternatives: str) -> dict[str, bool]:
     return is_playing
 
 
-def alternatives_of(project: Project, recorded: str) -> str:
+def find_alternatives(project: Project, recorded: str) -> str:
     """Returns the name of the group of alternatives that contains a recording, or "" if no layer of the
     recording is left."""
     layers = (layer for character in project.characters.values() for layer in character.playing)

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Float32
-from enliven.deformation.graph.graph import DeformationGraph, graph_of
+from enliven.deformation.graph.graph import DeformationGraph, graph_from_character
 from enliven.document import (
     BodyTake,
     Character,
@@ -154,7 +154,7 @@ def solve_again(
             project.bodies[how.take],
             list[Pose](),
         )
-        for pose in replay(bare, graph_of(bare), take, how, notes):
+        for pose in replay(bare, graph_from_character(bare), take, how, notes):
             poses.append(pose)
             if progress is not None:
                 fraction = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)

@@ -20,7 +20,7 @@ from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import find_nearest_frame, missing
-from enliven.examples.puppet_motion import in_world, motion_of
+from enliven.examples.puppet_motion import solve_layer_motion, to_world_frame
 from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.mesh.seam import smooth_seam
@@ -108,7 +108,7 @@ class _Side:
         self._project, self.state = project, state_at(project, puppet, time)
         self._surface = surface_of_puppet(puppet)
         self.local = self._surface.solve_from_rest(self.state.places)
-        self.seen = in_world(puppet, self.state, self.local)
+        self.seen = to_world_frame(puppet, self.state, self.local)
         self.puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
         takes = project.takes
         self.keys = [
@@ -119,7 +119,7 @@ class _Side:
     @property
     def world(self) -> _Rigid:
         """The rigid motion from the mesh's frame to the world at the time of the merge."""
-        corners = in_world(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+        corners = to_world_frame(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
     def show(self, keys: Sequence[tuple[str, int]]) -> None:
@@ -149,7 +149,7 @@ class _Side:
             return self.puppet.rest
         trial = self.puppet.with_changes(layers=(PuppetLayer(key[0], travel=False),))
         try:
-            return motion_of(self._project, trial, 0).places_at(key[1])
+            return solve_layer_motion(self._project, trial, 0).places_at(key[1])
         except InputError:
             return self.puppet.rest
 

@@ -19,7 +19,7 @@ from enliven.examples.puppet_examples import (
     find_nearest_frame,
     missing,
 )
-from enliven.examples.puppet_motion import State, loop_position, motion_of, state_of
+from enliven.examples.puppet_motion import State, evaluate_state, loop_position, solve_layer_motion
 from enliven.examples.puppet_solve import convert_to_reference
 from enliven.meshes import Mesh, weld
 from enliven.rotation import conjugate, from_rotation_vector, multiply, normalized, rotate
@@ -32,7 +32,7 @@ def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
 
 
 def state_at(project: Project, puppet: Puppet, time: float) -> State:
-    """Returns :func:`enliven.examples.puppet_motion.state_of`, or the rest state while data is missing.
+    """Returns :func:`enliven.examples.puppet_motion.evaluate_state`, or the rest state while data is missing.
 
     Raises:
         InputError: if the time is not finite.
@@ -40,11 +40,11 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", remedy="Give seconds.")
     try:
-        return state_of(project, puppet, time)
+        return evaluate_state(project, puppet, time)
     except InputError:
         if not missing(project, puppet):
             raise
-    return state_of(project, puppet.with_changes(layers=()), time)
+    return evaluate_state(project, puppet.with_changes(layers=()), time)
 
 
 def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
@@ -78,16 +78,16 @@ def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
     layer = _leading_layer(puppet)
     if layer is None or missing(project, puppet):
         return puppet
-    motion = motion_of(project, puppet, puppet.layers.index(layer))
+    motion = solve_layer_motion(project, puppet, puppet.layers.index(layer))
     frame = round(loop_position(layer, motion, time)[0])
-    return with_pose_of(project, puppet, layer, frame)
+    return with_layer_pose(project, puppet, layer, frame)
 
 
-def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
+def with_layer_pose(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
     """Adds a layer's pose at a frame of its take as a key pose. The puppet stays unchanged if two of its
     examples would then be equal.
     """
-    motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
+    motion, take = solve_layer_motion(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
         find_nearest_frame(project.takes[pose.take], pose.time)
         for pose in puppet.poses
@@ -113,7 +113,7 @@ def remove_symmetry_plane(project: Project, puppet: Puppet) -> Puppet:
     layer = _leading_layer(puppet)
     if puppet.symmetry is None or layer is None or missing(project, puppet):
         return plain
-    motion = motion_of(project, puppet, puppet.layers.index(layer))
+    motion = solve_layer_motion(project, puppet, puppet.layers.index(layer))
     examples, took = convert_to_reference(collect_material(project, puppet, layer))
     for image in examples.sources[len(puppet.poses) :]:
         frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())

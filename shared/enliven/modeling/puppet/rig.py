@@ -18,7 +18,7 @@ from enliven.document import (
     character_from_puppet,
 )
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import in_world, pose_of_state
+from enliven.examples.puppet_motion import pose_of_state, to_world_frame
 from enliven.modeling.puppet.baking import bake_motion
 from enliven.modeling.puppet.dragging import drag_point
 from enliven.modeling.puppet.edits import checked_layer
@@ -56,7 +56,7 @@ class PuppetRig(RigEdits):
         def at(time: float) -> CharacterState:
             state = state_at(project, puppet, time)
             pose = pose_of_state(puppet, state, round(time * 1e9))
-            return CharacterState(pose, in_world(puppet, state, state.places))
+            return CharacterState(pose, to_world_frame(puppet, state, state.places))
 
         return at
 
@@ -80,7 +80,7 @@ class PuppetRig(RigEdits):
 
         def at(time: float) -> Float:
             state = state_at(project, puppet, time)
-            return in_world(puppet, state, solver.solve_from_rest(state.places))
+            return to_world_frame(puppet, state, solver.solve_from_rest(state.places))
 
         return at
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, unused
-from enliven.examples.puppet_motion import in_world
+from enliven.examples.puppet_motion import to_world_frame
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import Cut, cut_by_stroke
@@ -73,7 +73,7 @@ def cut_puppet(
     """
     puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
     before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)
-    posed = in_world(puppet, before, surface.solve_from_rest(before.places))
+    posed = to_world_frame(puppet, before, surface.solve_from_rest(before.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)

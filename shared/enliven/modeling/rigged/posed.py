@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Shape
 from enliven.errors import InputError
 from enliven.modeling.rigged.spans import rotation_without_takes
-from enliven.motion.layers.evaluate import ShapePose, pose_of
+from enliven.motion.layers.evaluate import ShapePose, evaluate_pose
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import conjugate, multiply, normalized, rotate
 
@@ -32,7 +32,7 @@ def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> Sha
         return ShapePose(*as_modeled(shape))
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", remedy="Give seconds.")
-    return pose_of(project.with_characters(shape), shape.id, float(time))
+    return evaluate_pose(project.with_characters(shape), shape.id, float(time))
 
 
 def as_modeled(shape: Shape) -> tuple[Float, Float]:

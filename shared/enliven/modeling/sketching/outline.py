@@ -15,7 +15,7 @@ length."""
 _ERROR_PLACE = "stroke"
 
 
-def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
+def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     """Returns (count, 2) points of the closed outline, evenly spaced along it.
 
     If the two ends of the stroke cross each other, the parts beyond the crossing are removed.

@@ -23,7 +23,7 @@ from enliven.modeling.sketching.axis import Axis
 from enliven.modeling.sketching.axis_bones import bones_from_axis, choose_root_joint
 from enliven.modeling.sketching.chordal import chordal_axis
 from enliven.modeling.sketching.inflate import inflate_outline
-from enliven.modeling.sketching.outline import outline_of
+from enliven.modeling.sketching.outline import trace_outline
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 _MAX_OUTLINE_POINTS = 200
@@ -77,10 +77,10 @@ def shape_from_stroke(
         InputError: if the stroke crosses itself or encloses no area.
     """
     axes = plane.axes()
-    outline = outline_of(stroke, _MAX_OUTLINE_POINTS)
+    outline = trace_outline(stroke, _MAX_OUTLINE_POINTS)
     fewer = _outline_point_count(outline, _MAX_VERTICES)
     if fewer < _MAX_OUTLINE_POINTS:
-        outline = outline_of(stroke, fewer)
+        outline = trace_outline(stroke, fewer)
     triangles, axis = flat_axis(outline)
     places, radii, links = bones_from_axis(axis, _MAX_AXIS_DEVIATION_RADII, _MAX_BONE_DIAMETERS)
     middles, widths = _inner_circles(axis)

@@ -1,7 +1,7 @@
 """Evaluates the pose of a shape at a time: samples its layers, multiplies them along the tree, and places the
 result.
 
-    pose_of(project, shape_id, seconds) -> ShapePose       # once
+    evaluate_pose(project, shape_id, seconds) -> ShapePose  # once
     player = Player(project, shape_id)                     # prepared: evaluate often
     player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
@@ -63,7 +63,7 @@ class ShapePose:
         return maps if self.stretch is None else np.asarray(maps @ self.stretch)
 
 
-def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
+def evaluate_pose(project: Project, shape_id: str, seconds: float) -> ShapePose:
     """Returns the pose of a shape at a time of the project. For many times, a :class:`Player` is faster.
 
     Raises:

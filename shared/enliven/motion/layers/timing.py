@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.document import Clip, Segment, TimeMap, curve_from_keys, run_of
+from enliven.document import Clip, Segment, TimeMap, curve_from_keys, find_clip_run
 from enliven.kernels import njit
 
 
@@ -104,7 +104,7 @@ class Clocks:
 
 def _lane_row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
     segment = lane[number]
-    return (segment.begin, segment.end, segment.first, segment.speed, *run_of(lane, number))
+    return (segment.begin, segment.end, segment.first, segment.speed, *find_clip_run(lane, number))
 
 
 @njit(cache=True, nogil=True)

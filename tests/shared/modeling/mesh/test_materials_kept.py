@@ -11,7 +11,7 @@ from mesh_makers import ball, flat_shaded, line, on_bone, random_skin, tube
 from enliven.document import Project
 from enliven.document.rigged import still_shape
 from enliven.errors import InputError
-from enliven.exporters import performance_of
+from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import write_gltf
 from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import MeshMaterials, Texture, extract_submesh, join_materials, refine
@@ -144,7 +144,7 @@ def test_a_shape_that_is_cut_and_merged_is_exported_with_them(tmp_path):
     project, (near, far) = cut_bone(Project().with_characters(shape), "tube", 2, 0.5)
     joint = len(project.shape(near).skeleton) - 1
     project, _ = merge(project, near, joint, far)
-    write_gltf(tmp_path / "tube.glb", [performance_of(project, near)])
+    write_gltf(tmp_path / "tube.glb", [sample_performance(project, near)])
     back = read_gltf(tmp_path / "tube.glb").shape.mesh
     names = [json.loads(definition)["name"] for definition in back.materials.definitions]
     still = 0

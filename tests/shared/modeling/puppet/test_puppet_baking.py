@@ -9,8 +9,8 @@ from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.examples.baking.settings import BakeSettings
-from enliven.exporters import performance_of
-from enliven.exporters.gltf.write import glb_of
+from enliven.exporters import sample_performance
+from enliven.exporters.gltf.write import build_glb
 from enliven.modeling.edits import merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
@@ -59,9 +59,9 @@ def test_original_may_stay_and_bake_settings_apply(bean):
 
 def test_baked_puppet_is_exported_with_its_motion(baked):
     project, name, _ = baked
-    performance = performance_of(project, name, 0.2, 2.2, 15.0)
+    performance = sample_performance(project, name, 0.2, 2.2, 15.0)
     assert lost(performance) < 1e-6, "its nodes stretch along axes of their own"
-    assert len(glb_of([performance])) > 1000
+    assert len(build_glb([performance])) > 1000
 
 
 def test_baked_puppet_is_cut_and_merged_like_possessed_mesh(baked):

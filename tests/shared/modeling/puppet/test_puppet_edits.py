@@ -16,7 +16,7 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.project import Project, are_identical
 from enliven.document.puppet import Plane
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import in_world, motion_of, state_of
+from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion, to_world_frame
 from enliven.formats.project.file import project_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import (
@@ -64,8 +64,8 @@ def busy_project(seed=0):
 def world(project, time, puppet="stool"):
     """(P, 3) metres: where the control points are."""
     character = project.puppets[puppet]
-    state = state_of(project, character, time)
-    return in_world(character, state, state.places)
+    state = evaluate_state(project, character, time)
+    return to_world_frame(character, state, state.places)
 
 
 def test_edit_does_not_change_the_original_project():
@@ -244,7 +244,7 @@ def test_removing_is_of_the_number_that_is_meant():
 
 def test_constraints_that_contradict_are_all_named_and_nothing_changes():
     project = puppet_project()
-    kept = motion_of(project, project.puppets["stool"], 0)
+    kept = solve_layer_motion(project, project.puppets["stool"], 0)
     with pytest.raises(InputError) as refused:
         change_layers(
             project,
@@ -255,18 +255,18 @@ def test_constraints_that_contradict_are_all_named_and_nothing_changes():
         )
     for name in ("position of 'top' at frame 5", "position of 'left hand' at frame 5", "coupling of 'top'"):
         assert name in str(refused.value)
-    assert motion_of(project, project.puppets["stool"], 0) is kept
+    assert solve_layer_motion(project, project.puppets["stool"], 0) is kept
 
 
 def test_the_feet_that_a_user_puts_somewhere_are_not_levelled():
     """Where equal heights contradict what was asked for, what was asked for goes first."""
     free = puppet_project()
-    solved = motion_of(free, free.puppets["stool"], 0)
+    solved = solve_layer_motion(free, free.puppets["stool"], 0)
     frames = [f for f in range(1, solved.frames) if solved.anchors[f] != solved.anchors[f - 1]]
     frame = next(f for f in frames if solved.anchors[f] >= 0 and solved.anchors[f - 1] >= 0)
     asked = (Position("left foot", frame, (0, 0.05, 0), "y"), Position("right foot", frame, (0, 0.0, 0), "y"))
     project = change_layers(free, "stool", [0], positions=asked)
-    places = motion_of(project, project.puppets["stool"], 0).places[frame]
+    places = solve_layer_motion(project, project.puppets["stool"], 0).places[frame]
     np.testing.assert_allclose(places[:2, 1], [0.05, 0.0], atol=1e-9)
 
 
@@ -346,17 +346,17 @@ def test_invalid_edit_is_refused_with_the_reason(edit, said):
 def test_equal_examples_are_refused_by_number_and_the_last_good_motion_stays():
     project = puppet_project()
     puppet = project.puppets["stool"]
-    last_good = motion_of(project, puppet, 0)
+    last_good = solve_layer_motion(project, puppet, 0)
     clip = project.takes["walk"]
     still = replace(clip, id="still", turns=clip.turns[[0, 0]], root=clip.root[[0, 0]])
     poses = (puppet.poses[0], replace(puppet.poses[1], take="still", time=STEP))
     wrong = project.with_takes(still).with_characters(puppet.with_changes(poses=poses))
     with pytest.raises(InputError, match="examples 0 and 1 have the same pose of the performer"):
-        motion_of(wrong, wrong.puppets["stool"], 0)
+        solve_layer_motion(wrong, wrong.puppets["stool"], 0)
     single = remove_key_pose(remove_key_pose(remove_key_pose(project, "stool", 3), "stool", 2), "stool", 1)
     with pytest.raises(InputError, match="Pose one more example"):
-        motion_of(single, single.puppets["stool"], 0)
-    assert motion_of(project, puppet, 0) is last_good
+        solve_layer_motion(single, single.puppets["stool"], 0)
+    assert solve_layer_motion(project, puppet, 0) is last_good
 
 
 def test_a_key_pose_of_a_pose_that_there_is_is_refused():

@@ -9,7 +9,7 @@ from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.examples.coverage import describe_unposed
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import state_of
+from enliven.examples.puppet_motion import evaluate_state
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.suggest import (
@@ -58,7 +58,7 @@ def test_suggested_puppet_only_needs_poses():
     assert {point.joint for point in puppet.points} <= set(JOINTS)
     tall = puppet.mesh.bounds[1, 1]
     assert max(puppet.rest[:, 1]) > 0.9 * tall
-    now = state_of(project, puppet, 1.0)
+    now = evaluate_state(project, puppet, 1.0)
     np.testing.assert_allclose(now.places, puppet.rest, atol=1e-9)
     hands = {point.joint: place for point, place in zip(puppet.points, puppet.rest, strict=True)}
     assert hands["LeftHand"][0] > 0.2 > -0.2 > hands["RightHand"][0]

@@ -11,8 +11,8 @@ from enliven.document.project import are_identical
 from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import in_world, state_of
-from enliven.formats.project.file import project_bytes, project_of
+from enliven.examples.puppet_motion import evaluate_state, to_world_frame
+from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import copy_character, merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.puppet.parts import solve_surfaces, surface_of_puppet
@@ -32,8 +32,8 @@ def bean():
 def seen(project, name, time):
     """(V, 3) metres in the world."""
     puppet = project.puppet(name)
-    state = state_of(project, puppet, time)
-    return in_world(puppet, state, surface_of_puppet(puppet).solve_from_rest(state.places))
+    state = evaluate_state(project, puppet, time)
+    return to_world_frame(puppet, state, surface_of_puppet(puppet).solve_from_rest(state.places))
 
 
 def size_of(project, name="bean"):
@@ -100,7 +100,7 @@ def test_half_with_feet_travels_and_the_other_half_stays(bean):
     after, (low, high) = cut_puppet(bean, "bean", PlaneCut(middle, [0, 1.0, 0.0]), 0.7)
     assert [layer.travel for layer in after.puppet(low).layers] == [True]
     assert [layer.travel for layer in after.puppet(high).layers] == [False]
-    assert state_of(after, after.puppet(high), 2.0).yaw == 0.0
+    assert evaluate_state(after, after.puppet(high), 2.0).yaw == 0.0
     assert after.takes == bean.takes
 
 
@@ -135,7 +135,7 @@ def test_edits_are_values(bean):
     data = project_bytes(bean)
     plane = PlaneCut(seen(bean, "bean", 0.7).mean(0), [0, 1.0, 0.0])
     after, _ = cut_puppet(bean, "bean", plane, 0.7)
-    assert project_bytes(bean) == data and are_identical(project_of(project_bytes(after)), after)
+    assert project_bytes(bean) == data and are_identical(parse_project(project_bytes(after)), after)
     with pytest.raises(InputError, match="no part of the mesh"):
         cut_puppet(bean, "bean", PlaneCut([0, 99.0, 0], [0, 1.0, 0.0]), 0.7)
     with pytest.raises(InputError, match="time is nan"):
@@ -198,13 +198,13 @@ def test_key_poses_of_both_stay_and_both_go_on(pair):
         np.testing.assert_allclose(whole.poses[number].places[: len(host.points)], pose.places, atol=1e-9)
     off, moved = [], []
     for time in np.arange(0.0, 2.4, 0.3):
-        before, after = (state_of(p, p.puppet("bean"), time).places for p in (project, merged))
+        before, after = (evaluate_state(p, p.puppet("bean"), time).places for p in (project, merged))
         off.append(np.linalg.norm(after[: len(host.points)] - before, axis=1))
         moved.append(np.linalg.norm(before - host.rest, axis=1))
     assert np.sqrt(np.mean(np.square(off))) < 0.2 * np.sqrt(np.mean(np.square(moved)))
-    places = [state_of(merged, whole, time).places[len(host.points) :] for time in (0.2, 1.4)]
+    places = [evaluate_state(merged, whole, time).places[len(host.points) :] for time in (0.2, 1.4)]
     assert np.abs(places[0] - places[1]).max() > 0.03
-    assert are_identical(project_of(project_bytes(merged)), merged)
+    assert are_identical(parse_project(project_bytes(merged)), merged)
 
 
 def test_a_graft_that_plays_nothing_is_carried(pair):
@@ -216,7 +216,7 @@ def test_a_graft_that_plays_nothing_is_carried(pair):
     assert set(layer.points) == {point.name for point in whole.points}
     count = len(project.puppet("bean").points)
     graft, host = (
-        np.array([state_of(merged, whole, time).places for time in (0.7, 1.6)])[:, rows]
+        np.array([evaluate_state(merged, whole, time).places for time in (0.7, 1.6)])[:, rows]
         for rows in (slice(count, 2 * count), slice(0, count))
     )
     assert np.abs(host[0] - host[1]).max() > 0.05 and np.abs(graft[0] - graft[1]).max() > 0.02

@@ -15,7 +15,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.matching.symmetry import equal_limbs
 from enliven.modeling.rigged.spread import spread_motion
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import from_rotation_vector, multiply, to_matrix
 
@@ -65,11 +65,11 @@ def test_the_copies_move_alike_and_later(linears, mirrored, seed, delay):
     after = spread_motion(before, "star", group, 2, delay=delay)
     own = group.limb_of(2)
     seconds = 1.3
-    now = pose_of(after, "star", seconds).joints
-    assert_alike(now[1:4], pose_of(before, "star", seconds).joints[1:4])
+    now = evaluate_pose(after, "star", seconds).joints
+    assert_alike(now[1:4], evaluate_pose(before, "star", seconds).joints[1:4])
     for other in range(len(group.limbs)):
         later = seconds - delay * ((other - own) % len(group.limbs))
-        then = pose_of(before, "star", later).joints
+        then = evaluate_pose(before, "star", later).joints
         for start, end in group.joint_map(own, other).items():
             np.testing.assert_allclose(now[end], group.between(own, other) @ then[start], atol=1e-9)
 

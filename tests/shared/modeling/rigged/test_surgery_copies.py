@@ -21,7 +21,7 @@ from enliven.modeling.edits import (
 )
 from enliven.modeling.rigged.posed import posed
 from enliven.modeling.rigged.posing import drag_joint, set_bone, turn_bone
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import multiply
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -36,7 +36,7 @@ def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
     project, random = random_project(seed)
     away = random.normal(size=3)
     edited, copy = copy_character(project, "shape 0", offset=away, delay=delay)
-    first, second = pose_of(edited, "shape 0", time), pose_of(edited, copy, time + delay)
+    first, second = evaluate_pose(edited, "shape 0", time), evaluate_pose(edited, copy, time + delay)
     # A loop's seam may fall between the two times because the sum is rounded, so a millisecond is excluded.
     if not any(layer.loop for layer in project.shape("shape 0").layers):
         assert angle(first.turns, second.turns) < 1e-7
@@ -51,10 +51,10 @@ def test_a_copy_has_layers_of_its_own(seed, time):
     edited, copy = copy_character(project, "shape 0")
     for layer in edited.shape(copy).layers:
         edited = set_layer(edited, copy, layer.id, weight=0.0)
-    before = pose_of(project, "shape 0", time)
-    assert are_identical(pose_of(edited, "shape 0", time).turns, before.turns)
+    before = evaluate_pose(project, "shape 0", time)
+    assert are_identical(evaluate_pose(edited, "shape 0", time).turns, before.turns)
     modeled = posed(edited, edited.shape(copy), None)
-    assert angle(pose_of(edited, copy, time).turns, modeled[0]) < 1e-9
+    assert angle(evaluate_pose(edited, copy, time).turns, modeled[0]) < 1e-9
 
 
 @laws
@@ -64,7 +64,7 @@ def test_a_paste_into_another_project_moves_the_same(seed, time):
     other, _ = random_project(seed + 1)
     for target in (Project(), other, source):
         edited, copy = paste_character(target, source, "shape 1")
-        first, second = pose_of(source, "shape 1", time), pose_of(edited, copy, time)
+        first, second = evaluate_pose(source, "shape 1", time), evaluate_pose(edited, copy, time)
         assert are_identical(first.turns, second.turns)
         np.testing.assert_allclose(first.joints, second.joints, atol=1e-12)
         for shape_id in target.shapes:
@@ -83,12 +83,15 @@ def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
     shape = project.shape("shape 0")
     centre = shape.skeleton.positions[0] + shape.place
     unit = normal / np.linalg.norm(normal)
-    before, after = pose_of(project, "shape 0", time).joints, pose_of(edited, "shape 0", time).joints
+    before, after = (
+        evaluate_pose(project, "shape 0", time).joints,
+        evaluate_pose(edited, "shape 0", time).joints,
+    )
     np.testing.assert_allclose(after, before - 2 * ((before - centre) @ unit)[:, None] * unit, atol=1e-8)
-    other = pose_of(edited, "shape 1", time)
-    assert are_identical(other.joints, pose_of(project, "shape 1", time).joints)
-    back = pose_of(mirror_character(edited, "shape 0", normal), "shape 0", time)
-    assert angle(back.turns, pose_of(project, "shape 0", time).turns) < 1e-8
+    other = evaluate_pose(edited, "shape 1", time)
+    assert are_identical(other.joints, evaluate_pose(project, "shape 1", time).joints)
+    back = evaluate_pose(mirror_character(edited, "shape 0", normal), "shape 0", time)
+    assert angle(back.turns, evaluate_pose(project, "shape 0", time).turns) < 1e-8
     np.testing.assert_allclose(back.joints, before, atol=1e-8)
 
 
@@ -97,7 +100,7 @@ def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
 def test_a_scaled_shape_turns_the_same_and_goes_as_much_farther(seed, time, factor):
     project, _ = random_project(seed)
     edited = scale_character(project, "shape 0", factor)
-    first, second = pose_of(project, "shape 0", time), pose_of(edited, "shape 0", time)
+    first, second = evaluate_pose(project, "shape 0", time), evaluate_pose(edited, "shape 0", time)
     assert angle(first.turns, second.turns) < 1e-12
     shape = project.shape("shape 0")
     centre = shape.skeleton.positions[0] + shape.place

@@ -13,7 +13,7 @@ from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posing import turn_bone
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import from_rotation_vector
 
 SWING = Layer("swing", "swing", (0, 1))
@@ -36,7 +36,7 @@ def one_bone():
 
 def degrees(project, shape_id, time):
     """Where each bone points, by the name of its joint."""
-    shape, pose = project.shape(shape_id), pose_of(project, shape_id, time)
+    shape, pose = project.shape(shape_id), evaluate_pose(project, shape_id, time)
     by_name = {}
     for j, parent in enumerate(shape.skeleton.parents):
         if parent >= 0:
@@ -63,7 +63,7 @@ def test_figure_six():
     for time in TIMES:
         assert_degrees(degrees(b, "a", time), {p: 30 * time, q: 60 * time, "a 1": 90 * time})
     thirds = [np.exp(1j * np.radians(x)) / 3 for x in (30, 60, 90)]
-    end = pose_of(b, "a", 1.0).joints[-1]
+    end = evaluate_pose(b, "a", 1.0).joints[-1]
     np.testing.assert_allclose(end, [sum(thirds).real, sum(thirds).imag, 0], atol=1e-12)
 
     # (c) a copy, turned by half a turn.
@@ -133,8 +133,8 @@ def test_figure_thirteen():
         assert_degrees(degrees(merged, "a", time), {"a 1": 36 * time, "b 1": 36 * time - 54 * time})
     removed = remove_node(merged, "a", "a 1")
     for time in TIMES:
-        pose = pose_of(removed, "a", time)
-        np.testing.assert_allclose(pose.turns[1], pose_of(merged, "a", time).turns[2], atol=1e-12)
+        pose = evaluate_pose(removed, "a", time)
+        np.testing.assert_allclose(pose.turns[1], evaluate_pose(merged, "a", time).turns[2], atol=1e-12)
     (first, second) = removed.shape("a").spans[1]
     assert (first.share, first.refs) == (0.25, (Ref("swing", 0.2, 0.6),))
     assert (second.share, second.refs) == (0.75, (Ref("other", 0.3, 0.9),))

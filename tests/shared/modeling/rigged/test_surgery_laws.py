@@ -11,7 +11,7 @@ from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import posed
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.rotation import conjugate, multiply, rotate
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -49,7 +49,7 @@ def test_the_evaluation_is_the_slow_one(seed, time):
     shape = project.shape("shape 0").with_changes(travel=None)
     project = project.with_characters(shape)
     turns, joints = slow_pose(project, "shape 0", time)
-    fast = pose_of(project, "shape 0", time)
+    fast = evaluate_pose(project, "shape 0", time)
     assert angle(turns, fast.turns) < 1e-9
     np.testing.assert_allclose(fast.joints, joints, atol=1e-9)
 

@@ -18,7 +18,7 @@ from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven.modeling.rigged.posed import pose_with_stretch, posed
 from enliven.modeling.rigged.posing import set_bone, turn_bone
 from enliven.modeling.rigged.stroke_cut import cut_shape_along_stroke
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def test_a_merge_in_the_rest_pose_makes_a_cut_arm_whole(arm):
     node, _ = insert_node(arm, "arm", "arm 2", 0.5, name="cut")
     for time in (0.0, 0.6, 1.0):
         np.testing.assert_allclose(
-            pose_of(whole, "arm", time).joints, pose_of(node, "arm", time).joints, atol=1e-9
+            evaluate_pose(whole, "arm", time).joints, evaluate_pose(node, "arm", time).joints, atol=1e-9
         )
 
 
@@ -112,8 +112,8 @@ def test_a_merge_in_the_rest_pose_makes_a_cut_arm_whole(arm):
 def test_graft_keeps_world_pose_and_follows_host(arm, time):
     project, copy = copy_character(arm, "arm")
     project = turn_bone(project, copy, 0, about_z(75), time)
-    node = pose_of(project, "arm", time).joints[1]
-    project = move_character(project, copy, node - pose_of(project, copy, time).joints[0])
+    node = evaluate_pose(project, "arm", time).joints[1]
+    project = move_character(project, copy, node - evaluate_pose(project, copy, time).joints[0])
     seen = surface(project, copy, time)
     merged, names = merge(project, "arm", "arm 1", copy, time)
     shape = merged.shape("arm")
@@ -190,7 +190,7 @@ def test_a_moving_root_with_skin_stays_as_a_bone_without_length(arm):
     project = project.with_characters(moved)
     time = 0.5
     seen = surface(project, copy, time)
-    seen = seen - pose_of(project, copy, time).joints[0] + pose_of(project, "arm", time).joints[2]
+    seen = seen - evaluate_pose(project, copy, time).joints[0] + evaluate_pose(project, "arm", time).joints[2]
     merged, _ = merge(project, "arm", "arm 2", copy, time)
     assert len(merged.shape("arm").skeleton) == 6
     now = surface(merged, "arm", time)

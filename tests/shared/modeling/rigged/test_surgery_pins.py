@@ -14,7 +14,7 @@ from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import remove_node
 from enliven.modeling.rigged.posed import posed
 from enliven.motion.contact.pin import pin_feet
-from enliven.motion.layers.evaluate import pose_of
+from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.motion.layers.retarget import bind_chain
 from enliven.rotation import IDENTITY, from_rotation_vector
 
@@ -42,7 +42,10 @@ def walker():
 
 def test_the_pin_does_something(walker):
     free = walker.with_characters(walker.shape("walker").with_changes(pins=()))
-    apart = [angle(pose_of(walker, "walker", t).turns, pose_of(free, "walker", t).turns) for t in (0.3, 1.0)]
+    apart = [
+        angle(evaluate_pose(walker, "walker", t).turns, evaluate_pose(free, "walker", t).turns)
+        for t in (0.3, 1.0)
+    ]
     assert max(apart) > 1e-3
 
 

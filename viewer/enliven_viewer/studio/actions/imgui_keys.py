@@ -39,7 +39,7 @@ KEYS = {
 """Every key that a shortcut can use, by its name in files and scripted sessions."""
 
 
-def held_keys() -> str:
+def find_held_modifiers() -> str:
     """Returns the held modifiers as a shortcut prefix: "ctrl+shift+", or empty."""
     io = imgui.get_io()
     held = (io.key_ctrl, io.key_shift, io.key_alt)

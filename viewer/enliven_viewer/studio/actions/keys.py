@@ -21,7 +21,7 @@ _KEY_LABELS = {
 """Keys with a displayed name that differs from the saved one."""
 
 
-def key_label(key: str) -> str:
+def format_key(key: str) -> str:
     """Returns a shortcut as displayed: "ctrl+shift+z" becomes Ctrl+Shift+Z."""
     return "+".join(
         _KEY_LABELS.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")

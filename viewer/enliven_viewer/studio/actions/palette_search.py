@@ -14,34 +14,34 @@ class PaletteSearch:
 
     Attributes:
         typed: the search text.
-        marked: number of the highlighted result, which Enter runs.
+        highlighted: number of the highlighted result, which Enter runs.
         refused: whether Enter was pressed on an unavailable action, so that the text field needs the focus
             again.
     """
 
     table: ActionTable
     typed: str = ""
-    marked: int = 0
+    highlighted: int = 0
     refused: bool = False
-    _found: list[Action] | None = field(default=None, init=False)
+    _matches: list[Action] | None = field(default=None, init=False)
 
     @property
     def matches(self) -> list[Action]:
         """Returns the matching actions, best match first."""
-        if self._found is None:
-            self._found = self.table.find(self.typed)
-        return self._found
+        if self._matches is None:
+            self._matches = self.table.find(self.typed)
+        return self._matches
 
-    def type(self, typed: str) -> None:
+    def set_text(self, typed: str) -> None:
         """Changes the search text, and highlights the best match."""
         if typed != self.typed:
-            self.typed, self.marked, self._found = typed, 0, None
+            self.typed, self.highlighted, self._matches = typed, 0, None
 
-    def step(self, count: int) -> None:
+    def move_highlight(self, count: int) -> None:
         """Moves the highlight down by `count`, or up if negative; wraps around."""
-        self.marked = (self.marked + count) % max(len(self.matches), 1)
+        self.highlighted = (self.highlighted + count) % max(len(self.matches), 1)
 
     def highlighted_action(self) -> Action | None:
         """Returns the highlighted action if there is one and it is available."""
-        action = self.matches[self.marked] if self.matches else None
+        action = self.matches[self.highlighted] if self.matches else None
         return action if action is not None and not action.why_not() else None

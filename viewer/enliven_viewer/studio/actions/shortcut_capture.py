@@ -29,11 +29,11 @@ class ShortcutCapture:
             self.begin("")
         elif table.find_conflict(self.action, key) is None:
             self.key = key
-            self.take(table)
+            self.assign_key(table)
         else:
             self.key = key
 
-    def take(self, table: ActionTable) -> None:
+    def assign_key(self, table: ActionTable) -> None:
         """Assigns the key to the action, and removes it from the other one."""
         table.set_shortcut(self.action, self.key)
         self.begin("")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.actions.search import rank_actions
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
@@ -104,22 +104,22 @@ class ActionTable:
                 over the active tool.
         """
         workspace = self.workspace() if workspace_only else ""
-        action = self.action_with_keys(key, workspace) if workspace or not workspace_only else None
+        action = self.find_by_shortcut(key, workspace) if workspace or not workspace_only else None
         if action is not None:
             self.do(action.id)
         return action is not None
 
-    def keys_of(self, action: Action) -> tuple[str, ...]:
+    def find_shortcuts(self, action: Action) -> tuple[str, ...]:
         """Returns the shortcuts of an action: those set by the artist, or the defaults."""
         return self._preferences.keys.get(action.id, action.keys)
 
-    def shown_key(self, action: Action) -> str:
+    def format_shortcut(self, action: Action) -> str:
         """Returns the first shortcut of an action as displayed; empty for an action without a shortcut."""
-        return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
+        return format_key(self.find_shortcuts(action)[0]) if self.find_shortcuts(action) else ""
 
-    def action_with_keys(self, key: str, workspace: str = "") -> Action | None:
+    def find_by_shortcut(self, key: str, workspace: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
-        with_key = (action for action in self if key in self.keys_of(action))
+        with_key = (action for action in self if key in self.find_shortcuts(action))
         return next(
             (
                 action
@@ -133,13 +133,13 @@ class ActionTable:
         """Returns another action with the same shortcut that would conflict with this action."""
         wanted = self._actions[action_id]
         others = (action for action in self if action is not wanted and action.conflicts_with(wanted))
-        return next((action for action in others if key in self.keys_of(action)), None)
+        return next((action for action in others if key in self.find_shortcuts(action)), None)
 
     def set_shortcut(self, action_id: str, key: str) -> None:
         """Sets the shortcut of an action in place of its current ones, and removes it from other actions."""
         while (other := self.find_conflict(action_id, key)) is not None:
             self._preferences.keys[other.id] = tuple(
-                other_key for other_key in self.keys_of(other) if other_key != key
+                other_key for other_key in self.find_shortcuts(other) if other_key != key
             )
         self._preferences.keys[action_id] = (key,)
         self._save_changes()
@@ -155,7 +155,7 @@ class ActionTable:
         self._preferences.save()
 
     @property
-    def changed(self) -> bool:
+    def has_custom_shortcuts(self) -> bool:
         """Returns True if an action has shortcuts other than its defaults."""
         return bool(self._preferences.keys)
 
@@ -168,7 +168,7 @@ class ActionTable:
 
     def make_tooltip(self, action: Action) -> str:
         """Returns the tooltip of an action: its effect, its shortcut, and why it is unavailable."""
-        key = self.shown_key(action)
+        key = self.format_shortcut(action)
         label = tr(action.label)
         first = f"{label}  ({key})" if key else label
         return "\n".join(tr(line) for line in (first, action.about, action.why_not()) if line)

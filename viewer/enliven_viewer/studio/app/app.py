@@ -159,8 +159,8 @@ class App:
 
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.widgets[name] = (low.x, low.y, high.x, high.y)
-        self.drawn.note(name, self.widgets[name])
-        if name in self.drawn.wanted and not self.drawn.left_alone:
+        self.drawn.record(name, self.widgets[name])
+        if name in self.drawn.targets and not self.drawn.is_user_scrolling:
             clip = imgui.get_window_draw_list()
             top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
             if low.y < top or high.y > bottom:

@@ -15,13 +15,13 @@ Change = Callable[[Project, float], Project]
 """An edit that applies a number."""
 
 
-def tooltip(text: str) -> None:
+def draw_tooltip(text: str) -> None:
     """Shows the tooltip of the last widget while the pointer rests on it."""
     if text and imgui.is_item_hovered():
         imgui.set_tooltip(tr(text))
 
 
-def slider(
+def draw_slider(
     app: App, name: str, value: float, low: float, high: float, number_format: str, change: Change
 ) -> None:
     """Draws a slider: a draft during the drag, one edit at its end.
@@ -37,22 +37,22 @@ def slider(
         changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(number_format), flags)
     app.remember(name)
     if changed:
-        app.editor.sketch(lambda project: change(project, wanted))
+        app.editor.preview_edit(lambda project: change(project, wanted))
     if imgui.is_item_deactivated_after_edit():
         last = wanted if changed else value
         app.editor.edit(later("change {0}", later(name.partition(" ")[2] or name)), lambda p: change(p, last))
 
 
-def switch(app: App, label: str, on: bool, change: Change, tip: str = "") -> None:
+def draw_switch(app: App, label: str, on: bool, change: Change, tip: str = "") -> None:
     """Draws a checkbox; a click is one edit."""
     toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
     app.remember(label)
-    tooltip(tip)
+    draw_tooltip(tip)
     if toggled:
         app.editor.edit(label, lambda project: change(project, wanted))
 
 
-def name_field(app: App, key: str, name: str, rename: Callable[[str], object]) -> None:
+def draw_name_field(app: App, key: str, name: str, rename: Callable[[str], object]) -> None:
     """Draws an editable name; ``rename`` is called with a changed name."""
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
@@ -62,7 +62,7 @@ def name_field(app: App, key: str, name: str, rename: Callable[[str], object]) -
         rename(wanted.strip())
 
 
-def character_name(app: App, character: RigBase) -> None:
+def draw_character_name(app: App, character: RigBase) -> None:
     """Draws the field of a character's name. Renaming keeps the selection."""
     editor, before = app.editor, app.editor.selection
 
@@ -71,10 +71,10 @@ def character_name(app: App, character: RigBase) -> None:
             editor.select(character=wanted)
             editor.select(handle=before.handle, layer=before.layer)
 
-    name_field(app, "name", character.id, rename)
+    draw_name_field(app, "name", character.id, rename)
 
 
-def action_button(app: App, action_id: str, width: float = 0.0) -> None:
+def draw_action_button(app: App, action_id: str, width: float = 0.0) -> None:
     """Draws a button that runs an action.
 
     If the action is unavailable, the button is grey and the tooltip says why.
@@ -88,10 +88,10 @@ def action_button(app: App, action_id: str, width: float = 0.0) -> None:
         app.actions.do(action_id)
     imgui.end_disabled()
     app.remember(f"do {action.label}")
-    action_tip(app, action_id)
+    draw_action_tooltip(app, action_id)
 
 
-def action_tip(app: App, action_id: str) -> None:
+def draw_action_tooltip(app: App, action_id: str) -> None:
     """Shows the tooltip of an action on the last widget, even if that is disabled."""
     flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
     if imgui.is_item_hovered(flags):

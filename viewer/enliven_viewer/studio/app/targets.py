@@ -35,28 +35,28 @@ class DrawnWidgets:
 
     Attributes:
         picture: number of the current frame.
-        wanted: names of the targeted widgets.
-        left_alone: whether the artist is scrolling, so that the tour must not.
+        targets: names of the targeted widgets.
+        is_user_scrolling: whether the artist is scrolling, so that the tour must not.
     """
 
     picture: int = 0
-    wanted: tuple[str, ...] = ()
-    left_alone: bool = False
-    _drawn: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
+    targets: tuple[str, ...] = ()
+    is_user_scrolling: bool = False
+    _rectangles: dict[str, tuple[int, Rectangle]] = field(default_factory=dict)
 
-    def note(self, name: str, rectangle: Rectangle) -> None:
+    def record(self, name: str, rectangle: Rectangle) -> None:
         """Records where a widget is drawn in this frame."""
-        self._drawn[name] = self.picture, rectangle
+        self._rectangles[name] = self.picture, rectangle
 
-    def want(self, names: tuple[str, ...]) -> None:
+    def set_targets(self, names: tuple[str, ...]) -> None:
         """Sets the targeted widgets."""
-        if names != self.wanted:
-            self.wanted, self.left_alone = names, False
+        if names != self.targets:
+            self.targets, self.is_user_scrolling = names, False
 
     def find(self, names: tuple[str, ...]) -> tuple[str, Rectangle] | None:
         """Returns the first of several widgets that is on screen, with its place; None if there is none."""
         for name in names:
-            picture, rectangle = self._drawn.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))
+            picture, rectangle = self._rectangles.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))
             if self.picture - picture <= _STALE_FRAMES:
                 return name, rectangle
         return None

@@ -41,7 +41,7 @@ class TimeScale:
     span: float = 0.0
 
     @property
-    def track(self) -> float:
+    def track_width(self) -> float:
         """Returns the width of the track in pixels."""
         return max(self.width - LABEL_WIDTH - END_MARGIN, 1.0)
 
@@ -52,18 +52,18 @@ class TimeScale:
 
     def x(self, time: float) -> float:
         """Returns the x coordinate of a time, in pixels."""
-        return LABEL_WIDTH + self.track * (time - self.start) / self.visible_s
+        return LABEL_WIDTH + self.track_width * (time - self.start) / self.visible_s
 
     def time(self, x: float) -> float:
         """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
-        return self.start + (x - LABEL_WIDTH) / self.track * self.visible_s
+        return self.start + (x - LABEL_WIDTH) / self.track_width * self.visible_s
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
         """Returns the times to mark on the ruler, and whether each has a number.
 
         Numbers are at least 60 pixels apart.
         """
-        min_step = 60.0 * self.visible_s / self.track
+        min_step = 60.0 * self.visible_s / self.track_width
         step = next((s for s in _TICK_INTERVALS_S if s >= min_step), _TICK_INTERVALS_S[-1])
         small = step / 5
         first, last = -int(-self.start / small), int((self.start + self.visible_s) / small + 1e-9)
@@ -100,7 +100,7 @@ class TimeAxis:
     def pan(self, pixels: float) -> None:
         """Pans the visible time span to the right by some pixels."""
         scale = self.scale
-        self._set_start(scale.start + pixels * scale.visible_s / scale.track)
+        self._set_start(scale.start + pixels * scale.visible_s / scale.track_width)
 
     def show_all(self) -> None:
         """Shows the whole project."""

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import push_colours, use_small_text
 from enliven_viewer.studio.numbers.quantity import ANGLE, LENGTH, TIME, Quantity
 from enliven_viewer.theme import QUIET
@@ -21,7 +21,7 @@ _FIELD_WIDTH = 67.0
 """Width of a field in pixels: "-12.345 m", three of them side by side."""
 
 
-def draw_numbers(app: App) -> None:
+def draw_transform_fields(app: App) -> None:
     """Draws the fields of the selection."""
     figures = app.selection_transform
     place, height = figures.place, figures.height
@@ -31,25 +31,25 @@ def draw_numbers(app: App) -> None:
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         coordinate = float(place[axis])
-        number_field(
+        draw_number_field(
             app, f"place {name}", coordinate, LENGTH, lambda to, axis=axis: figures.move_to(axis, to)
         )
     _draw_label(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
-        number_field(app, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
+        draw_number_field(app, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
     _draw_label(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
     imgui.same_line(_LABEL_WIDTH + 12)
     more = {"percent": height / 100.0}
-    number_field(app, "tall", height, LENGTH, figures.set_height, **more)
+    draw_number_field(app, "tall", height, LENGTH, figures.set_height, **more)
     _draw_start_time(app)
 
 
 def _draw_start_time(app: App) -> None:
     """Draws the start time of the selected layer."""
     editor = app.editor
-    character, number = editor.chosen(), editor.selection.layer
-    if character is None or number is None or editor.selection.several:
+    character, number = editor.find_selected(), editor.selection.layer
+    if character is None or number is None or editor.selection.has_several:
         return
     name, numbers = character.id, [number]
 
@@ -59,17 +59,17 @@ def _draw_start_time(app: App) -> None:
     imgui.same_line()
     _draw_label(tr("Begins"), tr("When the chosen motion begins on the timeline"))
     imgui.same_line()
-    number_field(app, "begins", character.playing[number].offset, TIME, change)
+    draw_number_field(app, "begins", character.playing[number].offset, TIME, change)
 
 
 def _draw_label(text: str, tip: str) -> None:
     imgui.align_text_to_frame_padding()
     with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(text)
-    tooltip(tip)
+    draw_tooltip(tip)
 
 
-def number_field(
+def draw_number_field(
     app: App,
     key: str,
     value: float,

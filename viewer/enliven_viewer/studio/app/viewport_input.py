@@ -42,7 +42,7 @@ class ViewportInput:
         actions: the actions of keys that the active tool does not use.
 
     Attributes:
-        first: called with every key before the tool. Returns True if it has handled the key.
+        key_filter: called with every key before the tool. Returns True if it has handled the key.
         handles: handles that get the left button before the tool.
     """
 
@@ -51,38 +51,38 @@ class ViewportInput:
         self.tools = {kind.name: kind(editor) for kind in TOOLS}
         self.tool: Tool = self.tools[TOOLS[0].name]
         self.at: Point = (0.0, 0.0)
-        self.first: Callable[[str], bool] = lambda key: False
-        self._held: int | None = None
-        self._with_tool = self._plays_on = False
+        self.key_filter: Callable[[str], bool] = lambda key: False
+        self._held_button: int | None = None
+        self._is_tool_drag = self._resumes_playback = False
         self.handles: list[Handles] = []
-        self._grabbed: Handles | None = None
+        self._grabbed_handles: Handles | None = None
 
-    def take(self, name: str) -> None:
+    def activate_tool(self, name: str) -> None:
         """Makes another tool the active one."""
         self.tool.cancel()
         self.tool = self.tools[name]
 
     def press(self, at: Point, button: int = LEFT_BUTTON, *, shift: bool = False, ctrl: bool = False) -> None:
         """Handles a mouse button press over the viewport."""
-        if self._held is not None:
+        if self._held_button is not None:
             return
-        self._held, self.at = button, at
-        self._plays_on = self.tool.plays_on and self.editor.playing
+        self._held_button, self.at = button, at
+        self._resumes_playback = self.tool.plays_on and self.editor.playing
         if button == LEFT_BUTTON:
-            self._grabbed = next((handles for handles in self.handles if handles.press(at)), None)
-            self._with_tool = self._grabbed is None and self.tool.press(Pointer(at, shift, ctrl))
+            self._grabbed_handles = next((handles for handles in self.handles if handles.press(at)), None)
+            self._is_tool_drag = self._grabbed_handles is None and self.tool.press(Pointer(at, shift, ctrl))
 
     def move(self, at: Point, *, shift: bool = False, ctrl: bool = False) -> None:
         """Handles pointer movement."""
         across, down = at[0] - self.at[0], at[1] - self.at[1]
         self.at = at
-        if self._held is None:
+        if self._held_button is None:
             self.tool.hover(Pointer(at, shift, ctrl))
-        elif self._grabbed is not None:
-            self._grabbed.drag(at)
-        elif self._with_tool:
+        elif self._grabbed_handles is not None:
+            self._grabbed_handles.drag(at)
+        elif self._is_tool_drag:
             self.tool.drag(Pointer(at, shift, ctrl))
-        elif self._held == MIDDLE_BUTTON or shift:
+        elif self._held_button == MIDDLE_BUTTON or shift:
             height = max(self.editor.size[1], 1.0)
             self.editor.camera.pan(-across / height, down / height)
         else:
@@ -92,13 +92,13 @@ class ViewportInput:
         self, at: Point, button: int = LEFT_BUTTON, *, shift: bool = False, ctrl: bool = False
     ) -> None:
         """Handles the release of a mouse button."""
-        if self._held != button:
+        if self._held_button != button:
             return
-        if self._grabbed is not None:
-            self._grabbed.release()
-        elif self._with_tool:
+        if self._grabbed_handles is not None:
+            self._grabbed_handles.release()
+        elif self._is_tool_drag:
             self.tool.release(Pointer(at, shift, ctrl))
-        self._let_go()
+        self._release_button()
 
     def wheel(self, up: float) -> None:
         """Zooms with the mouse wheel."""
@@ -107,25 +107,30 @@ class ViewportInput:
     @property
     def busy(self) -> bool:
         """Returns True if a button is held."""
-        return self._held is not None
+        return self._held_button is not None
 
     def key(self, key: str) -> bool:
         """Handles a key such as "c", "space", "ctrl+z" or "ctrl+shift+v".
 
         Returns whether it had an effect.
         """
-        return self.first(key) or self.tool.type(key) or self.actions.press(key)
+        return self.key_filter(key) or self.tool.type(key) or self.actions.press(key)
 
-    def drop(self) -> None:
+    def cancel_tool(self) -> None:
         """Cancels the tool's current operation."""
         self.tool.cancel()
-        self._let_go()
+        self._release_button()
 
-    def _let_go(self) -> None:
+    def _release_button(self) -> None:
         """Releases the button. Playback that a stroke of a tool interrupted continues."""
-        if self._with_tool and self._plays_on:
+        if self._is_tool_drag and self._resumes_playback:
             self.editor.playing = True
-        self._held, self._grabbed, self._with_tool, self._plays_on = None, None, False, False
+        self._held_button, self._grabbed_handles, self._is_tool_drag, self._resumes_playback = (
+            None,
+            None,
+            False,
+            False,
+        )
 
 
 def make_tool_action(user_input: ViewportInput, kind: type[Tool]) -> Action:
@@ -135,7 +140,7 @@ def make_tool_action(user_input: ViewportInput, kind: type[Tool]) -> Action:
         "Tools",
         kind.label,
         (kind.key,),
-        lambda: user_input.take(kind.name),
+        lambda: user_input.activate_tool(kind.name),
         is_on=lambda: user_input.tool.name == kind.name,
         icon=kind.icon,
     )

@@ -26,7 +26,7 @@ from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.picking import Lens
-from enliven_viewer.studio.viewport.project_length import length_of
+from enliven_viewer.studio.viewport.project_length import measure_project_length
 from enliven_viewer.studio.viewport.selection import Selection
 from enliven_viewer.studio.viewport.snapping import Snapping
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
@@ -51,7 +51,7 @@ class Editor:
         self.history = History(project or Project())
         self.draft: Project | None = None
         self.camera = OrbitCamera(self.settings.render.opening)
-        self.moves, self.look = CameraMoves(), self.settings.render.look
+        self.camera_moves, self.look = CameraMoves(), self.settings.render.look
         self.size: tuple[float, float] = (float(self.settings.width), float(self.settings.height))
         self.selection = Selection()
         self.snapping = Snapping()
@@ -59,14 +59,14 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
-        self.keying = False  # Auto-key mode: posing a bone sets a key at the playhead.
-        self.growing = 0.0  # This is the time in seconds that a running recording has reached.
+        self.is_auto_key = False  # Auto-key mode: posing a bone sets a key at the playhead.
+        self.recorded_until_s = 0.0  # This is the time in seconds that a running recording has reached.
         # These are the seconds at which recordings begin and end (punch-in and punch-out).
-        self.marked: tuple[float, float] | None = None
+        self.marked_range: tuple[float, float] | None = None
         self.live_box: Box | None = None  # The bounds of the live characters, in metres.
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
-        self.solving = MotionSolver(self.toasts)
+        self.motion_solver = MotionSolver(self.toasts)
         self.background = BackgroundTask(self.toasts, tr("Other work is still running"))
         self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.stage_puppet})
 
@@ -78,7 +78,7 @@ class Editor:
     @property
     def length(self) -> float:
         """Returns the duration of the project in seconds."""
-        return max(length_of(self.project, self.settings.shortest), self.growing)
+        return max(measure_project_length(self.project, self.settings.shortest), self.recorded_until_s)
 
     @property
     def lens(self) -> Lens:
@@ -121,9 +121,9 @@ class Editor:
         Raises:
             InputError: if no character has the id.
         """
-        return self._stage.of(character_id)
+        return self._stage.find(character_id)
 
-    def chosen(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
+    def find_selected(self, rig: type[R] = RigBase) -> R | None:  # type: ignore[assignment]
         """Returns the selected character if it has this type of rig.
 
         Returns None if no character is selected, or one of another type.
@@ -131,15 +131,15 @@ class Editor:
         character = self.project.characters.get(self.selection.character or "")
         return character if isinstance(character, rig) else None
 
-    def begin(self, project: Project) -> None:
+    def open_project(self, project: Project) -> None:
         """Opens another project, with an empty history."""
         self.history, self.draft = History(project), None
         self.puppets.accept()
-        self.selection, self.time, self.playing, self.marked = Selection(), 0.0, False, None
+        self.selection, self.time, self.playing, self.marked_range = Selection(), 0.0, False, None
         self.frame_all()
 
     @property
-    def chosen_all(self) -> tuple[RigBase, ...]:
+    def selected_characters(self) -> tuple[RigBase, ...]:
         """Returns every selected character, in the project's order."""
         return tuple(
             character
@@ -162,7 +162,7 @@ class Editor:
         self._clean_selection()
         return True
 
-    def sketch(self, change: Edit) -> None:
+    def preview_edit(self, change: Edit) -> None:
         """Previews an edit during a drag, without adding it to the history."""
         self.draft = self._try_edit(change)
 
@@ -209,7 +209,7 @@ class Editor:
 
     def select(self, **changes: object) -> None:
         """Changes parts of the selection. Another character clears handle, chain and layer."""
-        self.selection = self.selection.changed(**changes)
+        self.selection = self.selection.with_changes(**changes)
 
     def choose(self, character: str | None, handle: int | None = None) -> None:
         """Selects only this character, and optionally one of its handles."""
@@ -217,7 +217,7 @@ class Editor:
 
     def choose_all(self, *characters: str) -> None:
         """Selects these characters; the last one is the active one."""
-        self.selection = Selection.of(*characters)
+        self.selection = Selection.from_ids(*characters)
 
     def toggle(self, character: str) -> None:
         """Adds a character to the selection, or removes it."""
@@ -227,38 +227,42 @@ class Editor:
 
     def advance(self, seconds: float) -> None:
         """Advances the playhead, camera and messages by a time step."""
-        self.moves.advance(self.camera, self._followed_box(), seconds)
+        self.camera_moves.advance(self.camera, self._find_subject_box(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
         self.background.poll()
         if self.playing and self.draft is None:
-            self._play_on(seconds * self.speed)
+            self._advance_playhead(seconds * self.speed)
 
-    def _play_on(self, seconds: float) -> None:
+    def _advance_playhead(self, seconds: float) -> None:
         """Advances the playhead. Within the marked range it loops back to the in point.
 
         A playhead beyond the out point continues to the end, so that the rest can be played without removing
         the range.
         """
         first, last = 0.0, self.length
-        if self.marked is not None and self.growing <= 0.0 and self.time <= min(self.marked[1], self.length):
-            first, last = self.marked[0], min(self.marked[1], self.length)
+        if (
+            self.marked_range is not None
+            and self.recorded_until_s <= 0.0
+            and self.time <= min(self.marked_range[1], self.length)
+        ):
+            first, last = self.marked_range[0], min(self.marked_range[1], self.length)
         self.time += seconds
         if self.time > last:
             wraps = self.loop and last > first
             self.time = first + (self.time - first) % (last - first) if wraps else last
             self.playing = self.playing and self.loop
 
-    def mark(self, end: int) -> None:
+    def set_loop_point(self, end: int) -> None:
         """Sets the in point (0) or the out point (1) to the playhead."""
-        first, last = self.marked or (0.0, self.length)
+        first, last = self.marked_range or (0.0, self.length)
         marked = (self.time, last) if end == 0 else (first, self.time)
         # If the marked range would become too short, move its other end to the start or the end of the
         # project.
         if marked[1] - marked[0] <= SHORTEST_RANGE_S:
             marked = (self.time, self.length) if end == 0 else (0.0, self.time)
-        self.marked = marked if marked[1] - marked[0] > SHORTEST_RANGE_S else None
+        self.marked_range = marked if marked[1] - marked[0] > SHORTEST_RANGE_S else None
 
     def scrub(self, time: float) -> None:
         """Stops playback and moves the playhead to a time."""
@@ -273,16 +277,16 @@ class Editor:
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
         """Moves the camera so that all characters are visible."""
-        self._frame(self.box(), at_once=at_once, reset=reset)
+        self._frame_box(self.measure_bounds(), at_once=at_once, reset=reset)
 
     def frame_path(self) -> None:
         """Moves the camera so that all characters are visible on the whole path of the selection.
 
         Without a selection, the paths of all characters are visible.
         """
-        box = self.box()
+        box = self.measure_bounds()
         if box is None:
-            self._frame(None)
+            self._frame_box(None)
             return
         corner_points = [np.stack(box)]
         chosen = [
@@ -294,34 +298,34 @@ class Editor:
                 corner_points.append(
                     sample_path_boxes(*self._solve_character(character.id), self.time, extent)
                 )
-        self._frame(find_bounds(corner_points))
+        self._frame_box(find_bounds(corner_points))
 
     def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
-        return self.solving.shown(self.project, name)
+        return self.motion_solver.find_shown(self.project, name)
 
-    def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
+    def _frame_box(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)
         self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, margin=_FRAMING_MARGIN)
 
-    def next_look(self) -> None:
+    def switch_look(self) -> None:
         """Switches the stage to the next look."""
         names = list(LOOKS)
         self.look = names[(names.index(self.look) + 1) % len(names)]
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
-    def _followed_box(self) -> Box | None:
+    def _find_subject_box(self) -> Box | None:
         """Returns the bounding box of the camera's subject: the selected characters, or all.
 
         Returns None if following is off.
         """
-        if not self.moves.follow:
+        if not self.camera_moves.follow:
             return None
         visible = self.visible_characters
         chosen = [character for character in visible if character.id in self.selection.characters]
         return find_bounds([character.extent for character in chosen or visible])
 
-    def box(self) -> Box | None:
+    def measure_bounds(self) -> Box | None:
         """Returns the bounding box of all visible and live characters; None if there are none."""
         points = [
             find_visible_points(character.handles, character.vertices)
@@ -343,5 +347,5 @@ class Editor:
 
     def _clean_selection(self) -> None:
         """Removes from the selection what the project no longer contains."""
-        self.selection = self.selection.within(self.project)
+        self.selection = self.selection.restricted_to(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.document import Project, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.studio.viewport.picking import Lens
 
 _COPY_GAP_M = 0.3
@@ -31,7 +31,7 @@ def sample_path_boxes(project: Project, character: RigBase, time: float, extent:
         time: time in seconds that `extent` belongs to.
         extent: (N, 3) metres, points of its surface at that time.
     """
-    player = rig_of(character).player(project, character)
+    player = get_rig_edits(character).player(project, character)
     end = project.end_of(character)
     moments = np.linspace(0.0, end, _PATH_SAMPLES) if end > 0.0 else [0.0]
 
@@ -69,8 +69,8 @@ def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
 def find_side_offset(lens: Lens, characters: Sequence[RigBase]) -> Float:
     """Returns an offset (3,) in metres to the right of the view, by about the width of the characters."""
     right = lens.view.camera_from_world[0, :3]
-    width = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
-    spread = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
+    width = max(float(np.ptp(get_rig_edits(character).rest(character) @ right)) for character in characters)
+    spread = float(np.ptp([get_rig_edits(character).centre(character) @ right for character in characters]))
     offset = np.asarray(right * (width + spread + _COPY_GAP_M))
     offset[1] = 0.0
     return offset

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from enliven.arrays import Float
 from enliven.document import Pose, Project, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.studio.viewport.colours import DrawnMeshes
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
@@ -32,17 +32,17 @@ class StudioStage:
     """
 
     def __init__(self, editor: ShownState, solved: Mapping[str, Callable[[RigBase], StageCharacter]]) -> None:
-        self._editor, self._solved = editor, solved
+        self._editor, self._placing_functions = editor, solved
         self._meshes = DrawnMeshes()
         self._players: dict[str, tuple[tuple[object, ...], Callable[[float], tuple[Pose, Float]]]] = {}
-        self._known: tuple[Project, float, dict[str, StageCharacter]] | None = None
+        self._cache: tuple[Project, float, dict[str, StageCharacter]] | None = None
 
     @property
     def characters(self) -> tuple[StageCharacter, ...]:
         """Returns all characters, in the project's order."""
-        return tuple(self.of(name) for name in self._editor.project.characters)
+        return tuple(self.find(name) for name in self._editor.project.characters)
 
-    def of(self, character_id: str) -> StageCharacter:
+    def find(self, character_id: str) -> StageCharacter:
         """Returns one of the characters.
 
         Raises:
@@ -50,14 +50,14 @@ class StudioStage:
         """
         project, time = self._editor.project, self._editor.time
         character = project.character(character_id)
-        if character.kind in self._solved:
-            return self._solved[character.kind](character)
-        if self._known is None or self._known[0] is not project or self._known[1] != time:
-            self._known = (project, time, {})
+        if character.kind in self._placing_functions:
+            return self._placing_functions[character.kind](character)
+        if self._cache is None or self._cache[0] is not project or self._cache[1] != time:
+            self._cache = (project, time, {})
             self._players = {
                 name: player for name, player in self._players.items() if name in project.characters
             }
-        characters = self._known[2]
+        characters = self._cache[2]
         if character_id not in characters:
             characters[character_id] = self._place_character(project, character, time)
         return characters[character_id]
@@ -69,5 +69,8 @@ class StudioStage:
         takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
         needs = (character, *takes)
         if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:
-            cached = self._players[character.id] = (needs, rig_of(character).player(project, character))
-        return StageCharacter(character, self._meshes.of(character), *cached[1](time))
+            cached = self._players[character.id] = (
+                needs,
+                get_rig_edits(character).player(project, character),
+            )
+        return StageCharacter(character, self._meshes.get_mesh(character), *cached[1](time))

@@ -15,7 +15,7 @@ from enliven.errors import EnlivenError
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import collect_material, missing
 from enliven.examples.puppet_solve import convert_to_reference
-from enliven.examples.suggest import SuggestedPoses, distance_to, further_poses, suggest_poses
+from enliven.examples.suggest import SuggestedPoses, distance_to, suggest_further_poses, suggest_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,19 +24,20 @@ class TakeCoverage:
 
     Attributes:
         take: id of the take.
-        away: (F,) distance of each frame from the nearest example, relative to the largest distance without
-            examples; zeros without examples.
+        distances: (F,) distance of each frame from the nearest example, relative to the largest distance
+            without examples; zeros without examples.
         frames: frames of the missing key poses, most needed first.
         needed: number of these that are sufficient.
-        left: largest distance that remains with these key poses, in the unit of ``away``.
+        remaining_distance: largest distance that remains with these key poses, in the unit of
+            ``distances``.
         step: seconds between frames.
     """
 
     take: str
-    away: Float
+    distances: Float
     frames: tuple[int, ...]
     needed: int
-    left: float
+    remaining_distance: float
     step: float
 
     @property
@@ -49,10 +50,10 @@ class CoverageCache:
     """A cache of the coverage of the last few takes."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
-        self._alone: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
+        self._coverages: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
+        self._suggestions: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
-    def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
+    def find_coverage(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
         """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
         clip = project.takes[take]
         shown = tuple(project.takes[pose.take] for pose in puppet.poses)
@@ -61,10 +62,10 @@ class CoverageCache:
         values = (clip, puppet.mesh, puppet.symmetry, *shown)
         plays = any(layer.take == take for layer in puppet.layers)
         key = (puppet.id, take, marks, paired, plays)
-        cached = self._known.get(key)
+        cached = self._coverages.get(key)
         if cached is None or any(a is not b for a, b in zip(cached[0], values, strict=True)):
             cached = (values, self._compute_coverage(project, puppet, clip, take))
-            self._known = {**dict(list(self._known.items())[-7:]), key: cached}
+            self._coverages = {**dict(list(self._coverages.items())[-7:]), key: cached}
         return cached[1]
 
     def _compute_coverage(
@@ -88,7 +89,7 @@ class CoverageCache:
                 without_examples = suggest_poses(poses)
             except EnlivenError:
                 return None
-        suggestions = further_poses(poses, example_poses)
+        suggestions = suggest_further_poses(poses, example_poses)
         distances = distance_to(poses, example_poses) / without_examples.gaps[0]
         return TakeCoverage(
             take,
@@ -102,7 +103,7 @@ class CoverageCache:
     def _suggest_poses(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
         """Returns the suggested key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
-        cached = self._alone.get(key)
+        cached = self._suggestions.get(key)
         if cached is None or cached[0] is not clip:
             poses = performed(clip, joints).poses
             try:
@@ -110,7 +111,7 @@ class CoverageCache:
             except EnlivenError:
                 suggested = None
             cached = (clip, suggested, poses)
-            self._alone = {**dict(list(self._alone.items())[-3:]), key: cached}
+            self._suggestions = {**dict(list(self._suggestions.items())[-3:]), key: cached}
         return cached[1], cached[2]
 
 

@@ -2,7 +2,7 @@
 
 solving = MotionSolver(editor.toasts)
 project, puppet = solving.newest_solution(project, "cactus")       # the newest with solved motions
-state = state_of(project, puppet, time)                  # so this costs nothing
+state = evaluate_state(project, puppet, time)            # so this costs nothing
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven_viewer.studio.toasts import Toasts
 
 _MAX_WAIT_S = 0.012
@@ -28,7 +28,7 @@ class _Request:
     project: Project
     puppet: Puppet
 
-    def same(self, other: _Request | None) -> bool:
+    def matches(self, other: _Request | None) -> bool:
         """Returns True if another request is for the same motions, that is, the same puppet and takes."""
         if other is None or other.puppet is not self.puppet:
             return False
@@ -40,11 +40,11 @@ class _SolveState:
     """The state of solving for one puppet."""
 
     def __init__(self) -> None:
-        self.good: _Request | None = None
-        self.asked: _Request | None = None
+        self.solved: _Request | None = None
+        self.requested: _Request | None = None
         self.future: Future[None] | None = None
         self.problem: EnlivenError | None = None
-        self.told = ""
+        self.reported_problem = ""
 
 
 class MotionSolver:
@@ -59,9 +59,9 @@ class MotionSolver:
         self.patience = patience
         self._toasts = toasts
         self._pool: ThreadPoolExecutor | None = None
-        self._known: dict[str, _SolveState] = {}
+        self._states: dict[str, _SolveState] = {}
 
-    def shown(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
+    def find_shown(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
         """Returns a character that can be shown now: a puppet with its newest solution, or any other
         character unchanged."""
         if character_id in project.puppets:
@@ -74,41 +74,41 @@ class MotionSolver:
         The returned puppet may have other control points than the project's, so draw the returned one.
         """
         request = _Request(project, project.puppets[puppet_id])
-        solved = self._known.setdefault(puppet_id, _SolveState())
-        if request.same(solved.good) and solved.problem is None:
-            assert solved.good is not None
-            return solved.good.project, request.puppet
+        solved = self._states.setdefault(puppet_id, _SolveState())
+        if request.matches(solved.solved) and solved.problem is None:
+            assert solved.solved is not None
+            return solved.solved.project, request.puppet
         if not request.puppet.layers or missing(project, request.puppet):
-            solved.good = solved.problem = None
+            solved.solved = solved.problem = None
             return project, request.puppet.with_changes(
                 layers=()
             ) if request.puppet.layers else request.puppet
-        self._ask(solved, request)
-        if solved.good is None:
+        self._request_solution(solved, request)
+        if solved.solved is None:
             return project, request.puppet.with_changes(layers=())
-        return solved.good.project, solved.good.puppet
+        return solved.solved.project, solved.solved.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
         """Returns the error of a puppet's newest motions; None if they can be solved."""
-        solved = self._known.get(puppet_id)
+        solved = self._states.get(puppet_id)
         return solved.problem if solved else None
 
     def busy(self, puppet_id: str) -> bool:
         """Returns True if a motion of the puppet is being solved."""
-        solved = self._known.get(puppet_id)
+        solved = self._states.get(puppet_id)
         return solved is not None and solved.future is not None
 
     def settle(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
-        """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.
+        """Returns the same as :meth:`find_shown`, but waits until the motion is solved or refused.
 
         For sessions without a window.
         """
-        shown = self.shown(project, character_id)
+        shown = self.find_shown(project, character_id)
         while self.busy(character_id):
-            future = self._known[character_id].future
+            future = self._states[character_id].future
             if future is not None:
                 wait_for([future])
-            shown = self.shown(project, character_id)
+            shown = self.find_shown(project, character_id)
         return shown
 
     def close(self) -> None:
@@ -117,23 +117,23 @@ class MotionSolver:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
-    def _ask(self, solved: _SolveState, request: _Request) -> None:
+    def _request_solution(self, solved: _SolveState, request: _Request) -> None:
         """Starts solving a request unless it was refused before.
 
         Waits for it at most as long as a frame may take.
         """
         if solved.future is None:
-            if request.same(solved.asked) and solved.problem is not None:
+            if request.matches(solved.requested) and solved.problem is not None:
                 return
-            solved.asked, solved.future = request, self._begin(request)
+            solved.requested, solved.future = request, self._begin(request)
             # Wait only once, because other panels request the result in the same frame.
             wait_for([solved.future], timeout=self.patience)
         if not solved.future.done():
             return
-        error, asked = solved.future.exception(), solved.asked
+        error, asked = solved.future.exception(), solved.requested
         solved.future = None
         if error is None:
-            solved.good, solved.problem = asked, None
+            solved.solved, solved.problem = asked, None
         else:
             self._store_error(solved, error)
 
@@ -144,13 +144,14 @@ class MotionSolver:
 
     def _store_error(self, solved: _SolveState, error: BaseException) -> None:
         """Stores the error, and reports it once."""
-        if solved.told == str(error) and solved.problem is not None:
+        if solved.reported_problem == str(error) and solved.problem is not None:
             return
-        solved.told, solved.problem = str(error), self._toasts.tell(error)
+        solved.reported_problem, solved.problem = str(error), self._toasts.tell(error)
 
 
 def _solve(request: _Request) -> None:
-    """Solves every audible motion into the cache of :func:`enliven.examples.puppet_motion.motion_of`."""
+    """Solves every audible motion into the cache of
+    :func:`enliven.examples.puppet_motion.solve_layer_motion`."""
     for number, layer in enumerate(request.puppet.layers):
         if not layer.muted and layer.weight > 0.0:
-            motion_of(request.project, request.puppet, number)
+            solve_layer_motion(request.project, request.puppet, number)

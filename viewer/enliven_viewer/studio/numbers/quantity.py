@@ -48,8 +48,8 @@ class Quantity:
         units = {**self.units, **{{"percent": "%"}.get(name, name): factor for name, factor in more.items()}}
         reader = _Reader(_split_tokens(typed), {name.lower(): factor for name, factor in units.items()})
         value = reader.sum()
-        if reader.left or not math.isfinite(value):
-            raise reader.refused()
+        if reader.remaining_tokens or not math.isfinite(value):
+            raise reader.make_error()
         return value
 
 
@@ -75,43 +75,45 @@ class _Reader:
     """A parser of tokens as a sum of products of numbers with units."""
 
     def __init__(self, tokens: list[str], units: Mapping[str, float]) -> None:
-        self.left, self._units = tokens[::-1], units
+        self.remaining_tokens, self._units = tokens[::-1], units
 
     def sum(self) -> float:
-        value = self._product()
-        while self.left and self.left[-1] in "+-":
-            value += self._product() if self.left.pop() == "+" else -self._product()
+        value = self._read_product()
+        while self.remaining_tokens and self.remaining_tokens[-1] in "+-":
+            value += self._read_product() if self.remaining_tokens.pop() == "+" else -self._read_product()
         return value
 
-    def _product(self) -> float:
-        value = self._value()
-        while self.left and self.left[-1] in "*/":
-            times, by = self.left.pop() == "*", self._value()
+    def _read_product(self) -> float:
+        value = self._read_value()
+        while self.remaining_tokens and self.remaining_tokens[-1] in "*/":
+            times, by = self.remaining_tokens.pop() == "*", self._read_value()
             if not times and by == 0.0:
-                raise self.refused(tr("it divides by zero"))
+                raise self.make_error(tr("it divides by zero"))
             value = value * by if times else value / by
         return value
 
-    def _value(self) -> float:
-        token = self.left.pop() if self.left else ""
+    def _read_value(self) -> float:
+        token = self.remaining_tokens.pop() if self.remaining_tokens else ""
         if token in ("-", "+"):
-            return self._value() if token == "+" else -self._value()
+            return self._read_value() if token == "+" else -self._read_value()
         if token == "(":
             value = self.sum()
-            if not self.left or self.left.pop() != ")":
-                raise self.refused(tr("a bracket is not closed"))
+            if not self.remaining_tokens or self.remaining_tokens.pop() != ")":
+                raise self.make_error(tr("a bracket is not closed"))
         elif token[:1].isdecimal() or token[:1] == ".":
             value = float(token)
         else:
-            raise self.refused()
-        if self.left and (self.left[-1].isalpha() or self.left[-1] in "%°"):
-            unit = self.left.pop()
+            raise self.make_error()
+        if self.remaining_tokens and (
+            self.remaining_tokens[-1].isalpha() or self.remaining_tokens[-1] in "%°"
+        ):
+            unit = self.remaining_tokens.pop()
             if unit.lower() not in self._units:
-                raise self.refused(tr("{0} is not a unit here", unit))
+                raise self.make_error(tr("{0} is not a unit here", unit))
             value *= self._units[unit.lower()]
         return value
 
-    def refused(self, problem: str = "") -> InputError:
+    def make_error(self, problem: str = "") -> InputError:
         unit_names = ", ".join(self._units)
         return InputError(
             problem or tr("that is not a number"),

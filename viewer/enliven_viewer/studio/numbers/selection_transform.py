@@ -25,7 +25,7 @@ class SelectionTransform:
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
-        self._known: tuple[Project, Selection, float, tuple[Float, Float] | None] | None = None
+        self._bounds_cache: tuple[Project, Selection, float, tuple[Float, Float] | None] | None = None
 
     @property
     def box(self) -> tuple[Float, Float] | None:
@@ -33,12 +33,12 @@ class SelectionTransform:
 
         Returns None without a selection.
         """
-        editor, cached = self.editor, self._known
+        editor, cached = self.editor, self._bounds_cache
         same = cached is not None and cached[0] is editor.project and cached[1] == editor.selection
         if cached is None or not same or not (editor.playing or cached[2] == editor.time):
             # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
             # would cost frames.
-            cached = self._known = (
+            cached = self._bounds_cache = (
                 editor.project,
                 editor.selection,
                 editor.time,

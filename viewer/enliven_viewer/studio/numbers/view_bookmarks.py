@@ -61,7 +61,7 @@ def store_view(editor: Editor, name: str) -> None:
 def restore_view(editor: Editor, name: str) -> None:
     """Restores a stored view."""
     mark = editor.project.views[name]
-    editor.moves.follow = editor.moves.turntable = False
+    editor.camera_moves.follow = editor.camera_moves.turntable = False
     editor.camera.go(mark.target, mark.azimuth, mark.elevation, mark.distance)
 
 

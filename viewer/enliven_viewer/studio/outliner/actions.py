@@ -19,7 +19,7 @@ def require_single_shape(action: Action, editor: Editor) -> Action:
 
     def lacks() -> str:
         reason = "Several shapes are chosen. Choose one of them alone first."
-        return reason if editor.selection.several else action.why_not()
+        return reason if editor.selection.has_several else action.why_not()
 
     return replace(action, why_not=lacks)
 
@@ -57,7 +57,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:
-        return tuple(character.id for character in editor.chosen_all)
+        return tuple(character.id for character in editor.selected_characters)
 
     def lacks() -> str:
         return "" if chosen() else "Nothing is chosen. Click a shape first."
@@ -76,12 +76,12 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
 
     def step(direction: int) -> None:
         name = editor.selection.character or ""
-        outliner.move(name, outliner.place_of(name) + direction)
+        outliner.move(name, outliner.find_place(name) + direction)
 
     def lacks_place(direction: int) -> str:
-        if lacks() or editor.selection.several:
+        if lacks() or editor.selection.has_several:
             return lacks() or "Several shapes are chosen. Choose one to move it in the list."
-        place = outliner.place_of(editor.selection.character or "") + direction
+        place = outliner.find_place(editor.selection.character or "") + direction
         inside = 0 <= place < len(editor.project.characters)
         return "" if inside else "It is at the end of the list."
 

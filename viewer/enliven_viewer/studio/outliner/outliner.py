@@ -34,23 +34,27 @@ class Outliner:
     """
 
     def __init__(self, editor: Editor, live: Callable[[], tuple[str, ...]] = lambda: ()) -> None:
-        self.editor, self._live = editor, live
+        self.editor, self._get_live = editor, live
         self.typed = self.renaming = self.draft = ""
         self.opened = {f"{GROUP} {name}" for name in ("shapes", "takes", "live")}
         self.live_hidden = False
         self.share = _HEIGHT_FRACTION
         self.followed: str | None = None
-        self._anchor = ""
-        self._known: tuple[tuple[object, ...], tuple[Row, ...]] | None = None
+        self._range_start = ""
+        self._cached_rows: tuple[tuple[object, ...], tuple[Row, ...]] | None = None
 
     @property
     def rows(self) -> tuple[Row, ...]:
         """Returns the visible rows."""
-        project, live = self.editor.project, self._live()
+        project, live = self.editor.project, self._get_live()
         key = (project, live, frozenset(self.opened), self.typed, language_in_use())
-        if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
-            self._known = (key, make_rows(project, live, self.opened, self.typed))
-        return self._known[1]
+        if (
+            self._cached_rows is None
+            or self._cached_rows[0][0] is not project
+            or self._cached_rows[0][1:] != key[1:]
+        ):
+            self._cached_rows = (key, make_rows(project, live, self.opened, self.typed))
+        return self._cached_rows[1]
 
     def fold(self, row: Row) -> None:
         """Folds or unfolds a row."""
@@ -76,12 +80,12 @@ class Outliner:
             editor.toggle(row.id)
         elif row.kind == CHARACTER:
             editor.choose(row.id)
-        self._anchor = row.id
+        self._range_start = row.id
 
     def _select_range(self, name: str) -> None:
         """Selects all characters between the previously clicked one and this one."""
         names = [row.id for row in self.rows if row.kind == CHARACTER]
-        start = self._anchor if self._anchor in names else (self.editor.selection.character or name)
+        start = self._range_start if self._range_start in names else (self.editor.selection.character or name)
         first, last = (names.index(end) if end in names else names.index(name) for end in (start, name))
         low, high = min(first, last), max(first, last)
         between = [other for other in names[low : high + 1] if other != name]
@@ -128,7 +132,7 @@ class Outliner:
 
     # Visibility, locks and order --------------------------------------------------------------------------
 
-    def handling(self, name: str) -> DisplayState:
+    def find_handling(self, name: str) -> DisplayState:
         """Returns the visibility and lock state of a character."""
         return self.editor.project.handling.get(name, FREE)
 
@@ -163,6 +167,6 @@ class Outliner:
                 later("reorder {0}", name), lambda project: order_characters(project, name, place)
             )
 
-    def place_of(self, name: str) -> int:
+    def find_place(self, name: str) -> int:
         """Returns the position of a character in the list."""
         return list(self.editor.project.characters).index(name)

@@ -12,7 +12,7 @@ from enliven_viewer.studio.app.style import draw_note, push_colours
 from enliven_viewer.studio.panels.files.export_options import draw_export_options
 from enliven_viewer.studio.panels.history import draw_history
 from enliven_viewer.studio.panels.key_list import draw_key_list
-from enliven_viewer.studio.panels.modal import button, choice, modal
+from enliven_viewer.studio.panels.modal import draw_button, draw_choice, open_modal
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
 from enliven_viewer.studio.panels.saving.changed_file import draw_changed_file
@@ -56,7 +56,7 @@ def _draw_file_dialog(workspace: Workspace) -> None:
     browser = workspace.browser
     if browser is None:
         return
-    with modal(_TITLES[workspace.asking], *_DIALOG_SIZE) as shown:
+    with open_modal(_TITLES[workspace.asking], *_DIALOG_SIZE) as shown:
         if shown:
             _draw_browser(workspace, browser)
 
@@ -93,7 +93,7 @@ def _draw_browser(workspace: Workspace, browser: FileBrowser) -> None:
     workspace.remember("file name")
     with push_colours(WAIT, imgui.Col_.text):
         imgui.text_unformatted(browser.refusal)
-    if choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
+    if draw_choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(workspace, browser)
 
 
@@ -163,11 +163,11 @@ def _shorten_path(text: str, max_width: float) -> str:
 def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     """Finishes the file dialogue, or shows an error if the choice cannot be used."""
     try:
-        path = browser.chosen()
+        path = browser.get_path()
     except EnlivenError as error:
         browser.refusal, browser.awaits_retry = f"{error.what}. {error.remedy}", True
         return
-    workspace.attempt(lambda: workspace.chosen(path))
+    workspace.attempt(lambda: workspace.finish_file_dialog(path))
 
 
 def _draw_recovery(workspace: Workspace) -> None:
@@ -176,7 +176,7 @@ def _draw_recovery(workspace: Workspace) -> None:
     if not recovery_files:
         workspace.asking = ""
         return
-    with modal("Unsaved work was found", 460) as shown:
+    with open_modal("Unsaved work was found", 460) as shown:
         if not shown:
             return
         imgui.text_wrapped(
@@ -186,15 +186,15 @@ def _draw_recovery(workspace: Workspace) -> None:
             )
         )
         imgui.dummy(ImVec2(0, 6))
-        if button(workspace, "Recover"):
+        if draw_button(workspace, "Recover"):
             workspace.asking = ""
             workspace.attempt(lambda: workspace.store.recover(recovery_files[0]))
         imgui.same_line()
-        if button(workspace, "Throw away"):
+        if draw_button(workspace, "Throw away"):
             workspace.asking = ""
             workspace.store.discard(recovery_files)
         imgui.same_line()
-        if button(workspace, "Later"):
+        if draw_button(workspace, "Later"):
             workspace.asking = ""
 
 

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.table import ActionTable
 from enliven_viewer.studio.app.style import draw_note
-from enliven_viewer.studio.panels.modal import button, modal
+from enliven_viewer.studio.panels.modal import draw_button, open_modal
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 _DIALOG_SIZE = (1000.0, 580.0)
@@ -28,7 +28,7 @@ _MOUSE_ACTIONS = (
 def draw_key_list(workspace: Workspace) -> None:
     """Draws the list in as many columns as fit. It scrolls in a small window."""
     parts = make_parts(workspace.actions)
-    with modal("Keys", *_DIALOG_SIZE) as shown:
+    with open_modal("Keys", *_DIALOG_SIZE) as shown:
         if not shown:
             return
         imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - 10))
@@ -47,7 +47,7 @@ def draw_key_list(workspace: Workspace) -> None:
             imgui.end_group()
             imgui.same_line()
         imgui.end_child()
-        if button(workspace, "Close") or imgui.is_key_pressed(imgui.Key.escape):
+        if draw_button(workspace, "Close") or imgui.is_key_pressed(imgui.Key.escape):
             workspace.cancel()
 
 
@@ -68,8 +68,8 @@ def make_parts(actions: ActionTable) -> list[Part]:
                 if action.workspaces
                 else tr(menu)
             )
-            if actions.keys_of(action):
-                parts.setdefault(title, []).append((actions.shown_key(action), tr(action.label)))
+            if actions.find_shortcuts(action):
+                parts.setdefault(title, []).append((actions.format_shortcut(action), tr(action.label)))
     return list(parts.items())
 
 

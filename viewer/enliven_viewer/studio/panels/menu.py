@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.app.fields import action_tip
+from enliven_viewer.studio.app.fields import draw_action_tooltip
 from enliven_viewer.studio.panels.stage.workspace_tabs import measure_tabs
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -71,11 +71,11 @@ def _draw_entries(workspace: Workspace, group: str, actions: list[Action], *, fi
 def _draw_entry(workspace: Workspace, action: Action) -> None:
     """Draws one menu entry; grey if the action is unavailable."""
     actions, on = workspace.actions, action.is_on is not None and action.is_on()
-    key, possible = actions.shown_key(action), not action.why_not()
+    key, possible = actions.format_shortcut(action), not action.why_not()
     if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
         actions.do(action.id)
     workspace.remember(f"menu {action.place}")
-    action_tip(workspace, action.id)
+    draw_action_tooltip(workspace, action.id)
 
 
 def _draw_recent_files(workspace: Workspace) -> None:

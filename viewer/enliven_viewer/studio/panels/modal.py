@@ -18,7 +18,7 @@ _MARGIN = 24.0
 
 
 @contextmanager
-def modal(title: str, width: float, height: float = 0.0, flags: int = 0) -> Iterator[bool]:
+def open_modal(title: str, width: float, height: float = 0.0, flags: int = 0) -> Iterator[bool]:
     """Opens a centred dialogue with a size in pixels; 0 fits the contents. Yields True if it is drawn."""
     title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
@@ -32,7 +32,7 @@ def modal(title: str, width: float, height: float = 0.0, flags: int = 0) -> Iter
         imgui.end_popup()
 
 
-def button(workspace: Workspace, label: str) -> bool:
+def draw_button(workspace: Workspace, label: str) -> bool:
     """Draws a dialogue button and records its place. Returns True if it was pressed."""
     width = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
     pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(width, 0))
@@ -40,13 +40,13 @@ def button(workspace: Workspace, label: str) -> bool:
     return bool(pressed)
 
 
-def choice(workspace: Workspace, yes: str, no: str) -> bool:
+def draw_choice(workspace: Workspace, yes: str, no: str) -> bool:
     """Draws two buttons.
 
     Returns whether the first was pressed. The second, and Escape, close the dialogue.
     """
-    pressed = button(workspace, yes)
+    pressed = draw_button(workspace, yes)
     imgui.same_line()
-    if button(workspace, no) or imgui.is_key_pressed(imgui.Key.escape):
+    if draw_button(workspace, no) or imgui.is_key_pressed(imgui.Key.escape):
         workspace.cancel()
     return pressed

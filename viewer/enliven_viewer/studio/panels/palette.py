@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.style import pack_colour
-from enliven_viewer.studio.panels.modal import modal
+from enliven_viewer.studio.panels.modal import open_modal
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
@@ -17,7 +17,7 @@ _DIALOG_SIZE = (600.0, 420.0)
 
 def draw_palette(workspace: Workspace) -> None:
     """Draws the palette while it is open."""
-    with modal("Find an action", *_DIALOG_SIZE) as shown:
+    with open_modal("Find an action", *_DIALOG_SIZE) as shown:
         if not shown:
             return
         finding = workspace.finding
@@ -32,15 +32,15 @@ def draw_palette(workspace: Workspace) -> None:
             imgui.InputTextFlags_.enter_returns_true,
         )
         workspace.remember("palette")
-        finding.type(typed)
+        finding.set_text(typed)
         moved = imgui.is_key_pressed(imgui.Key.down_arrow) - imgui.is_key_pressed(imgui.Key.up_arrow)
         if moved:
-            finding.step(moved)
+            finding.move_highlight(moved)
         imgui.begin_child("##found")
         picked = None
         for number, action in enumerate(finding.matches):
-            if _draw_row(workspace, action, number == finding.marked, bool(moved)):
-                finding.marked, picked = number, action
+            if _draw_row(workspace, action, number == finding.highlighted, bool(moved)):
+                finding.highlighted, picked = number, action
         if not finding.matches:
             imgui.text_disabled(tr("Nothing has this name."))
         imgui.end_child()
@@ -65,7 +65,7 @@ def _draw_row(workspace: Workspace, action: Action, marked: bool, follow: bool) 
 
     Returns True if it was clicked.
     """
-    reason, key = action.why_not(), workspace.actions.shown_key(action)
+    reason, key = action.why_not(), workspace.actions.format_shortcut(action)
     position, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, 24))[0]
     workspace.remember(f"palette {action.id}")

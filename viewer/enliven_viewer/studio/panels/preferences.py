@@ -8,11 +8,11 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import LANGUAGES, Texts, tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.imgui_keys import KEYS, held_keys
-from enliven_viewer.studio.actions.keys import key_label
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.actions.imgui_keys import KEYS, find_held_modifiers
+from enliven_viewer.studio.actions.keys import format_key
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_note, push_colours
-from enliven_viewer.studio.panels.modal import button, modal
+from enliven_viewer.studio.panels.modal import draw_button, open_modal
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
@@ -31,7 +31,7 @@ _REMOVE_WIDTH = 42.0
 
 def draw_preferences(workspace: Workspace) -> None:
     """Draws the dialogue while it is open."""
-    with modal("Preferences", *_DIALOG_SIZE) as shown:
+    with open_modal("Preferences", *_DIALOG_SIZE) as shown:
         if not shown:
             return
         _draw_reading_options(workspace)
@@ -43,10 +43,10 @@ def draw_preferences(workspace: Workspace) -> None:
                 _draw_row(workspace, action)
         imgui.end_child()
         _handle_capture(workspace)
-        if button(workspace, "Close") or (imgui.is_key_pressed(imgui.Key.escape) and not asking):
+        if draw_button(workspace, "Close") or (imgui.is_key_pressed(imgui.Key.escape) and not asking):
             workspace.cancel()
         imgui.same_line()
-        imgui.begin_disabled(not workspace.actions.changed)
+        imgui.begin_disabled(not workspace.actions.has_custom_shortcuts)
         if imgui.button(f"{tr('Reset all shortcuts')}###usual"):
             workspace.actions.reset_shortcuts()
         workspace.remember("usual keys")
@@ -78,7 +78,7 @@ def _draw_reading_options(workspace: Workspace) -> None:
     imgui.text_unformatted(tr("Colours"))
     imgui.same_line()
     colours = _draw_choice(workspace, "colours", _PALETTE_LABELS, preferences.colours, -1.0)
-    tooltip("Colours of limbs, performers, takes and control points")
+    draw_tooltip("Colours of limbs, performers, takes and control points")
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Language"))
     imgui.same_line(110)
@@ -108,7 +108,7 @@ def _draw_choice(
 
 def _draw_row(workspace: Workspace, action: Action) -> None:
     """Draws an action with the buttons that change its shortcut."""
-    wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
+    wanted, key = workspace.wanted_key, workspace.actions.format_shortcut(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
     imgui.same_line(imgui.get_content_region_avail().x - _KEY_WIDTH - _REMOVE_WIDTH)
@@ -134,7 +134,7 @@ def _handle_capture(workspace: Workspace) -> None:
     if wanted.action and not wanted.key:
         for name, key in KEYS.items():
             if imgui.is_key_pressed(key, repeat=False):
-                wanted.press(actions, held_keys() + name)
+                wanted.press(actions, find_held_modifiers() + name)
     other = actions.find_conflict(wanted.action, wanted.key) if wanted.key else None
     if other is None:
         draw_note("Click a shortcut to change it. The active tool keeps the keys that its hint names.")
@@ -142,10 +142,10 @@ def _handle_capture(workspace: Workspace) -> None:
         return
     with push_colours(WAIT, imgui.Col_.text):
         imgui.text_unformatted(
-            tr("{0} is already the shortcut of \u201c{1}\u201d.", key_label(wanted.key), tr(other.label))
+            tr("{0} is already the shortcut of \u201c{1}\u201d.", format_key(wanted.key), tr(other.label))
         )
     if imgui.button(f"{_make_reassign_label(actions[wanted.action])}###take"):
-        wanted.take(actions)
+        wanted.assign_key(actions)
     workspace.remember("take the key")
     imgui.same_line()
     if imgui.button(f"{tr('Leave it')}###leave"):

@@ -7,9 +7,9 @@ from imgui_bundle import imgui
 from enliven.document import RigBase, Shape
 from enliven.mapping.model_clips import own_clips, play_own_clip, played_clip
 from enliven_viewer.language import Texts, later, tr, tr_n
-from enliven_viewer.studio.app.fields import action_button, character_name, tooltip
+from enliven_viewer.studio.app.fields import draw_action_button, draw_character_name, draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_panel
-from enliven_viewer.studio.app.transform_fields import draw_numbers
+from enliven_viewer.studio.app.transform_fields import draw_transform_fields
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -45,8 +45,8 @@ def draw_side(workspace: Workspace, area: Area) -> None:
     """Draws the right panel."""
     editor = workspace.editor
     with open_panel("side", area):
-        chosen = editor.chosen()
-        several = editor.selection.several
+        chosen = editor.find_selected()
+        several = editor.selection.has_several
         draw_options = workspace.tool_options.get(workspace.input.tool.name)
         if several:
             _draw_several_actions(workspace)
@@ -54,7 +54,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
             draw_options()
         elif chosen is not None:
             _draw_selection(workspace, chosen)
-        chosen, layer = editor.chosen(), editor.selection.layer
+        chosen, layer = editor.find_selected(), editor.selection.layer
         if chosen is not None and layer is not None and not several:
             for draw_section in workspace.layer_sections:
                 draw_section(chosen, layer)
@@ -63,14 +63,14 @@ def draw_side(workspace: Workspace, area: Area) -> None:
 def _draw_selection(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
     draw_heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
-    character_name(workspace, character)
-    if editor.chosen() is not character:
+    draw_character_name(workspace, character)
+    if editor.find_selected() is not character:
         return
     jointed = bool((character.parents >= 0).any())
     draw_note(describe_parts(character))
     if isinstance(character, Shape):
         _draw_clips(workspace, character)
-    draw_numbers(workspace)
+    draw_transform_fields(workspace)
     _draw_buttons(workspace, (*_CHARACTER_ACTIONS, *_BONE_ACTIONS) if jointed else _CHARACTER_ACTIONS)
 
 
@@ -100,7 +100,7 @@ def _draw_clips(workspace: Workspace, shape: Shape) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    tooltip("The model's clip that plays instead of its other motion; keys stay")
+    draw_tooltip("The model's clip that plays instead of its other motion; keys stay")
 
 
 def _play_clip(workspace: Workspace, name: str, clip: str | None) -> None:
@@ -114,7 +114,7 @@ def _draw_several_actions(workspace: Workspace) -> None:
     names = workspace.editor.selection.characters
     draw_heading(tr("{0} shapes are chosen", len(names)))
     draw_note(", ".join(names))
-    draw_numbers(workspace)
+    draw_transform_fields(workspace)
     _draw_buttons(workspace, _SELECTION_ACTIONS)
 
 
@@ -122,4 +122,4 @@ def _draw_buttons(workspace: Workspace, actions: tuple[str, ...]) -> None:
     for place, action in enumerate(actions):
         if place % 2:
             imgui.same_line()
-        action_button(workspace, action, _BUTTON_WIDTH)
+        draw_action_button(workspace, action, _BUTTON_WIDTH)

@@ -15,7 +15,7 @@ from enliven.mapping.quality import (
 )
 from enliven.mapping.softening import limb_name
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     FIXED_WINDOW_FLAGS,
     draw_heading,
@@ -65,12 +65,12 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         workspace.remember("find matches")
-        tooltip("Find the parts of the chosen shape that look most like the take now")
+        draw_tooltip("Find the parts of the chosen shape that look most like the take now")
         imgui.same_line()
         if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
         workspace.remember("whole body")
-        tooltip("Map every limb of the take onto a limb of the chosen shape at once")
+        draw_tooltip("Map every limb of the take onto a limb of the chosen shape at once")
         _draw_options(workspace, tool)
         if tool.last_mapping is not None:
             with use_small_text():
@@ -109,14 +109,14 @@ def _draw_options(workspace: Workspace, tool: MapTool) -> None:
     if imgui.button("\uf013##how", ImVec2(-1, 0)):
         imgui.open_popup("whole body how")
     workspace.remember("whole how")
-    tooltip("How a whole body is mapped: floor, steps, travel")
+    draw_tooltip("How a whole body is mapped: floor, steps, travel")
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE_BODY_OPTIONS:
         on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole_body, name))[1]
         setattr(tool.whole_body, name, on)
         workspace.remember(f"whole {name}")
-        tooltip(about)
+        draw_tooltip(about)
     _, tool.gentle = imgui.checkbox(
         labelled(
             tr("Move limbs less where the surface would stretch"),
@@ -125,7 +125,7 @@ def _draw_options(workspace: Workspace, tool: MapTool) -> None:
         tool.gentle,
     )
     workspace.remember("whole gentle")
-    tooltip("Reduces the motion equally on both sides until the surface stretches only a little")
+    draw_tooltip("Reduces the motion equally on both sides until the surface stretches only a little")
     imgui.end_popup()
 
 

@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.app.fields import action_tip
+from enliven_viewer.studio.app.fields import draw_action_tooltip
 from enliven_viewer.studio.app.style import open_panel, pack_colour
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -55,7 +55,7 @@ def draw_toolbar(workspace: Workspace, area: Area) -> None:
                 workspace.actions.do(action.id)
             hovered = imgui.is_item_hovered()
             workspace.remember(f"tool {name}")
-            action_tip(workspace, action.id)
+            draw_action_tooltip(workspace, action.id)
             _draw_button_face(position, size, action, chosen, hovered)
         imgui.pop_style_var()
 

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.app.marks import draw_mark
 from enliven_viewer.studio.app.style import SMALL_TEXT_SIZE, pack_colour
 from enliven_viewer.studio.panel_layout import HOLDER_LINE_HEIGHT, Area
@@ -66,10 +66,10 @@ def _draw_brackets(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area
     Those of the active character are brighter.
     """
     editor = workspace.editor
-    if not editor.selection.several:
+    if not editor.selection.has_several:
         return
     for character in editor.visible_characters:
-        pixels = editor.lens.pixels_of(
+        pixels = editor.lens.project_visible(
             np.asarray(character.extent, float)[:: max(len(character.extent) // 300, 1)]
         )
         if character.id not in editor.selection.characters or not pixels:
@@ -145,7 +145,7 @@ def _draw_session_caption(workspace: Workspace, draw_list: imgui.ImDrawList, are
     )
     draw_list.add_text(font, size, ImVec2(x, y), pack_colour(INK), workspace.caption)
     if workspace.pressed:
-        key = key_label(workspace.pressed)
+        key = format_key(workspace.pressed)
         left = x + width + 34
         right = left + imgui.calc_text_size(key).x + 22
         draw_list.add_rect_filled(ImVec2(left, y - 6), ImVec2(right, y + 28), pack_colour(INK), 7.0)

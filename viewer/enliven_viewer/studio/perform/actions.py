@@ -72,12 +72,12 @@ def make_perform_actions(session: PerformSession) -> Iterator[Action]:
         )
 
 
-def _on_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
+def _require_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """Returns a function on the followed stage or take. It does nothing if no stage or take is followed."""
     return lambda session: act(session.live) if session.live is not None else None
 
 
-def _make_step_in(mode: Mode) -> Callable[[PerformSession], object]:
+def _make_possess_function(mode: Mode) -> Callable[[PerformSession], object]:
     """Returns a function that lets a performer possess a character, as soon as that is possible."""
     return lambda session: session.possession_requests.press(mode)
 
@@ -87,7 +87,7 @@ def _make_group(
 ) -> Iterator[PerformAction]:
     """Yields actions on the followed stage for one submenu: label, shortcut and function of each."""
     for label, key, act in rows:
-        yield PerformAction(label, key, _on_live_stage(act), rooms, group=group)
+        yield PerformAction(label, key, _require_live_stage(act), rooms, group=group)
 
 
 def _make_workspace_switch(workspace_name: str) -> Callable[[PerformSession], object]:
@@ -112,57 +112,57 @@ PERFORM_ACTIONS = (
     PerformAction(
         "Put the chosen character on the stage",
         "ctrl+enter",
-        PerformSession.put,
+        PerformSession.put_on_stage,
         why_not=PerformSession.lacks_to_put,
         apart=True,
     ),
     PerformAction(
         "Take the chosen character from the stage",
         "",
-        PerformSession.take_off,
+        PerformSession.remove_from_stage,
         why_not=PerformSession.lacks_to_take_off,
     ),
     PerformAction(
         "Record, or end the recording",
         "ctrl+r",
-        lambda session: session.recording.record(),
+        lambda session: session.recording.toggle(),
         why_not=PerformSession.lacks_edge,
         apart=True,
     ),
     PerformAction(
         "Record again from where it began",
         "",
-        lambda session: session.recording.again(),
+        lambda session: session.recording.record_again(),
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
         "Record beside what was recorded last",
         "ctrl+shift+r",
-        lambda session: session.recording.again(keeps_last=True),
+        lambda session: session.recording.record_again(keeps_last=True),
         why_not=PerformSession.lacks_recording,
     ),
     PerformAction(
         "Recordings begin here",
         "i",
-        lambda session: session.recording.mark(0),
+        lambda session: session.recording.set_span_end(0),
         ("Perform",),
         live=False,
     ),
     PerformAction(
         "Recordings end here",
         "o",
-        lambda session: session.recording.mark(1),
+        lambda session: session.recording.set_span_end(1),
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _make_step_in("alone"), _LIVE_WORKSPACES, apart=True),
-    PerformAction("Possess beside others", "j", _make_step_in("join"), _LIVE_WORKSPACES),
-    PerformAction("Hold with these parts as well", "e", _make_step_in("extend"), _LIVE_WORKSPACES),
-    PerformAction("Release", "r", _on_live_stage(LiveStage.release), _LIVE_WORKSPACES),
+    PerformAction("Possess alone", "p", _make_possess_function("alone"), _LIVE_WORKSPACES, apart=True),
+    PerformAction("Possess beside others", "j", _make_possess_function("join"), _LIVE_WORKSPACES),
+    PerformAction("Hold with these parts as well", "e", _make_possess_function("extend"), _LIVE_WORKSPACES),
+    PerformAction("Release", "r", _require_live_stage(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
         "Scale with both hands, or let it stay",
         "x",
-        _on_live_stage(LiveStage.scale_by_hands),
+        _require_live_stage(LiveStage.scale_by_hands),
         _LIVE_WORKSPACES,
         why_not=PerformSession.lacks_edge,
     ),
@@ -177,7 +177,7 @@ PERFORM_ACTIONS = (
         PerformAction(
             f"With: {part}",
             str(n + 1),
-            _on_live_stage(lambda live, n=n: live.choose_parts(n)),
+            _require_live_stage(lambda live, n=n: live.choose_parts(n)),
             _LIVE_WORKSPACES,
             group="With",
             apart=n == 0,
@@ -236,7 +236,7 @@ PERFORM_ACTIONS = (
         "c",
         lambda session: session.close_up.toggle(),
         _LIVE_WORKSPACES,
-        is_on=lambda session: session.close_up.on,
+        is_on=lambda session: session.close_up.is_on,
         about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
         group="See",
     ),

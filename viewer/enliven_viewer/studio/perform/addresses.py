@@ -20,21 +20,21 @@ class Addresses:
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
-        self._known: tuple[str, ...] | None = None
+        self._addresses: tuple[str, ...] | None = None
 
     @property
     def addresses(self) -> tuple[str, ...]:
         """Returns the addresses, newest first; the file is read once."""
-        if self._known is None:
-            self._known = ()
+        if self._addresses is None:
+            self._addresses = ()
             with contextlib.suppress(OSError, UnicodeDecodeError):
-                self._known = tuple(self._path.read_text("utf-8").split()[:_MAX_ADDRESSES])
-        return self._known
+                self._addresses = tuple(self._path.read_text("utf-8").split()[:_MAX_ADDRESSES])
+        return self._addresses
 
     def remember(self, address: str) -> None:
         """Moves an address to the top."""
         addresses = (address, *(other for other in self.addresses if other != address))[:_MAX_ADDRESSES]
-        self._known = addresses
+        self._addresses = addresses
         with contextlib.suppress(OSError):  # A failure to store the address must not prevent the connection.
             self._path.write_text("\n".join(addresses) + "\n", "utf-8")
 

@@ -78,18 +78,18 @@ class CameraSearch:
         self.picture: UInt8 | None = None
         self.number = 0
         self._search: tuple[subprocess.Popen[bytes], IO[str]] | None = None
-        self._look: tuple[subprocess.Popen[bytes], IO[str], Camera, Path] | None = None
+        self._search_process: tuple[subprocess.Popen[bytes], IO[str], Camera, Path] | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     @property
-    def searching(self) -> bool:
+    def is_searching(self) -> bool:
         """Returns True if a search is running."""
         return self._search is not None
 
     @property
     def tested_camera(self) -> Camera | None:
         """Returns the camera that is being tested; None if no test is running."""
-        return None if self._look is None else self._look[2]
+        return None if self._search_process is None else self._search_process[2]
 
     def begin(self) -> None:
         """Starts a search unless one is already running."""
@@ -103,7 +103,7 @@ class CameraSearch:
 
     def take_test_image(self, camera: Camera) -> None:
         """Takes a test image of a depth camera."""
-        if self._look is not None or not camera.can_start:
+        if self._search_process is not None or not camera.can_start:
             return
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix="enliven-look-")
         path = Path(self._folder.name) / "depth.png"
@@ -121,23 +121,25 @@ class CameraSearch:
             "--picture",
             "none",
         ]
-        self._look = start_process(arguments, stderr=output, stdout=output), output, camera, path
+        self._search_process = start_process(arguments, stderr=output, stdout=output), output, camera, path
 
     def poll(self) -> None:
         """Takes the results of finished searches and tests. Call once per frame."""
         if self._search is not None and self._search[0].poll() is not None:
             (process, out), self._search = self._search, None
             self._handle_search(_read_and_close(out), bool(process.returncode))
-        if self._look is not None and self._look[0].poll() is not None:
-            (process, output, camera, path), self._look = self._look, None
+        if self._search_process is not None and self._search_process[0].poll() is not None:
+            (process, output, camera, path), self._search_process = self._search_process, None
             self._handle_test(camera, _read_and_close(output), path, bool(process.returncode))
 
     def close(self) -> None:
         """Ends search and test, and removes their files."""
-        for process in [running[0] for running in (self._search, self._look) if running is not None]:
+        for process in [
+            running[0] for running in (self._search, self._search_process) if running is not None
+        ]:
             process.kill()
             process.wait()
-        self._search = self._look = None
+        self._search = self._search_process = None
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None

@@ -29,24 +29,24 @@ class CharacterSizes:
     """The character sizes read from the edge, and those of the project, which are sent to it.
 
     Attributes:
-        words: large text: the character with its size, and the effect of the hands; None for no text.
+        text: large text: the character with its size, and the effect of the hands; None for no text.
     """
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self.words: tuple[str, str] | None = None
-        self._known_sizes: dict[str, SizeMessage] = {}
-        self._asked: dict[tuple[str, str], tuple[float | None, float]] = {}
-        self._words_until = 0.0
+        self.text: tuple[str, str] | None = None
+        self._edge_sizes: dict[str, SizeMessage] = {}
+        self._sent_values: dict[tuple[str, str], tuple[float | None, float]] = {}
+        self._text_until = 0.0
 
     @property
     def scaled_character(self) -> str | None:
         """Returns the character that hands are scaling; None for none."""
-        return next((name for name, message in self._known_sizes.items() if message.body >= 0), None)
+        return next((name for name, message in self._edge_sizes.items() if message.body >= 0), None)
 
-    def of(self, name: str) -> float:
+    def find_size(self, name: str) -> float:
         """Returns the size of a character on the stage, relative to its own size."""
-        return self._known_sizes[name].size if name in self._known_sizes else 1.0
+        return self._edge_sizes[name].size if name in self._edge_sizes else 1.0
 
     def wanted_size(self, name: str) -> float:
         """Returns the size that a character of the project should have there, relative to its own size."""
@@ -55,10 +55,10 @@ class CharacterSizes:
     def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
         """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
         client.take(SIZES)
-        before, self._known_sizes = self._known_sizes, {}
+        before, self._edge_sizes = self._edge_sizes, {}
         for message in client.latest(SIZES).values():
             if message.character in standing:
-                self._known_sizes[message.character] = message
+                self._edge_sizes[message.character] = message
         self._update_text(before)
         for name in standing:
             self._send_exaggeration(name, client)
@@ -69,13 +69,13 @@ class CharacterSizes:
                 continue
             if name in before and before[name].body >= 0:
                 self._store_size(name)
-            elif abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+            elif abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
                 size = self.wanted_size(name)
-                self._ask(client, Resize("set", name, size=size), size)
+                self._send_value(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
         """Discards the edge's sizes after the link was closed."""
-        self.words, self._known_sizes, self._asked = None, {}, {}
+        self.text, self._edge_sizes, self._sent_values = None, {}, {}
 
     def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
         """Resets the size of a character; as an edit if the character is in the project."""
@@ -88,7 +88,7 @@ class CharacterSizes:
         """Returns why the size cannot be reset, with advice; empty if it can."""
         if (
             name is not None
-            and max(abs(self.of(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
+            and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
         ):
             return ""
         return "It has its own size. Scale it with both hands first"
@@ -97,21 +97,21 @@ class CharacterSizes:
         """Updates the displayed text."""
         now = time.monotonic()
         if self.scaled_character is not None:
-            size = f"{self.scaled_character}: {self.of(self.scaled_character):.0%}"
-            self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
-            self._words_until = now + _TEXT_S
-        elif self.words is not None:
+            size = f"{self.scaled_character}: {self.find_size(self.scaled_character):.0%}"
+            self.text = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
+            self._text_until = now + _TEXT_S
+        elif self.text is not None:
             ended = next((name for name, message in before.items() if message.body >= 0), None)
             if ended is not None:
-                self.words = f"{ended}: {self.of(ended):.0%}", tr("It stays.")
+                self.text = f"{ended}: {self.find_size(ended):.0%}", tr("It stays.")
                 self._editor.frame_all(reset=False)
-            if now > self._words_until:
-                self.words = None
+            if now > self._text_until:
+                self.text = None
 
     def _store_size(self, name: str) -> None:
         """Stores a size set by hands as an edit of the project."""
-        if abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
-            self._edit(name, self.of(name))
+        if abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+            self._edit(name, self.find_size(name))
 
     def _edit(self, name: str, size: float) -> None:
         self._editor.edit(
@@ -123,24 +123,24 @@ class CharacterSizes:
     def _send_exaggeration(self, name: str, client: EdgeClient) -> None:
         """Sends the exaggeration of soft parts if the project, or a current drag, differs from the edge."""
         project = self._editor.draft or self._editor.project
-        edge_exaggeration = self._known_sizes[name].exaggeration if name in self._known_sizes else None
+        edge_exaggeration = self._edge_sizes[name].exaggeration if name in self._edge_sizes else None
         wanted = project.handling.get(name, FREE).exaggeration
         if name in project.characters and wanted != edge_exaggeration:
-            self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
+            self._send_value(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
-    def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
+    def _send_value(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
         """Sends the project's value.
 
         Does not repeat it before the edge may have answered, or after a refusal.
         """
         key, now = (order.do, order.character or ""), time.monotonic()
-        asked, when = self._asked.get(key, (np.nan, -_RESEND_INTERVAL_S))
+        asked, when = self._sent_values.get(key, (np.nan, -_RESEND_INTERVAL_S))
         if asked != wanted or now - when > _RESEND_INTERVAL_S:
-            self._asked[key] = wanted, now
+            self._sent_values[key] = wanted, now
             client.ask(order, lambda answer: self._handle_answer(order, wanted, answer))
 
     def _handle_answer(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._asked[order.do, order.character or ""] = wanted, float("inf")
+            self._sent_values[order.do, order.character or ""] = wanted, float("inf")
             outcome = tr("keeps its size") if order.do == "set" else tr("swings as before")
             self._editor.toasts.say(tr("{0} {1} on the stage", order.character, outcome), answer.reason)

@@ -31,39 +31,41 @@ class CloseUp:
     """The automatic movement of the editor's camera while a performer chooses what to control.
 
     Attributes:
-        on: whether the view moves to the limb.
+        is_on: whether the view moves to the limb.
         box: bounding box of the limb in metres; None if no limb is about to be attached.
     """
 
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
-        self.on = False
+        self.is_on = False
         self.box: Box | None = None
-        self._before: tuple[float, ...] | None = None
-        self._sent: tuple[float, ...] = ()
-        self._framed: Box | None = None
-        self._since = 0.0
+        self._previous_view: tuple[float, ...] | None = None
+        self._own_view: tuple[float, ...] = ()
+        self._framed_limb: Box | None = None
+        self._framed_for_s = 0.0
 
     def toggle(self) -> None:
         """Switches the automatic view on or off."""
-        self.on = not self.on
+        self.is_on = not self.is_on
 
     def advance(self, seconds: float, scene: Scene | None, character_id: str | None) -> None:
         """Moves the view to the part that is about to be attached, of a given character or of any."""
-        self._since += seconds
-        box = None if scene is None or not self.on else find_pending_limb_box(scene, character_id)
+        self._framed_for_s += seconds
+        box = None if scene is None or not self.is_on else find_pending_limb_box(scene, character_id)
         if (
             box is None
             and self.box is not None
-            and self.on
+            and self.is_on
             and scene is not None
-            and self._since < _MIN_STAY_S
+            and self._framed_for_s < _MIN_STAY_S
         ):
             return
         self.box = box
         if box is None:
             self._go_back()
-        elif self._framed is None or (self._since > _MIN_STAY_S and _has_moved(box, self._framed)):
+        elif self._framed_limb is None or (
+            self._framed_for_s > _MIN_STAY_S and _has_moved(box, self._framed_limb)
+        ):
             self._go_to(box)
 
     def lens(self, width: float, height: float) -> Lens | None:
@@ -79,28 +81,28 @@ class CloseUp:
     @property
     def _view_was_turned(self) -> bool:
         """Returns True if the artist has moved the view since it was sent to the limb."""
-        return not np.allclose(self.editor.camera.goal, self._sent, atol=_VIEW_TOLERANCE)
+        return not np.allclose(self.editor.camera.goal, self._own_view, atol=_VIEW_TOLERANCE)
 
     def _go_to(self, box: Box) -> None:
         """Frames a limb, unless the artist has moved the view meanwhile."""
         camera, size = self.editor.camera, self.editor.size
-        if self._framed is not None and self._view_was_turned:
-            self._before = None
+        if self._framed_limb is not None and self._view_was_turned:
+            self._previous_view = None
         else:
-            if self._framed is None:
-                self._before = camera.goal
+            if self._framed_limb is None:
+                self._previous_view = camera.goal
             camera.frame(
                 box, size[0] / max(size[1], 1.0), margin=_FRAMING_MARGIN, at_once=self.editor.less_motion()
             )
-            self._sent = camera.goal
-        self._framed, self._since = box, 0.0
+            self._own_view = camera.goal
+        self._framed_limb, self._framed_for_s = box, 0.0
 
     def _go_back(self) -> None:
         """Restores the previous view, unless the artist has moved the view."""
-        if self._before is not None and not self._view_was_turned:
-            *target, azimuth, elevation, distance = self._before
+        if self._previous_view is not None and not self._view_was_turned:
+            *target, azimuth, elevation, distance = self._previous_view
             self.editor.camera.go(target, azimuth, elevation, distance)
-        self._before = self._framed = None
+        self._previous_view = self._framed_limb = None
 
 
 def find_pending_limb_box(scene: Scene, character_id: str | None = None) -> Box | None:

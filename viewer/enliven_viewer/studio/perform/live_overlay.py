@@ -49,7 +49,7 @@ class LiveOverlay:
     editor: Editor
     hidden: frozenset[str] = frozenset()
     _layers: dict[str, tuple[_Key, LiveLayer]] = field(default_factory=dict)
-    _overs: dict[str, tuple[Project, Character, LiveOverdub]] = field(default_factory=dict)
+    _performances: dict[str, tuple[Project, Character, LiveOverdub]] = field(default_factory=dict)
 
     def merge(self, scene: Scene, conditions: OverlayConditions) -> Scene:
         """Returns the scene without duplicates.
@@ -75,7 +75,7 @@ class LiveOverlay:
                 hidden.add(name)
                 if name in boards:
                     boards[name] = _move_match_lines(boards[name], character, actor, joints)
-            elif isinstance(character, GraphShape) and self._overdubs(character, actor, conditions):
+            elif isinstance(character, GraphShape) and self._is_overdub(character, actor, conditions):
                 actors.append(self._add_performance(character, actor))
                 hidden.add(name)
             elif _replaces_own(character, actor, conditions, playing=self.editor.playing):
@@ -83,7 +83,7 @@ class LiveOverlay:
                 hidden.add(name)
         self.hidden = frozenset(hidden)
         self._layers = {name: layer for name, layer in self._layers.items() if name in hidden}
-        self._overs = {name: over for name, over in self._overs.items() if name in hidden}
+        self._performances = {name: over for name, over in self._performances.items() if name in hidden}
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _add_live_motion(
@@ -99,7 +99,7 @@ class LiveOverlay:
         pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=conditions.plays_live)
         return replace(actor, pose=pose), joints
 
-    def _overdubs(self, shape: GraphShape, actor: SceneCharacter, conditions: OverlayConditions) -> bool:
+    def _is_overdub(self, shape: GraphShape, actor: SceneCharacter, conditions: OverlayConditions) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
         performed = (
             shape.id in conditions.held_ids and conditions.plays_live and not conditions.replaces_motion
@@ -108,10 +108,10 @@ class LiveOverlay:
 
     def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion and the live motion added."""
-        cached = self._overs.get(shape.id)
+        cached = self._performances.get(shape.id)
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
             live_over = LiveOverdub(self.editor.project, shape.id, actor.character)
-            cached = self._overs[shape.id] = self.editor.project, actor.character, live_over
+            cached = self._performances[shape.id] = self.editor.project, actor.character, live_over
         posed = self.editor.stage_character(shape.id)
         pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None

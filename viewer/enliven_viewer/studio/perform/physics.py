@@ -66,8 +66,8 @@ class StagePhysics:
     def ask(self, client: EdgeClient | None, number: int) -> None:
         """Puts one of :data:`LOOSE_WORLDS` on the stage."""
         if client is not None and self.state is not None:
-            client.ask(PlayPhysics(LOOSE_WORLDS[number]), self._take_answer)
+            client.ask(PlayPhysics(LOOSE_WORLDS[number]), self._handle_answer)
 
-    def _take_answer(self, answer: Answer) -> None:
+    def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._editor.toasts.say(tr("This stage has no physics"), answer.reason)

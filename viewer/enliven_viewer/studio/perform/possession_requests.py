@@ -124,18 +124,18 @@ class PossessionRequests:
         if press.asked:
             self.words = self._describe_busy_stage(press)
             return
-        lacking = self._lacks(press)
+        lacking = self._find_refusal(press)
         if lacking:
             self._refuse(lacking)
             return
         press.is_accepted = True
-        self.words = self._waits_for(press)
+        self.words = self._describe_missing(press)
         if self.words and time.monotonic() > press.until:
             self._refuse(tr("Possess has waited too long") + ". " + self.words)
         elif not self.words:
-            self._ask(press)
+            self._send_request(press)
 
-    def _lacks(self, press: _PendingPress) -> str:
+    def _find_refusal(self, press: _PendingPress) -> str:
         """Returns why the button press can never be carried out; empty if it may still be carried out."""
         stage, live = self._stage, self._stage.live
         if live is None:
@@ -144,7 +144,7 @@ class PossessionRequests:
             # An edge is silent for seconds while it prepares a character. An earlier press outlasts this.
             is_coming = press.is_accepted or (live.is_local and not len(live.document.timeline))
             return "" if is_coming else stage.lacks_edge()
-        name, phase = press.character, self._scan.phase
+        name, phase = press.character, self._scan_message.phase
         state = stage.sender.states.get(name, "")
         if state.startswith("refused"):
             return tr("{0} cannot be put on the stage. {1}", name, state.removeprefix("refused: "))
@@ -164,7 +164,7 @@ class PossessionRequests:
         nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
         return "" if stage.stage_ids or is_coming else nothing
 
-    def _waits_for(self, press: _PendingPress) -> str:
+    def _describe_missing(self, press: _PendingPress) -> str:
         """Returns what is still missing; empty if nothing is."""
         stage, live = self._stage, self._stage.live
         if live is None or stage.client is None:
@@ -173,12 +173,12 @@ class PossessionRequests:
             return stage.lacks_edge()
         if not stage.connected or not (stage.stage_ids or stage.client.edges[0].complete):
             return live.preparation_text
-        if self._scan.phase == "finishing":
+        if self._scan_message.phase == "finishing":
             press.of_scan = True
             return tr("The scan becomes a character")
         if press.of_scan:
-            press.character = self._scan.character
-        if waiting := self._waits_for_character(press):
+            press.character = self._scan_message.character
+        if waiting := self._describe_missing_character(press):
             return waiting
         now = time.monotonic()
         if not stage.performers and live.playhead.live:
@@ -189,7 +189,7 @@ class PossessionRequests:
             return tr("Stand still for a moment")
         return ""
 
-    def _waits_for_character(self, press: _PendingPress) -> str:
+    def _describe_missing_character(self, press: _PendingPress) -> str:
         """Puts the character on the stage if it is missing.
 
         Returns a text while it is awaited, else empty.
@@ -201,7 +201,7 @@ class PossessionRequests:
         ):
             return ""
         if name in project_characters and name not in stage.sender.states and stage.client is not None:
-            stage.sender.put(stage.client.stage, stage.editor.project, name)
+            stage.sender.send(stage.client.stage, stage.editor.project, name)
         return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
 
     def _describe_busy_stage(self, press: _PendingPress) -> str:
@@ -209,7 +209,7 @@ class PossessionRequests:
         lasts = press.since is not None and time.monotonic() - press.since > _BUSY_DELAY_S
         return tr("The stage is busy. Please wait a moment") if lasts else ""
 
-    def _ask(self, press: _PendingPress) -> None:
+    def _send_request(self, press: _PendingPress) -> None:
         """Sends the request to the edge."""
         stage = self._stage
         if stage.live is None or stage.client is None:
@@ -241,7 +241,7 @@ class PossessionRequests:
         self._stage.editor.toasts.say(problem[:1].upper() + problem[1:].removesuffix("."), remedy)
 
     @property
-    def _scan(self) -> ScanMessage:
+    def _scan_message(self) -> ScanMessage:
         """Returns the state of the edge's scan."""
         client = self._stage.client
         return (None if client is None else client.latest(SCAN).get("")) or ScanMessage()

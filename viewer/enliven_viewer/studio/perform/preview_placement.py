@@ -121,7 +121,7 @@ class PreviewPlacement:
     """The place of the inset. It stays in a corner until another one covers much less."""
 
     def __init__(self) -> None:
-        self._corner, self._drawn = 0, 0
+        self._corner, self._frame_count = 0, 0
 
     def place(
         self, width: float, height: float, views: float, covered: Callable[[], Sequence[Rectangle]]
@@ -143,7 +143,7 @@ class PreviewPlacement:
         wide = tall * DEFAULT_ASPECT * views
         right, low = width - wide - _MARGIN, height - tall - _BOTTOM_SPACE
         corners = [(x, y, wide, tall) for x, y in ((right, low), (right, _MARGIN), (_MARGIN, low))]
-        if self._drawn % _CORNER_SEARCH_FRAMES == 0:
+        if self._frame_count % _CORNER_SEARCH_FRAMES == 0:
             rectangles = covered()
             costs = [
                 sum(_measure_overlap(corner, rectangle) for rectangle in rectangles) / (wide * tall)
@@ -152,7 +152,7 @@ class PreviewPlacement:
             best = int(np.argmin(costs))
             if costs[best] + _MIN_CORNER_GAIN < costs[self._corner]:
                 self._corner = best
-        self._drawn += 1
+        self._frame_count += 1
         return corners[self._corner]
 
 

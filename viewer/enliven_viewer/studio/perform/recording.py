@@ -7,7 +7,7 @@ from typing import Literal
 
 from enliven.document import Project
 from enliven.errors import InputError
-from enliven.modeling.edits import alternatives_of, choose_take
+from enliven.modeling.edits import choose_take, find_alternatives
 from enliven.takes.performed import PerformedMotion, add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.live_stage import LiveStage
@@ -47,7 +47,7 @@ class StageRecording:
         count_in: whether three beats precede a recording.
         hold_still: seconds of stillness of all performers that end a recording; 0 disables this.
         loops: whether the span is recorded repeatedly, each pass as another alternative.
-        pressed: the phase at the time when the mouse button went down on the record button.
+        phase_when_pressed: the phase at the time when the mouse button went down on the record button.
     """
 
     def __init__(
@@ -62,31 +62,38 @@ class StageRecording:
         self.editor = editor
         self.recorder = LiveRecorder()
         self.phase: Phase = "idle"
-        self.pressed: Phase = "idle"
+        self.phase_when_pressed: Phase = "idle"
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0
         self.loops = False
-        self._beside = self._fresh = ""
-        self._live, self._connected, self._check_availability, self._lacks = live, connected, may, lacks
-        self._guests = guests
-        self._left = self._silent = self._start = 0.0
+        self._alternatives = self._new_take = ""
+        self._live, self._connected, self._check_availability, self._find_refusal = (
+            live,
+            connected,
+            may,
+            lacks,
+        )
+        self._secondary_edges = guests
+        self._count_in_left_s = self._silent_s = self._start_time = 0.0
 
     def advance(self, seconds: float) -> None:
         """Advances the count-in or the recording."""
         if self.phase == "counting":
-            self._left -= seconds
-            if self._left <= 0.0:
+            self._count_in_left_s -= seconds
+            if self._count_in_left_s <= 0.0:
                 self._begin()
         elif self.phase == "recording":
             # Move the playhead by the sensor's clock, regardless of the frame rate.
-            self.editor.growing = self.editor.time = self._start + self.seconds
-            is_connected = self._connected() or any(guest.connected for guest in self._guests)
-            self._silent = 0.0 if is_connected else self._silent + seconds
-            if self.hold_still and self.recorder.still > self.hold_still:
+            self.editor.recorded_until_s = self.editor.time = self._start_time + self.seconds
+            is_connected = self._connected() or any(guest.connected for guest in self._secondary_edges)
+            self._silent_s = 0.0 if is_connected else self._silent_s + seconds
+            if self.hold_still and self.recorder.still_s > self.hold_still:
                 self.stop(self.recorder.stillness.since_ns)
-            elif self.span is not None and self.seconds >= self.span[1] - self._start:
+            elif self.span is not None and self.seconds >= self.span[1] - self._start_time:
                 self._end_span(self.span)
-            elif (self.recorder.cut and not self._guests) or self._silent > _SILENCE_TIMEOUT_S:
+            elif (
+                self.recorder.is_cut_short and not self._secondary_edges
+            ) or self._silent_s > _SILENCE_TIMEOUT_S:
                 self.stop()
                 self.editor.toasts.say(
                     tr("The connection to the stage was lost, so the recording ended"),
@@ -97,13 +104,14 @@ class StageRecording:
     def seconds(self) -> float:
         """Returns the recorded length in seconds, by the clock of the edge that is furthest."""
         return max(
-            recorder.seconds for recorder in (self.recorder, *(guest.recorder for guest in self._guests))
+            recorder.seconds
+            for recorder in (self.recorder, *(guest.recorder for guest in self._secondary_edges))
         )
 
     @property
     def beat(self) -> int:
         """Returns the current beat of the count-in: 3, 2, 1; 0 if no count-in is running."""
-        return int(self._left) + 1 if self.phase == "counting" else 0
+        return int(self._count_in_left_s) + 1 if self.phase == "counting" else 0
 
     @property
     def clip(self) -> tuple[float, float] | None:
@@ -111,7 +119,7 @@ class StageRecording:
 
         Returns None if no recording is running.
         """
-        return (self._start, self.editor.growing) if self.phase == "recording" else None
+        return (self._start_time, self.editor.recorded_until_s) if self.phase == "recording" else None
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -119,20 +127,20 @@ class StageRecording:
 
         Returns None to record from the playhead on.
         """
-        return self.editor.marked
+        return self.editor.marked_range
 
     @span.setter
     def span(self, span: tuple[float, float] | None) -> None:
-        self.editor.marked = span
+        self.editor.marked_range = span
 
-    def record(self) -> None:
+    def toggle(self) -> None:
         """Starts a recording with its count-in, or ends it."""
         if self.phase != "idle":
             self.stop()
-        elif self._check_availability(self._lacks()):
-            self.phase, self._left = "counting", _COUNT_IN_S if self.count_in else 0.0
+        elif self._check_availability(self._find_refusal()):
+            self.phase, self._count_in_left_s = "counting", _COUNT_IN_S if self.count_in else 0.0
 
-    def again(self, *, keeps_last: bool = False) -> None:
+    def record_again(self, *, keeps_last: bool = False) -> None:
         """Starts again where the recording began. A running recording is dropped; a finished one is undone.
 
         Args:
@@ -142,18 +150,18 @@ class StageRecording:
             if not self.last_recording:
                 self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
                 return
-            alternatives = alternatives_of(self.editor.project, self.last_recording)
+            alternatives = find_alternatives(self.editor.project, self.last_recording)
             if keeps_last:
                 self._mute_alternatives(alternatives)
             else:
-                self._beside = alternatives if alternatives != self.last_recording else ""
+                self._alternatives = alternatives if alternatives != self.last_recording else ""
                 self.editor.undo()
         elif self.phase == "recording":
             self._end_recorders()
-            self.editor.growing = 0.0
+            self.editor.recorded_until_s = 0.0
         self.phase = "idle"
-        self.editor.scrub(self._start)
-        self.record()
+        self.editor.scrub(self._start_time)
+        self.toggle()
 
     @property
     def last_recording(self) -> str:
@@ -166,14 +174,14 @@ class StageRecording:
         self.editor.edit(
             later("silence {0}", alternatives), lambda p: choose_take(p, alternatives, ""), over_locks=True
         )
-        self._beside = alternatives
+        self._alternatives = alternatives
 
-    def mark(self, end: int) -> None:
+    def set_span_end(self, end: int) -> None:
         """Sets the start (0) or the end (1) of the recording span to the playhead.
 
         An empty span is removed.
         """
-        self.editor.mark(end)
+        self.editor.set_loop_point(end)
 
     def stop(self, until_ns: int | None = None) -> None:
         """Ends the count-in, or ends the recording and adds its takes and layers to the project as one edit.
@@ -182,17 +190,17 @@ class StageRecording:
             until_ns: time on the sensor's clock at which the recording is cut off; None keeps all of it.
         """
         phase, self.phase = self.phase, "idle"
-        alternatives, self._beside = self._beside, ""
+        alternatives, self._alternatives = self._alternatives, ""
         if phase != "recording":
             if alternatives and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
                 self.editor.undo()
             return
         editor = self.editor
-        (performed, *others), start, replaces = self._end_recorders(), self._start, self.replaces
+        (performed, *others), start, replaces = self._end_recorders(), self._start_time, self.replaces
         if until_ns is not None:
             others = [other.until(other.since_ns + until_ns - performed.since_ns) for other in others]
             performed = performed.until(until_ns)
-        editor.growing, editor.playing = 0.0, False
+        editor.recorded_until_s, editor.playing = 0.0, False
         added: list[str] = []
 
         def change(project: Project) -> Project:
@@ -209,7 +217,7 @@ class StageRecording:
                 tr("Ctrl+Z takes it back; record again to add to it."),
             )
             editor.scrub(start)
-            editor.playing, self._fresh = True, shown_names[-1]
+            editor.playing, self._new_take = True, shown_names[-1]
 
     def make_unfinished_edit(self) -> Callable[[Project], Project] | None:
         """Returns the edit that stores the unfinished recording, which continues; None without a recording.
@@ -218,42 +226,42 @@ class StageRecording:
         """
         if self.phase != "recording":
             return None
-        recorders = (self.recorder, *(guest.recorder for guest in self._guests))
+        recorders = (self.recorder, *(guest.recorder for guest in self._secondary_edges))
         copies = [copy for copy in (recorder.copy_unfinished() for recorder in recorders) if copy is not None]
-        start, replaces, alternatives = self._start, self.replaces, self._beside
+        start, replaces, alternatives = self._start_time, self.replaces, self._alternatives
         return lambda project: _insert_recording(
             project, copies, start, replaces=replaces, alternatives=alternatives
         )[0]
 
-    def drop(self) -> None:
+    def discard(self) -> None:
         """Discards the count-in or the running recording."""
         phase, self.phase = self.phase, "idle"
-        alternatives, self._beside = self._beside, ""
+        alternatives, self._alternatives = self._alternatives, ""
         if phase == "recording":
             self._end_recorders()
-            self.editor.growing, self.editor.playing = 0.0, False
+            self.editor.recorded_until_s, self.editor.playing = 0.0, False
         if alternatives and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
 
     def take_last_character(self) -> str:
         """Returns the character that was recorded last, only once; empty if it was requested already."""
-        fresh, self._fresh = self._fresh, ""
+        fresh, self._new_take = self._new_take, ""
         return fresh
 
     def _end_recorders(self) -> list[PerformedMotion]:
         """Ends all recorders and returns their recordings, the primary edge's first."""
         return [
             recorder.end()
-            for recorder in (self.recorder, *(g.recorder for g in self._guests))
+            for recorder in (self.recorder, *(g.recorder for g in self._secondary_edges))
             if recorder.recording
         ]
 
     def _end_span(self, span: tuple[float, float]) -> None:
         """Keeps the recording of the span. In loop mode the next pass starts at once."""
-        begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
+        begun = self.recorder.since_ns + round((span[1] - self._start_time) * 1e9)
         self.stop(begun)
         if self.loops:
-            if alternatives := alternatives_of(self.editor.project, self.last_recording):
+            if alternatives := find_alternatives(self.editor.project, self.last_recording):
                 self._mute_alternatives(alternatives)
             self._begin()
 
@@ -261,14 +269,14 @@ class StageRecording:
         """Starts recording, while the project plays from the playhead on."""
         editor, live = self.editor, self._live()
         assert live is not None
-        self.phase, self._silent = "recording", 0.0
+        self.phase, self._silent_s = "recording", 0.0
         default_start = editor.time if editor.time < editor.length - _MIN_SPAN_S else 0.0
-        self._start = editor.growing = default_start if self.span is None else self.span[0]
+        self._start_time = editor.recorded_until_s = default_start if self.span is None else self.span[0]
         name = self._make_name()
         self.recorder.begin(name, self._measure_delay_ns())
-        for guest in self._guests:
+        for guest in self._secondary_edges:
             guest.recorder.begin(name, guest.delay_ns)
-        editor.time, editor.playing = self._start, True
+        editor.time, editor.playing = self._start_time, True
         live.playhead.go_live()
 
     def _measure_delay_ns(self) -> int:

@@ -87,4 +87,4 @@ class SecondaryEdge(FollowedEdge):
             self.recorder.record(topic, value)
 
     def _handle_restart(self) -> None:
-        self.recorder.restarted()
+        self.recorder.handle_restart()

@@ -89,11 +89,11 @@ class PerformSession:
         self._client: EdgeClient | None = None
         self._feed: EdgeFeed | None = None
         self._local_edge: LocalEdge | None = None
-        self._framed: tuple[str, ...] = ()
+        self._framed_objects: tuple[str, ...] = ()
         self._awaiting_stage: tuple[str, ...] = ()  # These characters wait for a stage.
 
     @property
-    def keys_of(self) -> str:
+    def shortcut_workspace(self) -> str:
         """Returns the workspace with its own shortcuts.
 
         Returns an empty string in *Play* without a stage, where the project plays.
@@ -108,10 +108,10 @@ class PerformSession:
         Raises:
             InputError: if the address is invalid.
         """
-        self._follow(address.strip(), settings)
+        self._follow_edge(address.strip(), settings)
         self.addresses.remember(address.strip())
 
-    def _follow(self, address: str, settings: PlaybackSettings | None = None) -> None:
+    def _follow_edge(self, address: str, settings: PlaybackSettings | None = None) -> None:
         """Follows the edge at an address in place of the current one."""
         client = EdgeClient([address], "enliven window")
         self.disconnect()
@@ -168,7 +168,7 @@ class PerformSession:
             ResourceError: if the edge's program is not installed.
         """
         edge = LocalEdge(*words)
-        self._follow(str(edge.endpoint))
+        self._follow_edge(str(edge.endpoint))
         self._local_edge = edge
         if self.live is not None:
             self.live.is_local = True
@@ -317,9 +317,9 @@ class PerformSession:
         self.scene = merge_scenes(self._live_overlay.merge(self.live.scene, telling), self.secondary_edges)
         self.editor.live_box = self.scene.box
         self.close_up.advance(seconds, self.scene if performs else None, self.target)
-        if performs and self.live.present != self._framed and self.live.scene.box:
-            self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
-            self._framed = self.live.present
+        if performs and self.live.present != self._framed_objects and self.live.scene.box:
+            self.editor.frame_all(at_once=not self._framed_objects, reset=not self._framed_objects)
+            self._framed_objects = self.live.present
 
     def _advance_stages(self, live: LiveStage, seconds: float) -> None:
         """Processes the messages of all edges, and makes their scenes of one moment."""
@@ -352,18 +352,18 @@ class PerformSession:
 
         Follows its new clock, and puts the characters on its empty stage again.
         """
-        self.recording.recorder.restarted()
+        self.recording.recorder.handle_restart()
         if self._client is not None:
-            self.sender.again(self._client.stage, self.editor.project)
+            self.sender.send_all_again(self._client.stage, self.editor.project)
 
     def _handle_message(self, topic: Topic, value: Any) -> None:
         """Handles commands from a pedal or a voice, and passes all other messages to the recorder."""
         if topic is not CALLS:
             self.recording.recorder.record(topic, value)
         elif value.word == "again":
-            self.recording.again()
+            self.recording.record_again()
         elif value.word == "record" or self.recording.phase != "idle":
-            self.recording.record()
+            self.recording.toggle()
 
     # Characters on the stage ------------------------------------------------------------------------------
 
@@ -392,7 +392,7 @@ class PerformSession:
 
     def lacks_to_put(self) -> str:
         """Returns why the selected character cannot be put on the stage, with advice; empty if it can."""
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
         no_surface_text = "It has no surface, so it cannot be performed" if character.mesh is None else ""
@@ -403,12 +403,12 @@ class PerformSession:
         is_on_stage = self.editor.selection.character in self.stage_ids
         return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
 
-    def put(self) -> None:
+    def put_on_stage(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""
         if self._check_availability(self.lacks_to_put()) and self.stage is not None:
-            self.sender.put(self.stage, self.editor.project, self.editor.selection.character or "")
+            self.sender.send(self.stage, self.editor.project, self.editor.selection.character or "")
 
-    def put_soon(self, name: str) -> None:
+    def put_when_ready(self, name: str) -> None:
         """Puts a character on the stage, or on the next one that is connected."""
         self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
         if not self.connected:
@@ -416,7 +416,7 @@ class PerformSession:
             self.editor.toasts.say(message, tr("Connect to a camera at the right, or to a recorded person."))
 
     @property
-    def waiting(self) -> tuple[str, ...]:
+    def waiting_characters(self) -> tuple[str, ...]:
         """Returns the characters that wait for the next stage."""
         return self._awaiting_stage
 
@@ -427,9 +427,9 @@ class PerformSession:
         names, self._awaiting_stage = self._awaiting_stage, ()
         for name in names:
             if name in self.editor.project.characters and name not in self.stage_ids:
-                self.sender.put(self.stage, self.editor.project, name)
+                self.sender.send(self.stage, self.editor.project, name)
 
-    def take_off(self, name: str = "") -> None:
+    def remove_from_stage(self, name: str = "") -> None:
         """Removes a character from the stage; by default the selected one."""
         if self._check_availability("" if name else self.lacks_to_take_off()) and self.stage is not None:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")

@@ -32,9 +32,9 @@ class StageSender:
         self._show_message = tell
         self.states: dict[str, str] = {}
         self._sent: dict[str, RigBase] = {}
-        self._seen: dict[str, tuple[RigBase, float]] = {}
+        self._edited: dict[str, tuple[RigBase, float]] = {}
 
-    def put(self, stage: StageLink, project: Project, name: str) -> None:
+    def send(self, stage: StageLink, project: Project, name: str) -> None:
         """Sends a character. It is sent again automatically after edits."""
         character = project.character(name)
         is_resent = self.states.get(name) == "on the stage"
@@ -61,21 +61,21 @@ class StageSender:
                 self._sent[name] = character
                 continue
             if character is None or character is sent or self.states[name].startswith("refused"):
-                self._seen.pop(name, None)
+                self._edited.pop(name, None)
                 continue
-            if self._seen.get(name, (None, 0.0))[0] is not character:
-                self._seen[name] = character, now
-            elif now - self._seen[name][1] >= _SEND_DELAY_S:
-                self.put(stage, project, name)
+            if self._edited.get(name, (None, 0.0))[0] is not character:
+                self._edited[name] = character, now
+            elif now - self._edited[name][1] >= _SEND_DELAY_S:
+                self.send(stage, project, name)
 
-    def again(self, stage: StageLink, project: Project) -> None:
+    def send_all_again(self, stage: StageLink, project: Project) -> None:
         """Sends everything again to a restarted edge, which has an empty stage."""
         for name in [name for name in self._sent if name in project.characters]:
-            self.put(stage, project, name)
+            self.send(stage, project, name)
 
     def forget(self) -> None:
         """Discards the state of the stage after the link was closed."""
-        self.states, self._sent, self._seen = {}, {}, {}
+        self.states, self._sent, self._edited = {}, {}, {}
 
     def _handle_answer(self, name: str, again: bool, answer: Answer) -> None:
         if name not in self._sent:

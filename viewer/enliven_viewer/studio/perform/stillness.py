@@ -26,10 +26,10 @@ class Stillness:
 
     def __init__(self) -> None:
         self.since_ns: int | None = None
-        self._moved = False
+        self._has_moved = False
         self._places: dict[int, Float] = {}
 
-    def see(self, frame: BodyFrame) -> None:
+    def add_frame(self, frame: BodyFrame) -> None:
         """Processes the performers of a frame."""
         moved = len(frame.bodies) == 0
         for body in frame.bodies:
@@ -40,7 +40,7 @@ class Stillness:
                 off = float(np.max(far, where=body.confidence > _MIN_CONFIDENCE, initial=0.0))
             if place is None or off > _MAX_MOVEMENT_M:
                 self._places[body.id], moved = body.joints, True
-                self._moved |= place is not None
+                self._has_moved |= place is not None
         if moved:
             self.since_ns = None
         elif self.since_ns is None:
@@ -48,6 +48,6 @@ class Stillness:
 
     def seconds(self, now_ns: int) -> float:
         """Returns for how long all have held still since the last movement; 0 before the first."""
-        if self.since_ns is None or not self._moved:
+        if self.since_ns is None or not self._has_moved:
             return 0.0
         return max(now_ns - self.since_ns, 0) / NS_PER_S

@@ -30,7 +30,7 @@ class TopicState(Generic[Message]):
         self._topic = topic
         self.message: Message | None = None
         self._instance: int | None = None
-        self._since = 0.0
+        self._connected_since = 0.0
 
     def advance(self, client: EdgeClient) -> None:
         """Reads the messages that arrived."""
@@ -38,7 +38,7 @@ class TopicState(Generic[Message]):
         self.message = client.latest(self._topic).get("")
         instance = client.edges[0].instance
         if instance != self._instance:
-            self._instance, self._since = instance, time.monotonic()
+            self._instance, self._connected_since = instance, time.monotonic()
 
     def forget(self) -> None:
         """Discards the state after the link was closed."""
@@ -47,5 +47,7 @@ class TopicState(Generic[Message]):
     @property
     def is_unsupported(self) -> bool:
         """Returns True if an edge is connected that does not publish this state, so it is older."""
-        waited = self._instance is not None and time.monotonic() - self._since > MAX_FIRST_STATE_DELAY_S
+        waited = (
+            self._instance is not None and time.monotonic() - self._connected_since > MAX_FIRST_STATE_DELAY_S
+        )
         return self.message is None and waited

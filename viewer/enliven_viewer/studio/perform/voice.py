@@ -33,23 +33,23 @@ class StageVoice:
         self.wanted_state = False
         self._state: TopicState[VoiceMessage] = TopicState(VOICE)
         self._heard: HeardMessage | None = None
-        self._until = 0.0
-        self._asked: object = None
+        self._heard_until = 0.0
+        self._asked_edge: object = None
 
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
         """Processes the edge's messages. Opens the microphone of a stage started by this window if wanted."""
         for message in client.take(HEARD):
-            self._heard, self._until = message, time.monotonic() + UTTERANCE_DISPLAY_S
+            self._heard, self._heard_until = message, time.monotonic() + UTTERANCE_DISPLAY_S
         self._state.advance(client)
         instance = client.edges[0].instance
-        if is_near and self.wanted_state and self.state is not None and self._asked != instance:
-            self._asked = instance
-            self._ask(client, True)
+        if is_near and self.wanted_state and self.state is not None and self._asked_edge != instance:
+            self._asked_edge = instance
+            self._send_request(client, True)
 
     def forget(self) -> None:
         """Discards the edge's state after the link was closed."""
         self._state.forget()
-        self._heard = self._asked = None
+        self._heard = self._asked_edge = None
 
     @property
     def state(self) -> VoiceMessage | None:
@@ -70,7 +70,7 @@ class StageVoice:
     def words(self) -> str:
         """Returns the words heard in the last seconds; empty for none."""
         heard = self._heard
-        if heard is None or time.monotonic() > self._until:
+        if heard is None or time.monotonic() > self._heard_until:
             return ""
         if heard.understood:
             return tr("Heard: {0}", heard.words) + (f" ({heard.refused})" if heard.refused else "")
@@ -104,12 +104,12 @@ class StageVoice:
         """Opens or closes the microphone."""
         self.wanted_state = not self.is_on
         if client is not None and self.state is not None:
-            self._ask(client, self.wanted_state)
+            self._send_request(client, self.wanted_state)
 
-    def _ask(self, client: EdgeClient, on: bool) -> None:
-        client.ask(Listen(on), self._take_answer)
+    def _send_request(self, client: EdgeClient, on: bool) -> None:
+        client.ask(Listen(on), self._handle_answer)
 
-    def _take_answer(self, answer: Answer) -> None:
+    def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self.wanted_state = False
             self._editor.toasts.say(tr("The microphone was not switched"), answer.reason)

@@ -22,16 +22,16 @@ class PreviewTextures:
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
-        self._made: dict[str, tuple[CameraMessage, moderngl.Texture, object]] = {}
+        self._textures: dict[str, tuple[CameraMessage, moderngl.Texture, object]] = {}
 
-    def of(self, name: str, camera: CameraMessage | None) -> int | None:
+    def get_texture(self, name: str, camera: CameraMessage | None) -> int | None:
         """Returns the OpenGL number of the texture with an edge's newest camera image.
 
         Returns None if there is no image.
         """
         if camera is None or not camera.height:
             return None
-        cached = self._made.get(name)
+        cached = self._textures.get(name)
         if cached is not None and cached[0] is camera and cached[2] == get_theme():
             return int(cached[1].glo)
         size, pixels = (camera.width, camera.height), draw_depth_image(camera).tobytes()
@@ -40,7 +40,7 @@ class PreviewTextures:
             texture.write(pixels, alignment=1)
         else:
             texture = self._ctx.texture(size, 3, pixels, alignment=1)
-        self._made[name] = camera, texture, get_theme()
+        self._textures[name] = camera, texture, get_theme()
         return int(texture.glo)
 
 

@@ -90,11 +90,11 @@ class Viewport:
         self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture
         if over.shade is not None:
-            self._puppet_overlay.shade(picture, *over.shade)
+            self._puppet_overlay.draw_shading(picture, *over.shade)
         if over.self_intersection is not None:
-            self._puppet_overlay.crossing(picture, *over.self_intersection)
+            self._puppet_overlay.draw_intersections(picture, *over.self_intersection)
         if over.ghost is not None:
-            self._puppet_overlay.outline(picture, *over.ghost)
+            self._puppet_overlay.draw_outline(picture, *over.ghost)
         for rows, bias in over.tubes:
             if len(rows):
                 self._tubes.draw(picture, rows, bias)

@@ -26,26 +26,28 @@ class KeyPoses(PuppetSelection):
     def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
         self.start_state: State | None = None
-        self._key: tuple[str, int] | None = None
-        self._before: dict[int, Float] | None = None
-        self._at = 0.0
+        self._edited_pose: tuple[str, int] | None = None
+        self._states_before: dict[int, Float] | None = None
+        self._edited_time = 0.0
 
     def leave_elsewhere(self) -> None:
         """Stops editing the key pose during playback, at another time, or with another puppet."""
-        elsewhere = self.editor.playing or abs(self.editor.time - self._at) > 1e-9
-        if self._key is not None and (elsewhere or self.editor.selection.character != self._key[0]):
+        elsewhere = self.editor.playing or abs(self.editor.time - self._edited_time) > 1e-9
+        if self._edited_pose is not None and (
+            elsewhere or self.editor.selection.character != self._edited_pose[0]
+        ):
             self.accept()
 
     @property
     def number(self) -> int | None:
         """Returns the number of the edited key pose; None while the puppet plays."""
         puppet = self.puppet
-        if self._key is None or puppet is None or self._key[0] != puppet.id:
+        if self._edited_pose is None or puppet is None or self._edited_pose[0] != puppet.id:
             return None
-        return self._key[1] if self._key[1] < len(puppet.poses) else None
+        return self._edited_pose[1] if self._edited_pose[1] < len(puppet.poses) else None
 
     @property
-    def posing(self) -> bool:
+    def is_posing(self) -> bool:
         """Returns True if a key pose is being edited."""
         return self.number is not None
 
@@ -92,7 +94,7 @@ class KeyPoses(PuppetSelection):
 
     def accept(self) -> None:
         """Keeps the key pose and stops editing it; the puppet plays again."""
-        self._key = self._before = self.start_state = None
+        self._edited_pose = self._states_before = self.start_state = None
         self.clear_drag()
 
     def clear_drag(self) -> None:
@@ -100,7 +102,7 @@ class KeyPoses(PuppetSelection):
 
     def cancel(self) -> None:
         """Restores the key pose to its state before editing, or removes it if it is new."""
-        puppet, number, before = self.puppet, self.number, self._before
+        puppet, number, before = self.puppet, self.number, self._states_before
         self.accept()
         if puppet is None or number is None:
             return
@@ -124,9 +126,9 @@ class KeyPoses(PuppetSelection):
         self.start_state = (
             standing.state if standing is not None and self.start_state is None else self.start_state
         )
-        self._key, self._before = (puppet, number), before
+        self._edited_pose, self._states_before = (puppet, number), before
         self.clear_drag()
-        self.editor.playing, self._at = False, self.editor.time
+        self.editor.playing, self._edited_time = False, self.editor.time
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:
         """Adds a key pose as one edit, and starts editing it."""

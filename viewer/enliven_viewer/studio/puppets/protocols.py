@@ -23,7 +23,7 @@ class EditorProtocol(Protocol):
     scrubbing: bool
     selection: Selection
     toasts: Toasts
-    solving: MotionSolver
+    motion_solver: MotionSolver
 
     @property
     def project(self) -> Project:
@@ -38,7 +38,7 @@ class EditorProtocol(Protocol):
     def choose(self, character: str | None, handle: int | None = None) -> None:
         """Selects a character, and optionally one of its handles."""
 
-    def chosen(self, rig: type[R], /) -> R | None:
+    def find_selected(self, rig: type[R], /) -> R | None:
         """Returns the selected character if it has this type of rig."""
 
 
@@ -65,5 +65,5 @@ class PoseEditState(Protocol):
         """Returns the control points (P, 3) in metres of the mesh's frame; None while the puppet plays."""
 
     @property
-    def dragging(self) -> bool:
+    def is_dragging(self) -> bool:
         """Returns True if a control point is being dragged."""

@@ -58,17 +58,21 @@ class PuppetEditor(KeyPoses):
         self.leave_elsewhere()
         self.stage.improve()
         standing = self.stage_puppet
-        if standing is not None and self.dragging and len(standing.character.mesh.faces) > _LARGE_MESH_FACES:
+        if (
+            standing is not None
+            and self.is_dragging
+            and len(standing.character.mesh.faces) > _LARGE_MESH_FACES
+        ):
             return
-        if self.warn and self.shaping and standing is not None:
-            self.self_intersection.look(standing.character, standing.surface)
+        if self.warn and self.is_shaping and standing is not None:
+            self.self_intersection.start_check(standing.character, standing.surface)
         else:
             self.self_intersection.forget()
 
     @property
-    def shaping(self) -> bool:
+    def is_shaping(self) -> bool:
         """Returns True if a key pose is being edited or a control point dragged."""
-        return self.posing or self.dragging
+        return self.is_posing or self.is_dragging
 
     @property
     def places(self) -> Float | None:
@@ -81,7 +85,7 @@ class PuppetEditor(KeyPoses):
         return None if self.key is None else self.key.places
 
     @property
-    def dragging(self) -> bool:
+    def is_dragging(self) -> bool:
         """Returns True if a control point is being dragged."""
         return self._dragged is not None
 

@@ -35,19 +35,19 @@ class PuppetOverlay:
         self._mask: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         self._mesh: tuple[object, object, list[moderngl.Buffer], moderngl.VertexArray] | None = None
 
-    def outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
+    def draw_outline(self, picture: RenderTarget, vertices: Float32, faces: Int32, size: float) -> None:
         """Draws the outline of a mesh (V, 3) metres in the world over everything.
 
         `size` is the mesh's size in metres.
         """
-        mask, buffer = self._mask_of(picture.size)
+        mask, buffer = self._get_mask(picture.size)
         buffer.use()
         buffer.clear(0.0, depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
         self._load_mesh(vertices, faces).render(moderngl.TRIANGLES)
         picture.widen()
-        self._blend(moderngl.NOTHING)
+        self._draw_blended(moderngl.NOTHING)
         mask.use(TEXTURE_UNITS["picture"])
         self._outline["tint"] = _to_float_tint(GHOST, 0.85)
         self._outline["radius"] = _OUTLINE_WIDTH_PX
@@ -55,7 +55,7 @@ class PuppetOverlay:
         self._quad.render(moderngl.TRIANGLES, vertices=3)
         picture.resolve()
 
-    def crossing(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
+    def draw_intersections(self, picture: RenderTarget, vertices: Float32, faces: Int32) -> None:
         """Highlights the self-intersecting faces (K, 3) of a surface.
 
         They are fainter where other geometry covers them.
@@ -66,7 +66,7 @@ class PuppetOverlay:
         buffer = self.ctx.buffer(corners.tobytes())
         array = self.ctx.vertex_array(self._warning, [(buffer, "3f", "in_position")])
         picture.widen()
-        self._blend(moderngl.DEPTH_TEST)
+        self._draw_blended(moderngl.DEPTH_TEST)
         picture.drawn.depth_mask = False
         picture.drawn.use()
         for test, opacity in ((">", 0.22), ("<=", 0.86)):
@@ -79,7 +79,9 @@ class PuppetOverlay:
         array.release()
         buffer.release()
 
-    def shade(self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8) -> None:
+    def draw_shading(
+        self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8
+    ) -> None:
         """Draws colours over a mesh (V, 3) metres in the world: (V, 4) uint8 sRGB and opacity."""
         data = (np.asarray(vertices, np.float32), tints, np.asarray(faces, np.int32))
         places, colours, order = (self.ctx.buffer(np.ascontiguousarray(values).tobytes()) for values in data)
@@ -90,7 +92,7 @@ class PuppetOverlay:
             index_element_size=4,
         )
         picture.widen()
-        self._blend(moderngl.DEPTH_TEST)
+        self._draw_blended(moderngl.DEPTH_TEST)
         picture.drawn.depth_mask = False
         picture.drawn.use()
         self.ctx.depth_func = "<="
@@ -101,12 +103,12 @@ class PuppetOverlay:
         for resource in (array, places, colours, order):
             resource.release()
 
-    def _blend(self, flags: int) -> None:
+    def _draw_blended(self, flags: int) -> None:
         self.ctx.enable_only(moderngl.BLEND | flags)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
 
-    def _mask_of(self, size: tuple[int, int]) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+    def _get_mask(self, size: tuple[int, int]) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         if self._mask is None or self._mask[0].size != size:
             if self._mask is not None:
                 self._mask[1].release()

@@ -33,7 +33,7 @@ class PuppetSelection:
     @property
     def puppet(self) -> Puppet | None:
         """Returns the selected puppet."""
-        return self.editor.chosen(Puppet)
+        return self.editor.find_selected(Puppet)
 
     @property
     def point(self) -> int | None:

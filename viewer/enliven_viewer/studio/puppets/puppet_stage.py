@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Character, Puppet, RigBase, SkinWeights
-from enliven.examples.puppet_motion import State, in_world, pose_of_state
+from enliven.examples.puppet_motion import State, pose_of_state, to_world_frame
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
@@ -80,10 +80,10 @@ class PuppetStage:
     def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
         self.editor, self.posing = editor, posing
         self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), create_puppet_meshes()
-        self._known: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
-        self._polls = 0
+        self._cache: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
+        self._version = 0
         self._ghost: StagePuppet | None = None
-        self._wanted: tuple[tuple[object, ...], Future[Float]] | None = None
+        self._ghost_request: tuple[tuple[object, ...], Future[Float]] | None = None
 
     @property
     def ghost(self) -> StagePuppet | None:
@@ -95,11 +95,15 @@ class PuppetStage:
         if puppet is None or pose is None or now is None or not posing.silhouette:
             return None
         key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
-        if self._wanted is None or not _is_unchanged(self._wanted[0], key):
+        if self._ghost_request is None or not _is_unchanged(self._ghost_request[0], key):
             future = self.surfaces.solve_in_background(puppet, pose.places)
-            self._wanted = None if future is None else (key, future)
-        if self._wanted is not None and self._wanted[1].done() and self._wanted[1].exception() is None:
-            surface = self._wanted[1].result()
+            self._ghost_request = None if future is None else (key, future)
+        if (
+            self._ghost_request is not None
+            and self._ghost_request[1].done()
+            and self._ghost_request[1].exception() is None
+        ):
+            surface = self._ghost_request[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
                 state = State(pose.places, now.state.yaw, now.state.root)
                 self._ghost = self._make_stage_puppet(puppet, state, surface)
@@ -108,19 +112,19 @@ class PuppetStage:
 
     def wait(self) -> None:
         """Waits for the ghost. For sessions without a window."""
-        if self.ghost is None and self._wanted is not None:
-            self._wanted[1].result()
+        if self.ghost is None and self._ghost_request is not None:
+            self._ghost_request[1].result()
 
     @property
     def puppets(self) -> tuple[StagePuppet, ...]:
         """Returns all puppets, in the project's order."""
         editor, posing = self.editor, self.posing
         project = editor.project
-        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
-        if self._known is None or not _is_unchanged(self._known[0], key):
+        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._version)
+        if self._cache is None or not _is_unchanged(self._cache[0], key):
             self.surfaces.keep_only(set(project.puppets))
-            self._known = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
-        return self._known[1]
+            self._cache = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
+        return self._cache[1]
 
     def find(self, puppet_id: str) -> StagePuppet | None:
         """Returns one of the puppets; None for an unknown id."""
@@ -133,8 +137,8 @@ class PuppetStage:
     def improve(self) -> None:
         """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
         self.surfaces.improve()
-        if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
-            self._polls += 1
+        if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):
+            self._version += 1
 
     def _place_puppet(self, puppet: Puppet) -> StagePuppet:
         editor, posing, newest = self.editor, self.posing, puppet
@@ -147,13 +151,13 @@ class PuppetStage:
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
             puppet = cast(Puppet, bake_root_layers(editor.project, puppet, editor.time))
-        warm = editor.playing or editor.scrubbing or posing.dragging
-        return self._make_stage_puppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+        warm = editor.playing or editor.scrubbing or posing.is_dragging
+        return self._make_stage_puppet(puppet, state, self.surfaces.solve(puppet, state.places, warm=warm))
 
     def _make_stage_puppet(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
-        handles = in_world(puppet, state, state.places)
+        handles = to_world_frame(puppet, state, state.places)
         return StagePuppet(
-            puppet, self._meshes.of(puppet), pose_of_state(puppet, state), handles, state, surface
+            puppet, self._meshes.get_mesh(puppet), pose_of_state(puppet, state), handles, state, surface
         )
 
 

@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_examples import missing
-from enliven.examples.puppet_motion import State, motion_of, state_of
+from enliven.examples.puppet_motion import State, evaluate_state, solve_layer_motion
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 
 
@@ -22,11 +22,11 @@ def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet,
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
-    project, solved = editor.solving.newest_solution(editor.project, puppet.id)
+    project, solved = editor.motion_solver.newest_solution(editor.project, puppet.id)
     if not solved.layers:
         return puppet, make_rest_state(puppet)
     try:
-        state = state_of(project, solved, editor.time)
+        state = evaluate_state(project, solved, editor.time)
     except EnlivenError:  # The examples panel reports this error.
         return puppet, make_rest_state(puppet)
     if solved.mesh is not puppet.mesh or solved.points != puppet.points:
@@ -44,7 +44,7 @@ def find_start_places(project: Project, puppet: Puppet, take: str, time: float) 
     for number, layer in enumerate(puppet.layers):
         if layer.take == take and not missing(project, puppet):
             try:
-                motion = motion_of(project, puppet, number)
+                motion = solve_layer_motion(project, puppet, number)
             except EnlivenError:
                 continue
             start[list(motion.points)] = motion.at(time)[0]

@@ -29,12 +29,12 @@ class SelfIntersectionSearch:
         self.faces: Int = np.zeros(0, np.int64)
         self.message = ""
         self._threads: ThreadPoolExecutor | None = None
-        self._now: Future[tuple[Int, str]] | None = None
-        self._seen: Float | None = None
+        self._search: Future[tuple[Int, str]] | None = None
+        self._searched_surface: Float | None = None
         self._mesh: Mesh | None = None
         self._finder: SelfIntersection | None = None
 
-    def look(self, puppet: Puppet, surface: Float) -> None:
+    def start_check(self, puppet: Puppet, surface: Float) -> None:
         """Starts a self-intersection check of the surface (V, 3) metres in the background.
 
         Call once per frame; does not block.
@@ -42,26 +42,26 @@ class SelfIntersectionSearch:
         if puppet.mesh is not self._mesh:
             self.forget()
             self._mesh, self._finder = puppet.mesh, None
-        if self._now is not None and self._now.done():
-            now, self._now = self._now, None
+        if self._search is not None and self._search.done():
+            now, self._search = self._search, None
             if now.exception() is None:
                 self.faces, self.message = now.result()
-        if self._now is None and surface is not self._seen:
-            self._seen = surface
+        if self._search is None and surface is not self._searched_surface:
+            self._searched_surface = surface
             self._threads = self._threads or ThreadPoolExecutor(1, "crossing faces")
-            self._now = self._threads.submit(self._find_faces, puppet, surface)
+            self._search = self._threads.submit(self._find_faces, puppet, surface)
 
     def wait(self) -> None:
         """Waits for the current check. For sessions without a window."""
-        if self._now is not None:
-            self.faces, self.message = self._now.result()
-            self._now = None
+        if self._search is not None:
+            self.faces, self.message = self._search.result()
+            self._search = None
 
     def forget(self) -> None:
         """Clears the results, and stops the current check."""
-        if self._now is not None:
-            self._now.cancel()
-        self.faces, self.message, self._now, self._seen = np.zeros(0, np.int64), "", None, None
+        if self._search is not None:
+            self._search.cancel()
+        self.faces, self.message, self._search, self._searched_surface = np.zeros(0, np.int64), "", None, None
 
     def _find_faces(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
         finder = self._finder

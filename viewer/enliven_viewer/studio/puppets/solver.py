@@ -42,101 +42,113 @@ class Solver:
     def __init__(self, puppet: Puppet, pool: Executor, toasts: Toasts) -> None:
         self.mesh, self.settings = puppet.mesh, puppet.surface
         self._name, self._pool, self._toasts = puppet.id, pool, toasts
-        self._count = len(puppet.mesh.vertices)
-        self._held = find_held_points(puppet)
-        self._shown: Float = puppet.mesh.vertices
+        self._vertex_count = len(puppet.mesh.vertices)
+        self._held_points = find_held_points(puppet)
+        self._shown_surface: Float = puppet.mesh.vertices
         self._places: Float | None = None
         self._surface: PuppetSurface | None = None
-        self._rounds = 0
+        self._remaining_frames = 0
         self._refused: HeldPoints | None = None
-        self._work: Future[PuppetSurface] | None = self._begin(puppet)
-        if self._count > MIN_ANNOUNCED_VERTICES:
+        self._preparation: Future[PuppetSurface] | None = self._begin(puppet)
+        if self._vertex_count > MIN_ANNOUNCED_VERTICES:
             toasts.say(
                 tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
                 tr("Everything else goes on meanwhile."),
             )
 
-    def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+    def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
         """Returns the surface (V, 3) in metres with control points at ``places`` (P, 3).
 
         Returns the last valid surface while it is being prepared, or if it cannot be solved.
         """
-        surface = self.ready(puppet)
+        surface = self.find_prepared(puppet)
         if surface is None:
-            return self._shown
+            return self._shown_surface
         if not puppet.points:
-            self._shown = self.mesh.vertices
+            self._shown_surface = self.mesh.vertices
         elif self._places is None or not np.array_equal(places, self._places):
-            self._shown = self._move_points(surface, places, warm=warm)
-        return self._shown
+            self._shown_surface = self._move_points(surface, places, warm=warm)
+        return self._shown_surface
 
-    def ready(self, puppet: Puppet) -> PuppetSurface | None:
+    def find_prepared(self, puppet: Puppet) -> PuppetSurface | None:
         """Returns the solver with the puppet's control points, or None while it is being prepared."""
         held = find_held_points(puppet)
-        if self._refused == held or (self._work is not None and not self._work.done()):
+        if self._refused == held or (self._preparation is not None and not self._preparation.done()):
             return None
         try:
             # The control points have changed, so the ones that were refused no longer matter.
             if self._refused is not None:
-                self._refused, self._held, self._places = None, held, None
-                self._work = self._begin(puppet)
-                return self.ready(puppet)
-            if self._work is not None:
-                work, self._work = self._work, None
-                self._take(work.result())
-            if held != self._held:
-                self._hold(held)
+                self._refused, self._held_points, self._places = None, held, None
+                self._preparation = self._begin(puppet)
+                return self.find_prepared(puppet)
+            if self._preparation is not None:
+                work, self._preparation = self._preparation, None
+                self._use_prepared(work.result())
+            if held != self._held_points:
+                self._change_points(held)
         except Exception as error:
             self._refuse(error)
             return None
-        return self._surface if self._work is None else None
+        return self._surface if self._preparation is None else None
 
     def has_result(self) -> bool:
         """Returns True if the preparation has finished and its result was not fetched yet."""
-        return self._work is not None and self._work.done()
+        return self._preparation is not None and self._preparation.done()
 
     def forget(self) -> None:
         """Discards the last positions, so that the next surface is settled independently of its history."""
-        self._places, self._rounds = None, 0
+        self._places, self._remaining_frames = None, 0
 
     def improve(self) -> bool:
         """Solves one more frame of settling. Returns whether anything moved."""
-        if self._rounds <= 0 or self._surface is None or self._places is None or self._work is not None:
+        if (
+            self._remaining_frames <= 0
+            or self._surface is None
+            or self._places is None
+            or self._preparation is not None
+        ):
             return False
-        before = self._shown
-        self._rounds -= 1
+        before = self._shown_surface
+        self._remaining_frames -= 1
         try:
-            self._shown = self._surface.solve(self._places)
+            self._shown_surface = self._surface.solve(self._places)
         except EnlivenError:  # This error was reported when the surface was first requested.
-            self._rounds = 0
+            self._remaining_frames = 0
             return False
-        if float(np.abs(self._shown - before).max()) < _SETTLED_MOVEMENT * measure_mesh(self.mesh):
-            self._rounds = 0
+        if float(np.abs(self._shown_surface - before).max()) < _SETTLED_MOVEMENT * measure_mesh(self.mesh):
+            self._remaining_frames = 0
         return True
 
     def _move_points(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
-        small = self._count <= MIN_ANNOUNCED_VERTICES
-        self._places, self._rounds = np.array(places), 0 if small and not warm else _MAX_SETTLING_FRAMES
+        small = self._vertex_count <= MIN_ANNOUNCED_VERTICES
+        self._places, self._remaining_frames = (
+            np.array(places),
+            0 if small and not warm else _MAX_SETTLING_FRAMES,
+        )
         try:
-            if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
+            if (
+                not warm
+                and small
+                and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held_points]])
+            ):
                 surface.set_control_points(
-                    *_split_points(self._held)
+                    *_split_points(self._held_points)
                 )  # This is the rest pose, which needs no solving.
                 return surface.pose
             return surface.solve_from_rest(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
             self._toasts.complain(error)
-            self._rounds = 0
-            return self._shown
+            self._remaining_frames = 0
+            return self._shown_surface
 
     def _refuse(self, error: Exception) -> None:
         """Reports that these control points cannot be prepared."""
         self._toasts.tell(error)
-        self._refused = self._held
+        self._refused = self._held_points
 
     def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
-        held, weights = _split_points(self._held)
-        if self._count > MAX_VERTICES_AT_ONCE:
+        held, weights = _split_points(self._held_points)
+        if self._vertex_count > MAX_VERTICES_AT_ONCE:
             return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
         future: Future[PuppetSurface] = Future()
         try:
@@ -145,22 +157,22 @@ class Solver:
             future.set_exception(error)
         return future
 
-    def _take(self, surface: PuppetSurface) -> None:
+    def _use_prepared(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None
-        if first and self._count > MIN_ANNOUNCED_VERTICES:
+        if first and self._vertex_count > MIN_ANNOUNCED_VERTICES:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
-    def _hold(self, held: HeldPoints) -> None:
+    def _change_points(self, held: HeldPoints) -> None:
         """Changes the control points; in the background if that takes long."""
-        surface, self._held, self._places = self._surface, held, None
+        surface, self._held_points, self._places = self._surface, held, None
         assert surface is not None
 
         def work() -> PuppetSurface:
             surface.set_control_points(*_split_points(held))
             return surface
 
-        if self._count > MIN_BACKGROUND_VERTICES:
-            self._work = self._pool.submit(work)
+        if self._vertex_count > MIN_BACKGROUND_VERTICES:
+            self._preparation = self._pool.submit(work)
         else:
             work()
 

@@ -24,12 +24,12 @@ class PuppetSurfaces:
 
     def __init__(self, toasts: Toasts) -> None:
         self._toasts = toasts
-        self._known: dict[str, Solver] = {}
+        self._solvers: dict[str, Solver] = {}
         self._pool = ThreadPoolExecutor(1, "puppet surface")
-        self._others = ThreadPoolExecutor(1, "another pose")
+        self._background = ThreadPoolExecutor(1, "another pose")
         self.version = 0
 
-    def of(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
+    def solve(self, puppet: Puppet, places: Float, *, warm: bool) -> Float:
         """Returns the surface with control points at ``places`` (P, 3), (V, 3) in metres of the mesh's frame.
 
         While the mesh is being prepared, returns the rest surface. If the positions are invalid, returns the
@@ -39,17 +39,17 @@ class PuppetSurfaces:
             warm: if True, continue from the previous frame of a drag or performance. If False, the result
                 does not depend on history.
         """
-        return self._solver(puppet).of(puppet, places, warm=warm)
+        return self._get_solver(puppet).solve(puppet, places, warm=warm)
 
     def solve_in_background(self, puppet: Puppet, places: Float) -> Future[Float] | None:
         """Returns the future of the settled surface (V, 3) at other positions (P, 3); or None.
 
         The drag is not affected.
         """
-        surface = self._solver(puppet).ready(puppet)
+        surface = self._get_solver(puppet).find_prepared(puppet)
         if surface is None or not puppet.points:
             return None
-        return self._others.submit(surface.settle_separately, places)
+        return self._background.submit(surface.settle_separately, places)
 
     def settle_each(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
         """Returns the settled surface (V, 3) at each of several positions (P, 3).
@@ -64,7 +64,7 @@ class PuppetSurfaces:
 
     def improve(self) -> None:
         """Settles dragged surfaces further, and fetches prepared ones."""
-        moved = [solver.improve() or solver.has_result() for solver in self._known.values()]
+        moved = [solver.improve() or solver.has_result() for solver in self._solvers.values()]
         self.version += any(moved)
 
     def settle(self) -> None:
@@ -72,20 +72,20 @@ class PuppetSurfaces:
 
         Called after a drag over many times.
         """
-        for solver in self._known.values():
+        for solver in self._solvers.values():
             solver.forget()
         self.version += 1
 
     def is_prepared(self, puppet: Puppet) -> bool:
         """Returns True if the surface is prepared. The first call starts the preparation."""
-        return self._solver(puppet).ready(puppet) is not None
+        return self._get_solver(puppet).find_prepared(puppet) is not None
 
     def keep_only(self, ids: set[str]) -> None:
         """Discards the solvers of removed puppets."""
-        self._known = {name: solver for name, solver in self._known.items() if name in ids}
+        self._solvers = {name: solver for name, solver in self._solvers.items() if name in ids}
 
-    def _solver(self, puppet: Puppet) -> Solver:
-        solver = self._known.get(puppet.id)
+    def _get_solver(self, puppet: Puppet) -> Solver:
+        solver = self._solvers.get(puppet.id)
         if solver is None or solver.mesh is not puppet.mesh or solver.settings is not puppet.surface:
-            solver = self._known[puppet.id] = Solver(puppet, self._pool, self._toasts)
+            solver = self._solvers[puppet.id] = Solver(puppet, self._pool, self._toasts)
         return solver

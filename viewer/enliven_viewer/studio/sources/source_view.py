@@ -10,7 +10,7 @@ from enliven_viewer.playback.document import find_bounds
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.viewport.overlay import Overlay, Point
-from enliven_viewer.studio.viewport.picking import Hit, Lens, joint_at
+from enliven_viewer.studio.viewport.picking import Hit, Lens, find_joint_at
 from enliven_viewer.studio.viewport.selection import Selection
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
@@ -34,9 +34,9 @@ class SourceView:
         self.size: tuple[float, float] = (300.0, 240.0)
         self.take: str | None = None
         self.chain: tuple[int, ...] = ()
-        self._start: int | None = None
+        self._chain_start: int | None = None
         self._hovered: Hit | None = None
-        self._last: Point | None = None
+        self._last_pixel: Point | None = None
 
     @property
     def clip(self) -> Clip | None:
@@ -50,7 +50,7 @@ class SourceView:
 
     def show(self, take: str) -> None:
         """Shows another take, and frames it completely."""
-        self.take, self.chain, self._start, self._hovered = take, (), None, None
+        self.take, self.chain, self._chain_start, self._hovered = take, (), None, None
         clip = self.clip
         if clip is None:
             return
@@ -77,51 +77,51 @@ class SourceView:
 
     def press(self, pixel: Point) -> None:
         """Chooses the joint where a chain begins, then the one where it ends."""
-        hit = self._hit(pixel)
+        hit = self._find_joint(pixel)
         clip = self.clip
         if hit is None or clip is None:
-            self._last = pixel
-        elif self._start is None:
-            self._start, self.chain = hit.handle, (hit.handle,)
+            self._last_pixel = pixel
+        elif self._chain_start is None:
+            self._chain_start, self.chain = hit.handle, (hit.handle,)
         else:
-            self.chain = clip.skeleton.path(self._start, hit.handle)
-            self._start = None
+            self.chain = clip.skeleton.path(self._chain_start, hit.handle)
+            self._chain_start = None
 
     def move(self, pixel: Point) -> None:
         """Highlights the joint under the pointer, or turns the view."""
-        if self._last is not None:
-            across, down = pixel[0] - self._last[0], pixel[1] - self._last[1]
+        if self._last_pixel is not None:
+            across, down = pixel[0] - self._last_pixel[0], pixel[1] - self._last_pixel[1]
             self.camera.orbit(-_ROTATION_PER_PIXEL * across, _ROTATION_PER_PIXEL * down)
-            self._last = pixel
+            self._last_pixel = pixel
         else:
-            self._hovered = self._hit(pixel)
+            self._hovered = self._find_joint(pixel)
 
     def release(self) -> None:
         """Handles the release of the button."""
-        self._last = None
+        self._last_pixel = None
 
     def forget(self) -> None:
         """Clears the chosen chain."""
-        self.chain, self._start = (), None
+        self.chain, self._chain_start = (), None
 
     @property
-    def choosing(self) -> bool:
+    def is_choosing(self) -> bool:
         """Returns True if the end of the chain still has to be clicked."""
-        return self._start is not None
+        return self._chain_start is not None
 
     @property
     def selection(self) -> Selection:
         """Returns the selection with the chosen joint, for drawing."""
-        return Selection(SOURCE_ID, self._start)
+        return Selection(SOURCE_ID, self._chain_start)
 
     def overlay(self) -> Overlay:
         """Returns the overlay with the chain and the hovered joint."""
         hovered = (SOURCE_ID, self._hovered.handle) if self._hovered else None
         return Overlay((), (SOURCE_ID, self.chain) if self.chain else None, hovered)
 
-    def _hit(self, pixel: Point) -> Hit | None:
+    def _find_joint(self, pixel: Point) -> Hit | None:
         posed = self.posed_skeleton()
-        return joint_at([posed], self.lens, pixel, self.editor.settings.reach) if posed else None
+        return find_joint_at([posed], self.lens, pixel, self.editor.settings.reach) if posed else None
 
 
 def pose_take(clip: Clip, time: float) -> StageCharacter:

@@ -42,9 +42,9 @@ class Demonstration:
     def __init__(self, toured: TourState, part: TourPart, start: Point) -> None:
         self.part, self.hand, self.presses, self.shift, self.ended = part, start, False, False, False
         self.typed = ""
-        self._toured, self._start, self._at = toured, start, 0.0
+        self._state, self._start, self._elapsed_s = toured, start, 0.0
         self._path: tuple[Point, ...] = ()
-        self._last: Point = (0.0, 0.0)
+        self._last_point: Point = (0.0, 0.0)
         self._origin: Point = (0.0, 0.0)
 
     def advance(self, seconds: float, target: Target, place: Point | None, origin: Point) -> None:
@@ -57,23 +57,23 @@ class Demonstration:
         """
         if self.ended:
             return
-        before, self._at, self._origin = self._at, self._at + seconds, origin
+        before, self._elapsed_s, self._origin = self._elapsed_s, self._elapsed_s + seconds, origin
         if self._path:
             self._drag()
             return
-        aim = self._first(target) or place or self.hand
-        fraction = min(self._at / _GLIDE_S, 1.0)
+        aim = self._find_path_start(target) or place or self.hand
+        fraction = min(self._elapsed_s / _GLIDE_S, 1.0)
         eased = fraction * fraction * (3.0 - 2.0 * fraction)
         self.hand = _interpolate(self._start, aim, eased)
-        self.presses = self._at > _GLIDE_S
-        if self._at < _GLIDE_S + _PRESS_S:
+        self.presses = self._elapsed_s > _GLIDE_S
+        if self._elapsed_s < _GLIDE_S + _PRESS_S:
             return
         if target.path:
             self._begin(target)
         elif self.part.types:
             self._type(before)
         else:
-            self.part.command(self._toured)
+            self.part.command(self._state)
             self._end()
 
     def take_typed(self) -> str:
@@ -84,11 +84,11 @@ class Demonstration:
     def cancel(self) -> None:
         """Stops the demonstration and cancels a stroke that it began."""
         if self._path:
-            self._toured.desk.input.tool.cancel()
-            self._toured.desk.input.release(self._path[-1])
+            self._state.workspace.input.tool.cancel()
+            self._state.workspace.input.release(self._path[-1])
         self._end()
 
-    def _first(self, target: Target) -> Point | None:
+    def _find_path_start(self, target: Target) -> Point | None:
         """Returns the start of the path, in the window's pixels; None without a path."""
         if not target.path:
             return None
@@ -96,18 +96,18 @@ class Demonstration:
 
     def _begin(self, target: Target) -> None:
         """Presses the button. Playback pauses from then on, so that the path stays valid."""
-        self._path, self._at, self.shift = target.path, 0.0, self.part.shift
-        hands = self._toured.desk.input
+        self._path, self._elapsed_s, self.shift = target.path, 0.0, self.part.shift
+        hands = self._state.workspace.input
         hands.press(self._path[0], shift=False)
-        self._last = self._path[0]
+        self._last_point = self._path[0]
 
     def _drag(self) -> None:
-        fraction = min(self._at / _DRAG_S, 1.0)
+        fraction = min(self._elapsed_s / _DRAG_S, 1.0)
         aim = _find_path_point(self._path, fraction)
-        hands = self._toured.desk.input
-        for point in _list_path_points(self._last, aim):
+        hands = self._state.workspace.input
+        for point in _list_path_points(self._last_point, aim):
             hands.move(point, shift=self.shift)
-        self._last = aim
+        self._last_point = aim
         self.hand = aim[0] + self._origin[0], aim[1] + self._origin[1]
         if fraction >= 1.0:
             hands.release(aim, shift=self.shift)
@@ -116,9 +116,9 @@ class Demonstration:
     def _type(self, before: float) -> None:
         """Types the name letter by letter."""
         since = _GLIDE_S + _PRESS_S
-        count = int(max(self._at - since, 0.0) / _LETTER_S)
+        count = int(max(self._elapsed_s - since, 0.0) / _LETTER_S)
         previous_count = int(max(before - since, 0.0) / _LETTER_S)
-        name = _find_free_name(self._toured, self.part.types)
+        name = _find_free_name(self._state, self.part.types)
         self.typed += name[previous_count:count]
         if previous_count >= len(name):
             self._end()
@@ -129,7 +129,7 @@ class Demonstration:
 
 def _find_free_name(toured: TourState, name: str) -> str:
     """Returns a file name that does not exist yet, so that nothing is replaced."""
-    browser, number, free = toured.desk.browser, 1, name
+    browser, number, free = toured.workspace.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
         number += 1
         free = f"{name} {number}"

@@ -34,27 +34,28 @@ class Tour:
 
     Attributes:
         number: number of the current step; the number of steps once all are done.
-        ticked: remaining seconds for which the finished step stays.
+        done_display_s: remaining seconds for which the finished step stays.
         reviewing: whether an earlier, finished step is shown again; it stays until *Next*.
-        shows: whether the tour demonstrates the step. demonstration: the animated hand while it moves.
+        is_demonstrating: whether the tour demonstrates the step.
+        demonstration: the animated hand while it moves.
         target: the current target.
         card: last position of the card, in the window's pixels. card_key: its content at that time.
     """
 
     def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
-        self._toured, self._widgets = TourState(desk), widgets
-        self.number, self.ticked, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
-        self.shows = False
+        self._state, self._widgets = TourState(desk), widgets
+        self.number, self.done_display_s, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
+        self.is_demonstrating = False
         self.demonstration: Demonstration | None = None
         self.target = Target()
         self.card: Point | None = None
         self.card_key: tuple[object, ...] = ()
-        self._shown: TourPart | None = None
-        self._rested, self._hand = 0.0, (0.0, 0.0)
-        self._missing = 0.0
-        self._before = self._toured.counts
-        self._is_new, self._holds_still = True, False
-        while self.number and not TOUR_STEPS[self.number].ready(self._toured):
+        self._demonstrated_part: TourPart | None = None
+        self._idle_s, self._hand = 0.0, (0.0, 0.0)
+        self._missing_s = 0.0
+        self._counts_before = self._state.counts
+        self._is_new, self._has_paused = True, False
+        while self.number and not TOUR_STEPS[self.number].ready(self._state):
             self.number -= 1
 
     @property
@@ -66,7 +67,9 @@ class Tour:
     def part(self) -> TourPart | None:
         """Returns the current part of the step; None once the step or the tour is done."""
         step = self.step
-        return None if step is None or self.ticked > 0.0 else step.part(self._toured, self._before)
+        return (
+            None if step is None or self.done_display_s > 0.0 else step.part(self._state, self._counts_before)
+        )
 
     @property
     def title(self) -> str:
@@ -87,9 +90,9 @@ class Tour:
         return any(name.startswith("do ") for name in self.target.widgets)
 
     @property
-    def moves(self) -> bool:
+    def is_moving(self) -> bool:
         """Returns True if the tour is animating, so that the window must not idle."""
-        return self.shows or self.ticked > 0.0
+        return self.is_demonstrating or self.done_display_s > 0.0
 
     def outline(self, origin: Point) -> Rectangle | None:
         """Returns the bounding box of the target, in the window's pixels; None if it is not visible.
@@ -108,7 +111,7 @@ class Tour:
 
         Returns None without a chair.
         """
-        box = find_chair_in_image(self._toured.desk.editor, self._toured.extent).box
+        box = find_chair_in_image(self._state.workspace.editor, self._state.extent).box
         if box is None:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
@@ -118,29 +121,29 @@ class Tour:
         step = self.step
         if step is None:
             self.target = Target()
-            self._widgets.want(())
+            self._widgets.set_targets(())
             return
-        if self.ticked > 0.0:
+        if self.done_display_s > 0.0:
             self._mark_done(seconds)
         elif not self.reviewing:
             if self._is_done(step):
-                self.ticked = _DONE_DISPLAY_S
+                self.done_display_s = _DONE_DISPLAY_S
                 self._stop_demonstration()
             else:
                 self._check_preconditions(step, seconds)
         if self._is_new and self.step is not None:
             self._is_new = False
-            self.step.begin(self._toured)
+            self.step.begin(self._state)
         part = self.part
-        self.target = Target() if part is None else part.target(self._toured)
-        self._widgets.want(self.target.widgets)
+        self.target = Target() if part is None else part.target(self._state)
+        self._widgets.set_targets(self.target.widgets)
         self._pause_near_target()
         self._continue_demonstration(seconds, origin)
 
     def skip(self) -> None:
         """Moves to the next step with its preconditions met."""
         self._go_to_step(self.number + 1)
-        while self.number < len(TOUR_STEPS) - 1 and not TOUR_STEPS[self.number].ready(self._toured):
+        while self.number < len(TOUR_STEPS) - 1 and not TOUR_STEPS[self.number].ready(self._state):
             self._go_to_step(self.number + 1)
 
     def back(self) -> None:
@@ -151,56 +154,56 @@ class Tour:
 
     def show(self, start: Point) -> None:
         """Demonstrates the step. The hand starts at a pixel of the window."""
-        if self.part is not None and not self.shows:
-            self.shows, self._hand, self._shown = True, start, None
+        if self.part is not None and not self.is_demonstrating:
+            self.is_demonstrating, self._hand, self._demonstrated_part = True, start, None
 
     def _pause_near_target(self) -> None:
         """Pauses playback while the pointer is near the target, since a dancing leg is hard to hit."""
-        editor, hands = self._toured.desk.editor, self._toured.desk.input
+        editor, hands = self._state.workspace.editor, self._state.workspace.input
         if hands.busy or self.demonstration is not None:
             return
         path, box = self.target.path, self.target.box
         is_pointer_near = bool(path) and box is not None and _is_near(hands.at, box, path[0])
         if is_pointer_near and editor.playing:
-            editor.playing, self._holds_still = False, True
+            editor.playing, self._has_paused = False, True
         elif not is_pointer_near:
             self._resume_playback()
 
     def _resume_playback(self) -> None:
         """Resumes playback that the tour has paused."""
-        if self._holds_still:
-            self._toured.desk.editor.playing, self._holds_still = True, False
+        if self._has_paused:
+            self._state.workspace.editor.playing, self._has_paused = True, False
 
     def leave(self) -> None:
         """Restores playback, pointer and widgets."""
         self._stop_demonstration()
         self._resume_playback()
-        self._widgets.want(())
+        self._widgets.set_targets(())
 
     def _go_to_step(self, number: int) -> None:
         self._stop_demonstration()
-        self.number, self.ticked, self.reviewing, self._missing = number, 0.0, False, 0.0
-        self._before, self._is_new = self._toured.counts, True
+        self.number, self.done_display_s, self.reviewing, self._missing_s = number, 0.0, False, 0.0
+        self._counts_before, self._is_new = self._state.counts, True
 
     def _mark_done(self, seconds: float) -> None:
-        self.ticked -= seconds
-        if self.ticked <= 0.0:
+        self.done_display_s -= seconds
+        if self.done_display_s <= 0.0:
             self._go_to_step(self.number + 1)
 
     def _is_done(self, step: TourStep) -> bool:
-        return step.part(self._toured, self._before) is None
+        return step.part(self._state, self._counts_before) is None
 
     def _check_preconditions(self, step: TourStep, seconds: float) -> None:
         """Goes back if the preconditions of a step have been missing for a while."""
-        self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
-        if self._missing > _MISSING_TIMEOUT_S:
+        self._missing_s = 0.0 if step.ready(self._state) else self._missing_s + seconds
+        if self._missing_s > _MISSING_TIMEOUT_S:
             number = self.number
-            while number and not TOUR_STEPS[number].ready(self._toured):
+            while number and not TOUR_STEPS[number].ready(self._state):
                 number -= 1
             self._go_to_step(number)
 
     def _continue_demonstration(self, seconds: float, origin: Point) -> None:
-        if not self.shows:
+        if not self.is_demonstrating:
             return
         if self.demonstration is None:
             self._demonstrate_next(seconds)
@@ -211,18 +214,18 @@ class Tour:
             middle = (outline[0] + outline[2]) / 2, (outline[1] + outline[3]) / 2
         self.demonstration.advance(seconds, self.target, middle, origin)
         if self.demonstration.ended:
-            self._hand, self.demonstration, self._rested = self.demonstration.hand, None, 0.0
+            self._hand, self.demonstration, self._idle_s = self.demonstration.hand, None, 0.0
 
     def _demonstrate_next(self, seconds: float) -> None:
         """Starts to demonstrate the next part of the step once the last one had its effect."""
-        part, self._rested = self.part, self._rested + seconds
-        if part is None or part.waits or (part is self._shown and self._rested < _REPEAT_DELAY_S):
+        part, self._idle_s = self.part, self._idle_s + seconds
+        if part is None or part.waits or (part is self._demonstrated_part and self._idle_s < _REPEAT_DELAY_S):
             return
-        self._shown = part
-        self.demonstration = Demonstration(self._toured, part, self._hand)
+        self._demonstrated_part = part
+        self.demonstration = Demonstration(self._state, part, self._hand)
 
     def _stop_demonstration(self) -> None:
-        self.shows = False
+        self.is_demonstrating = False
         if self.demonstration is not None:
             self.demonstration.cancel()
             self.demonstration = None

@@ -39,7 +39,7 @@ class TourInput(Protocol):
     tool: Tool
     at: Point
 
-    def take(self, name: str) -> None:
+    def activate_tool(self, name: str) -> None:
         """Makes another tool the active one."""
 
     def press(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
@@ -62,7 +62,7 @@ class TourFileField(Protocol):
     folder: Path
     name: str
 
-    def chosen(self) -> Path:
+    def get_path(self) -> Path:
         """Returns the chosen path."""
 
 
@@ -104,7 +104,7 @@ class TourWorkspace(Protocol):
     def attempt(self, command: Callable[[], object]) -> bool:
         """Calls a function. Shows an error as a message and returns False."""
 
-    def chosen(self, path: Path) -> None:
+    def finish_file_dialog(self, path: Path) -> None:
         """Chooses a file in the dialogue."""
 
 
@@ -121,49 +121,49 @@ class TourState:
     """The state of the studio in the terms of the tour.
 
     Attributes:
-        desk: the workspace.
+        workspace: the workspace.
     """
 
-    desk: TourWorkspace
+    workspace: TourWorkspace
 
     @property
     def chairs(self) -> tuple[GraphShape, ...]:
         """Returns the characters that a dancer can possess, and the parts cut off them."""
-        return tuple(self.desk.editor.project.graphs.values())
+        return tuple(self.workspace.editor.project.graphs.values())
 
     @property
     def counts(self) -> TourCounts:
         """Returns the current counts."""
-        merges = sum(name.startswith("merge") for name in self.desk.editor.history.names)
+        merges = sum(name.startswith("merge") for name in self.workspace.editor.history.names)
         return TourCounts(len(self.chairs), merges)
 
     @property
     def chair(self) -> GraphShape | None:
         """Returns the chair of the tour: the possessed chair, or else the largest; None without a chair."""
         held = self._held_characters()
-        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
+        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _measure_size(shape)))
         return chairs[-1] if chairs else None
 
     @property
     def piece(self) -> GraphShape | None:
         """Returns the smallest part that was cut off the chair; None if there is none."""
         pieces = [chair for chair in self.chairs if chair is not self.chair]
-        return min(pieces, key=_size) if pieces else None
+        return min(pieces, key=_measure_size) if pieces else None
 
     @property
     def has_workshop(self) -> bool:
         """Returns True if the current workspace has tools."""
-        return self.desk.perform.active_workspace in _TOOL_WORKSPACES
+        return self.workspace.perform.active_workspace in _TOOL_WORKSPACES
 
     @property
     def has_stage(self) -> bool:
         """Returns True if a stage has been requested."""
-        return self.desk.perform.live is not None
+        return self.workspace.perform.live is not None
 
     @property
     def has_dancer(self) -> bool:
         """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
-        perform, chair = self.desk.perform, self.chair
+        perform, chair = self.workspace.perform, self.chair
         there = chair is not None and chair.id in perform.stage_ids
         return there and perform.connected and bool(perform.performers)
 
@@ -176,44 +176,44 @@ class TourState:
     def dances(self) -> bool:
         """Returns True if the chair has its own motion."""
         chair = self.chair
-        return chair is not None and has_motion(self.desk.editor.project, chair)
+        return chair is not None and has_motion(self.workspace.editor.project, chair)
 
     @property
     def records(self) -> bool:
         """Returns True if a recording is running or counting in."""
-        return self.desk.perform.recording.phase != "idle"
+        return self.workspace.perform.recording.phase != "idle"
 
     @property
     def recorded_s(self) -> float:
         """Returns the length of the running recording in seconds; 0 if no recording is running."""
-        recording = self.desk.perform.recording
+        recording = self.workspace.perform.recording
         return recording.seconds if recording.phase == "recording" else 0.0
 
     @property
     def is_saved(self) -> bool:
         """Returns True if the project has a file without unsaved changes."""
-        return self.desk.store.named and not self.desk.store.dirty
+        return self.workspace.store.named and not self.workspace.store.dirty
 
     @property
     def extent(self) -> Float | Float32 | None:
         """Returns points (N, 3) in metres on the chair as shown, live or playing; None without a chair."""
-        chair, perform = self.chair, self.desk.perform
+        chair, perform = self.chair, self.workspace.perform
         if chair is None:
             return None
         live = () if perform.scene is None else perform.scene.actors
         for actor in live if chair.id in perform.hidden else ():
             if actor.character.id == chair.id:
                 return actor.extent
-        return self.desk.editor.stage_character(chair.id).extent
+        return self.workspace.editor.stage_character(chair.id).extent
 
     def has_tool(self, name: str) -> bool:
         """Returns True if a tool is the active one."""
-        return self.desk.input.tool.name == name
+        return self.workspace.input.tool.name == name
 
     def _held_characters(self) -> Sequence[str]:
-        graphs = self.desk.editor.project.graphs
-        return [holder.character for holder in self.desk.perform.holders if holder.character in graphs]
+        graphs = self.workspace.editor.project.graphs
+        return [holder.character for holder in self.workspace.perform.holders if holder.character in graphs]
 
 
-def _size(shape: GraphShape) -> int:
+def _measure_size(shape: GraphShape) -> int:
     return len(shape.mesh.vertices)

@@ -30,7 +30,7 @@ class TourPart:
     Attributes:
         text: one sentence.
         target: returns where the tour points.
-        done: returns whether it is done, given the counts at the start of the step.
+        is_done: returns whether it is done, given the counts at the start of the step.
         command: has the same effect as a click on the target.
         shift: whether Shift is held during the drag along the target's path.
         types: text to type into a field; empty for none.
@@ -38,7 +38,7 @@ class TourPart:
 
     text: str
     target: Callable[[TourState], Target]
-    done: Callable[[TourState, TourCounts], bool]
+    is_done: Callable[[TourState, TourCounts], bool]
     command: Callable[[TourState], object] = _do_nothing
     shift: bool = False
     types: str = ""
@@ -69,9 +69,9 @@ class TourStep:
 
     def part(self, toured: TourState, before: TourCounts) -> TourPart | None:
         """Returns the first part that is not done; None once the step is done."""
-        if self.parts[-1].done(toured, before):
+        if self.parts[-1].is_done(toured, before):
             return None
-        return next(part for part in self.parts if not part.done(toured, before))
+        return next(part for part in self.parts if not part.is_done(toured, before))
 
 
 def _target_widget(*names: str) -> Callable[[TourState], Target]:
@@ -80,49 +80,49 @@ def _target_widget(*names: str) -> Callable[[TourState], Target]:
 
 def _target_perform_widget(*names: str) -> Callable[[TourState], Target]:
     """Targets a widget of the Perform panel, or the one that leads back to that panel from another one."""
-    return lambda toured: Target((*names, *(panel.back for panel in toured.desk.panels if panel.back)))
+    return lambda toured: Target((*names, *(panel.back for panel in toured.workspace.panels if panel.back)))
 
 
 def _run_action(action: str) -> Callable[[TourState], object]:
-    return lambda toured: toured.desk.actions.do(action)
+    return lambda toured: toured.workspace.actions.do(action)
 
 
 def _go_to_workspace(workspace_name: str) -> Callable[[TourState], object]:
-    return lambda toured: setattr(toured.desk.perform, "active_workspace", workspace_name)
+    return lambda toured: setattr(toured.workspace.perform, "active_workspace", workspace_name)
 
 
 def _call_dancer(toured: TourState) -> None:
-    toured.desk.attempt(lambda: toured.desk.perform.connect_local("--loop"))
+    toured.workspace.attempt(lambda: toured.workspace.perform.connect_local("--loop"))
 
 
-def _step_in(toured: TourState) -> None:
+def _possess_chair(toured: TourState) -> None:
     if toured.chair is not None:
-        toured.desk.editor.choose(toured.chair.id)
-    toured.desk.actions.do("perform.possess_alone")
+        toured.workspace.editor.choose(toured.chair.id)
+    toured.workspace.actions.do("perform.possess_alone")
 
 
 def _target_leg(toured: TourState) -> Target:
     chair = toured.chair
-    return Target() if chair is None else find_leg_to_cut(toured.desk.editor, chair)
+    return Target() if chair is None else find_leg_to_cut(toured.workspace.editor, chair)
 
 
 def _target_piece(toured: TourState) -> Target:
     chair, piece = toured.chair, toured.piece
     if chair is None or piece is None:
         return Target()
-    return find_piece_to_carry(toured.desk.editor, piece, chair)
+    return find_piece_to_carry(toured.workspace.editor, piece, chair)
 
 
 def _play_recording(toured: TourState) -> None:
     """Plays the recording."""
     if toured.dances:
-        toured.desk.editor.playing = True
+        toured.workspace.editor.playing = True
 
 
 def _look_at_chair(toured: TourState) -> None:
     """Frames the dancing chair, with room to draw around it."""
     _play_recording(toured)
-    extent, editor = toured.extent, toured.desk.editor
+    extent, editor = toured.extent, toured.workspace.editor
     if extent is not None:
         box = find_bounds([extent])
         if box is not None:
@@ -131,18 +131,18 @@ def _look_at_chair(toured: TourState) -> None:
             )
 
 
-def _save(toured: TourState) -> None:
-    browser = toured.desk.browser
+def _save_project(toured: TourState) -> None:
+    browser = toured.workspace.browser
     if browser is not None:
-        toured.desk.attempt(lambda: toured.desk.chosen(browser.chosen()))
+        toured.workspace.attempt(lambda: toured.workspace.finish_file_dialog(browser.get_path()))
 
 
 def _has_name(toured: TourState) -> bool:
-    browser = toured.desk.browser
+    browser = toured.workspace.browser
     return browser is not None and browser.name.partition(".")[0] not in ("", "Untitled")
 
 
-def _drag(toured: TourState) -> None:
+def _drag_along_path(toured: TourState) -> None:
     """Does nothing: the demonstration drags along the target's path."""
 
 
@@ -155,7 +155,7 @@ _ANIMATE_PART = TourPart(
 _PERFORM_PART = TourPart(
     later("Click “Perform”: here is the stage."),
     _target_widget("room Perform"),
-    lambda t, before: t.desk.perform.active_workspace == "Perform",
+    lambda t, before: t.workspace.perform.active_workspace == "Perform",
     _go_to_workspace("Perform"),
 )
 _CUT_PART = TourPart(
@@ -207,7 +207,7 @@ TOUR_STEPS = (
                 later("Click “Possess”: the dancer slips into the chair."),
                 _target_perform_widget("possess"),
                 lambda t, before: t.is_held,
-                _step_in,
+                _possess_chair,
             ),
         ),
         lambda t: t.has_dancer,
@@ -225,7 +225,7 @@ TOUR_STEPS = (
             ),
             TourPart(
                 later("Look: the chair does what the dancer does."),
-                lambda t: find_chair_in_image(t.desk.editor, t.extent),
+                lambda t: find_chair_in_image(t.workspace.editor, t.extent),
                 lambda t, before: t.recorded_s > _DANCE_S or t.dances,
             ),
             TourPart(
@@ -253,7 +253,7 @@ TOUR_STEPS = (
                 later("Drag across the leg, along the arrow: the chair holds still for you."),
                 _target_leg,
                 lambda t, before: len(t.chairs) > before.chairs,
-                _drag,
+                _drag_along_path,
             ),
         ),
         lambda t: bool(t.chairs),
@@ -274,7 +274,7 @@ TOUR_STEPS = (
                 later("Hold the Shift key, and drag the leg along the arrow."),
                 _target_piece,
                 lambda t, before: t.counts.merges > before.merges,
-                _drag,
+                _drag_along_path,
                 shift=True,
             ),
         ),
@@ -288,7 +288,7 @@ TOUR_STEPS = (
             TourPart(
                 later("Click “File”, and then “Save”."),
                 _target_widget("menu File/Save", "menu File", "menu all"),
-                lambda t, before: t.desk.asking in ("save as", "changed"),
+                lambda t, before: t.workspace.asking in ("save as", "changed"),
                 _run_action("file.save"),
             ),
             TourPart(
@@ -301,7 +301,7 @@ TOUR_STEPS = (
                 later("Click “Save”: now nothing is lost."),
                 _target_widget("dialog Save"),
                 lambda t, before: t.is_saved,
-                _save,
+                _save_project,
             ),
         ),
     ),

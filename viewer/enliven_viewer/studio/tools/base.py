@@ -9,7 +9,7 @@ from typing import ClassVar
 from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.viewport.overlay import Overlay, Point
-from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at, surface_at
+from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint_at, find_surface_at
 
 _DISTANCE_TOLERANCE_PX = 3.0
 """Tolerance in pixels within which two joints count as equally near: after a cut, two joints coincide."""
@@ -105,7 +105,7 @@ class Tool:
     def overlay(self) -> Overlay:
         """Returns the marks that the tool draws over the viewport."""
         hovered = (self.hovered.character, self.hovered.handle) if self.hovered else None
-        return Overlay(chain=self._chosen_chain(), hovered=hovered)
+        return Overlay(chain=self._find_selected_chain(), hovered=hovered)
 
     def picture(self) -> ToolPicture:
         """Returns the geometry that the tool draws into the 3D image."""
@@ -118,7 +118,7 @@ class Tool:
         """
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.editable_characters
         chosen = [character for character in stage if character.id == self.editor.selection.character]
-        for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
+        for pick, within in ((find_joint_at, reach), (find_bone_at, reach * 0.7)):
             hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
                 return (
@@ -133,7 +133,7 @@ class Tool:
         """
         hit = None if without else self.handle_at(pointer)
         stage = [character for character in self.editor.pickable_characters if character.id != without]
-        return hit or surface_at(stage, self.editor.lens, pointer.at)
+        return hit or find_surface_at(stage, self.editor.lens, pointer.at)
 
     def on_bone(self, hit: Hit | None) -> Point | None:
         """Returns the pixel of a hit position on a bone, if the bone still exists."""
@@ -142,10 +142,10 @@ class Tool:
         posed = self.editor.stage_character(hit.character)
         if hit.handle >= len(posed.handles):
             return None
-        pixels = self.editor.lens.pixels_of(posed.on_bone(hit.handle, hit.along)[None])
+        pixels = self.editor.lens.project_visible(posed.on_bone(hit.handle, hit.along)[None])
         return pixels[0] if pixels else None
 
-    def _chosen_chain(self) -> tuple[str, tuple[int, ...]] | None:
+    def _find_selected_chain(self) -> tuple[str, tuple[int, ...]] | None:
         chosen = self.editor.selection
         return (chosen.character, chosen.chain) if chosen.character and chosen.chain else None
 

@@ -8,7 +8,13 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
+from enliven.modeling.edits import (
+    get_rig_edits,
+    key_characters,
+    merge_characters,
+    move_characters,
+    root_motion,
+)
 from enliven.rotation import IDENTITY, from_rotation_vector
 from enliven_viewer.language import later
 from enliven_viewer.playback.document import find_bounds
@@ -38,39 +44,41 @@ class CharacterDrag:
 
     def __init__(self, editor: Editor, hit: Hit, start: Pointer) -> None:
         posed = editor.stage_character(hit.character)
-        self.editor, self.character, self._start = editor, hit.character, start
+        self.editor, self.character, self._start_pointer = editor, hit.character, start
         self.handles = posed.handles
         self.rooted = len(posed.handles) > 0 and not posed.has_own_tool
         # Move the root in a plane parallel to the image, whichever part was grabbed.
-        self._at = (
+        self._grabbed_point = (
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )
         character, project = posed.character, editor.project
-        centre = rig_of(character).centre(character)
+        centre = get_rig_edits(character).centre(character)
         stands = root_motion(project, project.character(hit.character), editor.time)(centre[None])[0]
-        self._about = self._at if self.rooted else stands
+        self._pivot = self._grabbed_point if self.rooted else stands
         editor.selection = editor.selection.with_active(hit.character)
         editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
         self.characters = editor.selection.characters
-        self._stands = _find_standing_point(editor, self.characters)
+        self._standing_point = _find_standing_point(editor, self.characters)
         editor.playing = False
 
     @property
-    def several(self) -> bool:
+    def has_several(self) -> bool:
         """Returns True if more than one character is dragged."""
         return len(self.characters) > 1
 
     @property
     def description(self) -> str:
         """Returns what is dragged, for the name of an edit."""
-        return later("{0} shapes", len(self.characters)) if self.several else self.character
+        return later("{0} shapes", len(self.characters)) if self.has_several else self.character
 
     def move(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters moved along with the pointer."""
         lens = self.editor.lens
-        offset = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
+        offset = lens.intersect_plane(pointer.at, self._grabbed_point) - lens.intersect_plane(
+            self._start_pointer.at, self._grabbed_point
+        )
         if self.editor.snapping.is_active(pointer.ctrl):
-            offset = self.editor.snapping.way(self._stands, offset)
+            offset = self.editor.snapping.snap_offset(self._standing_point, offset)
         return self._move_characters(project, offset)
 
     def turn(self, project: Project, pointer: Pointer) -> Project:
@@ -80,8 +88,8 @@ class CharacterDrag:
 
         With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
         """
-        turn = from_rotation_vector(self._turn(pointer))
-        return self._move_characters(project, np.zeros(3), turn, self._about)
+        turn = from_rotation_vector(self._find_rotation(pointer))
+        return self._move_characters(project, np.zeros(3), turn, self._pivot)
 
     def _move_characters(
         self, project: Project, offset: Float, turn: Float = IDENTITY, pivot: Float | None = None
@@ -91,7 +99,7 @@ class CharacterDrag:
         In auto-key mode they get keys at the playhead instead.
         """
         centre = np.zeros(3) if pivot is None else pivot
-        if self.editor.keying:
+        if self.editor.is_auto_key:
             return key_characters(project, self.characters, self.editor.time, offset, turn, centre)
         return move_characters(project, self.characters, offset, turn, centre)
 
@@ -112,18 +120,18 @@ class CharacterDrag:
             notes=notes,
         )
 
-    def _turn(self, pointer: Pointer) -> Float:
+    def _find_rotation(self, pointer: Pointer) -> Float:
         axis, radians = self._turn_characters(pointer)
         snapping = self.editor.snapping
-        return axis * (snapping.turn(radians) if snapping.is_active(pointer.ctrl) else radians)
+        return axis * (snapping.snap_angle(radians) if snapping.is_active(pointer.ctrl) else radians)
 
     def _turn_characters(self, pointer: Pointer) -> tuple[Float, float]:
         """Returns the (3,) unit axis, and the rotation in radians."""
-        lens, start = self.editor.lens, self._start
+        lens, start = self.editor.lens, self._start_pointer
         across = _ROTATION_PER_PIXEL * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:
             return _UP_AXIS, across
-        centre = lens.project(self._about[None])[0][0]
+        centre = lens.project(self._pivot[None])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
         if np.linalg.norm(before) < _PIVOT_RADIUS_PX:
             return lens.forward, across

@@ -23,12 +23,12 @@ class CutTool(StrokeTool):
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self._crossed: list[Hit] = []
+        self._crossed_bones: list[Hit] = []
 
     @property
     def hint(self) -> str:
-        if self._crossed:
-            count = len(self._crossed)
+        if self._crossed_bones:
+            count = len(self._crossed_bones)
             return tr_n(
                 "Let go to cut {0} bone; Esc drops the stroke.",
                 "Let go to cut {0} bones; Esc drops the stroke.",
@@ -39,7 +39,7 @@ class CutTool(StrokeTool):
         return "Draw a stroke across a limb. Both parts keep their pose now, and their motion."
 
     def press(self, pointer: Pointer) -> bool:
-        self._crossed, self.hovered = [], None
+        self._crossed_bones, self.hovered = [], None
         return super().press(pointer)
 
     def drag(self, pointer: Pointer) -> None:
@@ -49,11 +49,11 @@ class CutTool(StrokeTool):
             return
         hits = find_crossings(editor.editable_characters, editor.lens, np.array(self._stroke))
         # If the stroke crosses the selected shape, do not cut shapes behind it or in front of it.
-        self._crossed = [hit for hit in hits if hit.character == editor.selection.character] or hits
+        self._crossed_bones = [hit for hit in hits if hit.character == editor.selection.character] or hits
 
     def release(self, pointer: Pointer) -> None:
         """Cuts the characters that the stroke crosses, at the current time."""
-        stroke, crossed, self._crossed = self.take_points(), self._crossed, []
+        stroke, crossed, self._crossed_bones = self.take_points(), self._crossed_bones, []
         if not stroke:
             return
         names = list(dict.fromkeys(hit.character for hit in crossed)) or self._list_boneless_characters(
@@ -111,11 +111,11 @@ class CutTool(StrokeTool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._crossed = []
+        self._crossed_bones = []
 
     def overlay(self) -> Overlay:
         if len(self._stroke) < 2:
             return Overlay()
         marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]
-        marks += [Disc(at, 5.0, CUT) for at in map(self.on_bone, self._crossed) if at is not None]
+        marks += [Disc(at, 5.0, CUT) for at in map(self.on_bone, self._crossed_bones) if at is not None]
         return Overlay(tuple(marks))

@@ -17,8 +17,8 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Disc, Label, Overlay, Point
-from enliven_viewer.studio.viewport.picking import surface_at
-from enliven_viewer.studio.viewport.ray import vertex_hit
+from enliven_viewer.studio.viewport.picking import find_surface_at
+from enliven_viewer.studio.viewport.ray import find_hit_vertex
 from enliven_viewer.theme import ACCENT, MARK, QUIET
 
 _END_WORDS = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
@@ -41,16 +41,18 @@ class LimbEndsTool(Tool):
         super().__init__(editor)
         self._threads: ThreadPoolExecutor | None = None
         self._mesh: Mesh | None = None
-        self._found: Future[Int] | None = None
-        self._held: tuple[int, int] | None = None
+        self._search: Future[Int] | None = None
+        self._held_mark: tuple[int, int] | None = None
 
     @property
     def hint(self) -> str:
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if shape is None:
             return "Click a character that performers hold, to name its head, hands and feet."
-        if self._held is not None:
-            return tr("Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held[0]])
+        if self._held_mark is not None:
+            return tr(
+                "Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held_mark[0]]
+            )
         if len(shape.ends):
             return "These marks pair its limbs with yours. Drag one to move it; Delete finds them again."
         return "Where head, hands and feet were found: drag a mark where it is wrong."
@@ -61,27 +63,27 @@ class LimbEndsTool(Tool):
 
         Returns an empty array while they are being searched, or if nothing is selected.
         """
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if shape is None:
             return np.empty(0, np.int64)
         if len(shape.ends):
             vertices = scipy.spatial.cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
         else:
             vertices = self._suggest_ends(shape.mesh).copy()
-        if self._held is not None and len(vertices):
-            vertices[self._held[0]] = self._held[1]
+        if self._held_mark is not None and len(vertices):
+            vertices[self._held_mark[0]] = self._held_mark[1]
         return np.asarray(vertices)
 
     def hover(self, pointer: Pointer) -> None:
         """Does nothing: only the marks can be grabbed."""
 
     def press(self, pointer: Pointer) -> bool:
-        shape, self.editor.playing = self.editor.chosen(GraphShape), False
+        shape, self.editor.playing = self.editor.find_selected(GraphShape), False
         if shape is not None and len(marks := self.marks):
             distances = np.linalg.norm(self._find_pixels(shape.id, marks) - np.array(pointer.at), axis=1)
             if distances.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
                 end = int(distances.argmin())
-                self._held = end, int(marks[end])
+                self._held_mark = end, int(marks[end])
                 return True
         hit = self.character_at(pointer)
         if hit is not None and hit.character != self.editor.selection.character:
@@ -89,23 +91,26 @@ class LimbEndsTool(Tool):
         return False
 
     def drag(self, pointer: Pointer) -> None:
-        shape = self.editor.chosen(GraphShape)
-        if self._held is None or shape is None:
+        shape = self.editor.find_selected(GraphShape)
+        if self._held_mark is None or shape is None:
             return
         posed, lens = self.editor.stage_character(shape.id), self.editor.lens
-        hit = surface_at([posed], lens, pointer.at)
+        hit = find_surface_at([posed], lens, pointer.at)
         if hit is not None:
             place = lens.view.eye + hit.depth * lens.ray(pointer.at)
-            self._held = self._held[0], vertex_hit(posed.vertices, shape.mesh.faces[hit.face], place)
+            self._held_mark = (
+                self._held_mark[0],
+                find_hit_vertex(posed.vertices, shape.mesh.faces[hit.face], place),
+            )
 
     def release(self, pointer: Pointer) -> None:
-        shape, held, marks = self.editor.chosen(GraphShape), self._held, self.marks
-        self._held = None
+        shape, held, marks = self.editor.find_selected(GraphShape), self._held_mark, self.marks
+        self._held_mark = None
         if shape is not None and held is not None:
             self._store_ends(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
 
     def type(self, key: str) -> bool:
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
             return False
         self._store_ends(shape, np.empty((0, 3)), tr("find the ends"))
@@ -113,10 +118,10 @@ class LimbEndsTool(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = None
+        self._held_mark = None
 
     def overlay(self) -> Overlay:
-        shape, marks = self.editor.chosen(GraphShape), self.marks
+        shape, marks = self.editor.find_selected(GraphShape), self.marks
         if shape is None or not len(marks):
             return Overlay()
         colour = ACCENT if len(shape.ends) else QUIET
@@ -126,7 +131,7 @@ class LimbEndsTool(Tool):
         ):
             if not np.isfinite(pixel).all():
                 continue
-            held = self._held is not None and self._held[0] == number
+            held = self._held_mark is not None and self._held_mark[0] == number
             place: Point = (float(pixel[0]), float(pixel[1]))
             end_marks += [
                 Disc(place, _MARK_RADIUS_PX, colour),
@@ -139,8 +144,8 @@ class LimbEndsTool(Tool):
 
     def wait(self) -> None:
         """Waits until the ends are found. For sessions without a window."""
-        if self._found is not None:
-            self._found.result()
+        if self._search is not None:
+            self._search.result()
 
     def _find_pixels(self, character: str, vertices: Int) -> Float:
         """Returns (5, 2) pixels of vertices in the character's current pose."""
@@ -151,8 +156,8 @@ class LimbEndsTool(Tool):
         if self._mesh is not mesh:
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
-            self._found = self._threads.submit(suggest_ends, mesh)
-        search = self._found
+            self._search = self._threads.submit(suggest_ends, mesh)
+        search = self._search
         return search.result() if search is not None and search.done() else np.empty(0, np.int64)
 
     def _store_ends(self, shape: GraphShape, ends: Float, step: str) -> None:

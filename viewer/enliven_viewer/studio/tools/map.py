@@ -70,18 +70,18 @@ class MapTool(Tool):
         self.highlighted: MotionMatch | None = None
         self.whole_body, self.gentle = WholeBody(), False
         self.last_mapping: tuple[str, str, Plan, MotionQuality] | None = None
-        self._start: tuple[str, int] | None = None
-        self._last: MappedChain | None = None
+        self._chain_start: tuple[str, int] | None = None
+        self._last_chain: MappedChain | None = None
 
     @property
     def hint(self) -> str:
         if self.source.clip is None:
             return "Choose a take in the view of sources."
-        if self.source.choosing or not self.source.chain:
+        if self.source.is_choosing or not self.source.chain:
             return "In the source: click the joint where the chain begins, then the one where it ends."
-        if self._start is not None:
+        if self._chain_start is not None:
             return "Click the joint of your shape where the chain ends."
-        tail = "  Y flips what was mapped last." if self._last else ""
+        tail = "  Y flips what was mapped last." if self._last_chain else ""
         return "Click the joint of your shape that stays, then the one that moves." + tail
 
     def press(self, pointer: Pointer) -> bool:
@@ -89,31 +89,31 @@ class MapTool(Tool):
         if hit is None or not self.editor.stage_character(hit.character).bones:
             return False
         self.editor.select(character=hit.character)
-        if self._start is None or self._start[0] != hit.character:
-            self._start = (hit.character, hit.handle)
+        if self._chain_start is None or self._chain_start[0] != hit.character:
+            self._chain_start = (hit.character, hit.handle)
             self.editor.select(handle=hit.handle, chain=(hit.handle,))
             return True
         skeleton = self.editor.project.shape(hit.character).skeleton
-        chain = skeleton.path(self._start[1], hit.handle)
-        self._start = None
+        chain = skeleton.path(self._chain_start[1], hit.handle)
+        self._chain_start = None
         if len(chain) > 1 and not is_downward(skeleton, chain) and is_downward(skeleton, chain[::-1]):
             chain = chain[::-1]
         self.editor.select(handle=None, chain=chain)
         if self.source.take is not None and self.source.chain:
-            self._bind(MappedChain(hit.character, chain, self.source.take, self.source.chain, False))
+            self._map_chain(MappedChain(hit.character, chain, self.source.take, self.source.chain, False))
         return True
 
     def type(self, key: str) -> bool:
-        if key == "y" and self._last is not None:
-            last = self._last
+        if key == "y" and self._last_chain is not None:
+            last = self._last_chain
             self.editor.undo()
-            self._bind(MappedChain(last.shape, last.target, last.take, last.source, not last.flip))
+            self._map_chain(MappedChain(last.shape, last.target, last.take, last.source, not last.flip))
             return True
         return False
 
     def cancel(self) -> None:
         super().cancel()
-        self._start = None
+        self._chain_start = None
         self.source.forget()
 
     def overlay(self) -> Overlay:
@@ -129,7 +129,7 @@ class MapTool(Tool):
 
         Both are compared as they appear in their views.
         """
-        clip, shape = self.source.clip, self.editor.chosen(Shape)
+        clip, shape = self.source.clip, self.editor.find_selected(Shape)
         self.offered = []
         if clip is None or shape is None:
             return
@@ -145,7 +145,7 @@ class MapTool(Tool):
 
     def map_whole(self) -> None:
         """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
-        editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
+        editor, clip, shape = self.editor, self.source.clip, self.editor.find_selected(Shape)
         if clip is None or shape is None:
             editor.toasts.say(
                 tr("Nothing to map"), tr("Choose a take, and click the shape that should move.")
@@ -190,7 +190,7 @@ class MapTool(Tool):
                 return retargeted.project if project is before else fitted(project).project
 
             if editor.edit(later("map all of {0}", clip.id), change):
-                self._last, self.last_mapping = None, (shape.id, clip.id, retargeted.plan, quality)
+                self._last_chain, self.last_mapping = None, (shape.id, clip.id, retargeted.plan, quality)
                 count = len(retargeted.limited)
                 limited_text = (
                     " " + tr_n("{0} joint kept within limits.", "{0} joints kept within limits.", count)
@@ -211,7 +211,7 @@ class MapTool(Tool):
             later("map {0}", offer.take),
             lambda p: apply_match(_remove_clip(p, offer.shape), offer, lens, other, self.loop),
         ):
-            self._last = None
+            self._last_chain = None
             count = len(offer.pairs)
             editor.toasts.say(
                 tr_n(
@@ -223,7 +223,7 @@ class MapTool(Tool):
                 )
             )
 
-    def _bind(self, mapping: MappedChain) -> None:
+    def _map_chain(self, mapping: MappedChain) -> None:
         """Maps one chain to another, as both appear in their views now."""
         lens, other = self.editor.lens, self.source.lens
 
@@ -244,7 +244,7 @@ class MapTool(Tool):
             )
 
         if self.editor.edit(later("map {0}", mapping.take), change):
-            self._last = mapping
+            self._last_chain = mapping
             bones = max(len(mapping.target) - 1, 1)
             message = tr_n(
                 "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, mapping.take, mapping.shape

@@ -15,7 +15,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.tools.character_drag import CharacterDrag
 from enliven_viewer.studio.viewport.overlay import Disc, Label, Line, Overlay
-from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
+from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint_at
 from enliven_viewer.theme import GOOD, INK, STROKE
 
 _SNAP_PX = 26.0
@@ -39,65 +39,71 @@ class MoveTool(Tool):
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self._held: CharacterDrag | None = None
-        self._host: Hit | None = None
-        self._others: list[tuple[str, scipy.spatial.cKDTree]] = []
+        self._held_character: CharacterDrag | None = None
+        self._merge_host: Hit | None = None
+        self._other_trees: list[tuple[str, scipy.spatial.cKDTree]] = []
 
     @property
     def hint(self) -> str:
-        if self._host is not None:
+        if self._merge_host is not None:
             return "Let go to merge here; the motions of both are kept."
-        if self._held is not None and self._held.rooted:
+        if self._held_character is not None and self._held_character.rooted:
             return "Bring the red root onto a node of another shape to merge, or let go anywhere."
-        if self._held is not None:
+        if self._held_character is not None:
             return "Let go anywhere; with Shift over another, or where they touch, to make one of the two."
-        if self.editor.selection.character is not None and not self._chosen_is_rooted:
+        if self.editor.selection.character is not None and not self._is_selection_rooted:
             return "Drag it to move it; let go with Shift over another to make one of the two."
         return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
 
     @property
-    def _chosen_is_rooted(self) -> bool:
+    def _is_selection_rooted(self) -> bool:
         return any(
             character.id == self.editor.selection.character for character in self.editor.editable_characters
         )
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.character_at(pointer)
-        self._held = None if hit is None else CharacterDrag(self.editor, hit, pointer)
-        self._others = []
+        self._held_character = None if hit is None else CharacterDrag(self.editor, hit, pointer)
+        self._other_trees = []
         if hit is not None:
             self.editor.select(handle=None)
         return hit is not None
 
     def drag(self, pointer: Pointer) -> None:
-        held, editor = self._held, self.editor
+        held, editor = self._held_character, self.editor
         if held is None:
             return
-        editor.sketch(lambda project: held.move(project, pointer))
+        editor.preview_edit(lambda project: held.move(project, pointer))
         pixels = (
-            editor.lens.pixels_of(editor.stage_character(held.character).handles[:1]) if held.rooted else []
+            editor.lens.project_visible(editor.stage_character(held.character).handles[:1])
+            if held.rooted
+            else []
         )
-        if pixels and not held.several:
+        if pixels and not held.has_several:
             others = [character for character in editor.editable_characters if character.id != held.character]
             lens, root_pixel = editor.lens, pixels[0]
-            self._host = joint_at(others, lens, root_pixel, _SNAP_PX) or bone_at(
+            self._merge_host = find_joint_at(others, lens, root_pixel, _SNAP_PX) or find_bone_at(
                 others, lens, root_pixel, _SNAP_PX / 2
             )
-        elif not held.several:
-            self._host = self._merge_target(pointer) if pointer.shift else None
+        elif not held.has_several:
+            self._merge_host = self._find_merge_target(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
         """Merges at the playhead if there is a target; else moves the character.
 
         A merge keeps the pose, and both characters keep moving.
         """
-        (held, host), self._held, self._host = (self._held, self._host), None, None
+        (held, host), self._held_character, self._merge_host = (
+            (self._held_character, self._merge_host),
+            None,
+            None,
+        )
         editor = self.editor
         if held is None or editor.draft is None:
             return
         name, notes = held.character, list[str]()
-        if host is None and pointer.shift and not held.several:
-            host = self._merge_target(pointer)
+        if host is None and pointer.shift and not held.has_several:
+            host = self._find_merge_target(pointer)
         if host is None:
             editor.edit(later("move {0}", held.description), lambda project: held.move(project, pointer))
             if pointer.shift:
@@ -118,9 +124,9 @@ class MoveTool(Tool):
             for note in notes[-2:]:  # The last note reports whether the two surfaces touch.
                 editor.toasts.say(note)
 
-    def _merge_target(self, pointer: Pointer) -> Hit | None:
+    def _find_merge_target(self, pointer: Pointer) -> Hit | None:
         """Returns the target of a merge with Shift: the character under the pointer, or the nearest."""
-        held = self._held
+        held = self._held_character
         if held is None:
             return None
         return self.character_at(pointer, without=held.character) or self._find_touched_character(held)
@@ -130,9 +136,9 @@ class MoveTool(Tool):
         vertices = self.editor.stage_character(held.character).vertices
         if not len(vertices):
             return None
-        if not self._others:
+        if not self._other_trees:
             # Compute this only once. Playback pauses during a drag, so the other characters do not move.
-            self._others = [
+            self._other_trees = [
                 (
                     character.id,
                     scipy.spatial.cKDTree(
@@ -146,14 +152,14 @@ class MoveTool(Tool):
         step = -(-len(vertices) // _MAX_COMPARED_VERTICES)
         gaps = [
             (float(tree.query(vertices[::step], distance_upper_bound=max_gap)[0].min()), name)
-            for name, tree in self._others
+            for name, tree in self._other_trees
         ]
         gap, name = min(gaps, default=(np.inf, ""))
         return Hit(name) if gap < max_gap else None
 
     def _report_no_merge(self, held: CharacterDrag) -> None:
         """Reports why a drop with Shift merged nothing."""
-        if held.several:
+        if held.has_several:
             problem, remedy = (
                 tr("Several were moved, and none merged"),
                 tr("Choose one, and let go of it with Shift."),
@@ -174,16 +180,18 @@ class MoveTool(Tool):
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._host = None
+        self._held_character = self._merge_host = None
 
     def overlay(self) -> Overlay:
         base_overlay = super().overlay()
-        if self._held is not None and self._host is not None and self._host.handle < 0:
-            return self._name_overlay(self._held, self._host, base_overlay)
-        node = self.on_bone(self._host)
-        if self._held is None or node is None:
+        if self._held_character is not None and self._merge_host is not None and self._merge_host.handle < 0:
+            return self._name_overlay(self._held_character, self._merge_host, base_overlay)
+        node = self.on_bone(self._merge_host)
+        if self._held_character is None or node is None:
             return base_overlay
-        root = self.editor.lens.pixels_of(self.editor.stage_character(self._held.character).handles[:1])
+        root = self.editor.lens.project_visible(
+            self.editor.stage_character(self._held_character.character).handles[:1]
+        )
         marks = (
             *(Line((at, node), STROKE, 2.0) for at in root),
             Disc(node, 13.0, GOOD, 3.0),
@@ -196,7 +204,8 @@ class MoveTool(Tool):
         vertices, lens = self.editor.stage_character(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
         marks = tuple(
-            Label(pixel, tr("merge with {0}", host.character), INK) for pixel in lens.pixels_of(top[None])
+            Label(pixel, tr("merge with {0}", host.character), INK)
+            for pixel in lens.project_visible(top[None])
         )
         return Overlay(marks, base_overlay.chain, base_overlay.hovered)
 

@@ -7,7 +7,7 @@ from enliven.modeling.rigged.nodes import insert_node, remove_node
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import Disc, Overlay
-from enliven_viewer.studio.viewport.picking import Hit, bone_at, joint_at
+from enliven_viewer.studio.viewport.picking import Hit, find_bone_at, find_joint_at
 from enliven_viewer.theme import CUT, STROKE
 
 
@@ -22,7 +22,7 @@ class InsertTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return bone_at(editor.editable_characters, editor.lens, pointer.at, editor.settings.reach)
+        return find_bone_at(editor.editable_characters, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -61,7 +61,7 @@ class RemoveTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return joint_at(
+        return find_joint_at(
             [character for character in editor.editable_characters if character.bones],
             editor.lens,
             pointer.at,

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project, Shape
-from enliven.modeling.edits import drag_handle, key_handle, keys_of
+from enliven.modeling.edits import drag_handle, find_keys, key_handle
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -30,16 +30,16 @@ class PoseTool(Tool):
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self._held: tuple[CharacterDrag, int] | None = None
-        self._node: tuple[str, int, Float] | None = None
+        self._held_handle: tuple[CharacterDrag, int] | None = None
+        self._held_node: tuple[str, int, Float] | None = None
 
     @property
     def hint(self) -> str:
-        if self._held is not None:
+        if self._held_handle is not None:
             return "Let go to keep the pose; Esc cancels."
         if self.editor.puppets.puppet is not None:
             return "Drag a puppet sideways to turn it where it stands. K poses it."
-        if self.editor.keying:
+        if self.editor.is_auto_key:
             return "Drag a joint, a dot or the whole: it gets a key at the playhead. Shift+K ends that."
         return (
             "Drag a joint to turn its bone, the root to turn the whole; with Shift about the vertical axis."
@@ -48,43 +48,45 @@ class PoseTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         node = self._node_at(pointer)
         if node is not None:
-            self.editor.playing, self._node = False, node
+            self.editor.playing, self._held_node = False, node
             self.editor.choose(node[0], node[1])
             return True
         hit = self.character_at(pointer)
-        self._held = None if hit is None else (CharacterDrag(self.editor, hit, pointer), max(hit.handle, 0))
+        self._held_handle = (
+            None if hit is None else (CharacterDrag(self.editor, hit, pointer), max(hit.handle, 0))
+        )
         return hit is not None
 
     def drag(self, pointer: Pointer) -> None:
-        if self._held is not None or self._node is not None:
-            self.editor.sketch(lambda project: self._apply_pose(project, pointer))
+        if self._held_handle is not None or self._held_node is not None:
+            self.editor.preview_edit(lambda project: self._apply_pose(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
-        if self._node is not None and self.editor.draft is not None:
-            self.editor.edit(later("key {0}", self._node[0]), lambda p: self._apply_pose(p, pointer))
-        elif self._held is not None and self.editor.draft is not None:
-            whole, handle = self._held
+        if self._held_node is not None and self.editor.draft is not None:
+            self.editor.edit(later("key {0}", self._held_node[0]), lambda p: self._apply_pose(p, pointer))
+        elif self._held_handle is not None and self.editor.draft is not None:
+            whole, handle = self._held_handle
             keyed = (
                 later("key {0}", whole.character)
-                if self.editor.keying
+                if self.editor.is_auto_key
                 else later("pose {0}", whole.character)
             )
             name = keyed if handle else later("turn {0}", whole.description)
             self.editor.edit(name, lambda p: self._apply_pose(p, pointer))
-        self._held = self._node = None
+        self._held_handle = self._held_node = None
 
     def cancel(self) -> None:
         super().cancel()
-        self._held = self._node = None
+        self._held_handle = self._held_node = None
 
     def overlay(self) -> Overlay:
         """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
         base_overlay, editor = super().overlay(), self.editor
         dots = list[Disc]()
-        for character in editor.pickable_characters if editor.keying else ():
+        for character in editor.pickable_characters if editor.is_auto_key else ():
             chosen = editor.selection.handle if editor.selection.character == character.id else None
             for node, (x, y) in enumerate(editor.lens.project(np.asarray(character.nodes, np.float64))[0]):
-                keyed = bool(keys_of(editor.project, character.id, node))
+                keyed = bool(find_keys(editor.project, character.id, node))
                 colour = GOOD if node == chosen else ACCENT if keyed else QUIET
                 if np.isfinite([x, y]).all():
                     dots.append(
@@ -97,7 +99,7 @@ class PoseTool(Tool):
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
         """Returns the possessed mesh's dot under the pointer: character, node, and position."""
         editor, candidates = self.editor, list[tuple[float, str, int, Float]]()
-        for character in editor.pickable_characters if editor.keying else ():
+        for character in editor.pickable_characters if editor.is_auto_key else ():
             nodes = np.asarray(character.nodes, np.float64)
             if len(nodes):
                 distances = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
@@ -108,16 +110,16 @@ class PoseTool(Tool):
         return best[1:] if best is not None and best[0] <= editor.settings.reach else None
 
     def _apply_pose(self, project: Project, pointer: Pointer) -> Project:
-        if self._node is not None:
-            name, node, position = self._node
+        if self._held_node is not None:
+            name, node, position = self._held_node
             return key_handle(
-                project, name, node, self.editor.lens.on_plane(pointer.at, position), self.editor.time
+                project, name, node, self.editor.lens.intersect_plane(pointer.at, position), self.editor.time
             )
-        assert self._held is not None
-        (whole, handle), editor = self._held, self.editor
+        assert self._held_handle is not None
+        (whole, handle), editor = self._held_handle, self.editor
         if not handle:
             return whole.turn(project, pointer)
-        place = editor.lens.on_plane(pointer.at, whole.handles[handle])
-        keyed = editor.keying and isinstance(project.character(whole.character), Shape)
+        place = editor.lens.intersect_plane(pointer.at, whole.handles[handle])
+        keyed = editor.is_auto_key and isinstance(project.character(whole.character), Shape)
         change = key_handle if keyed else drag_handle
         return change(project, whole.character, handle, place, editor.time)

@@ -33,7 +33,7 @@ class SelectTool(Tool):
     @property
     def hint(self) -> str:
         chosen = self.editor.selection
-        if chosen.several:
+        if chosen.has_several:
             return tr("{0} shapes are chosen. Drag one with G, and all of them move.", len(chosen.characters))
         if chosen.chain:
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
@@ -51,7 +51,7 @@ class SelectTool(Tool):
                 return True
             editor.choose(None)
             return False
-        shape, start = editor.chosen(Shape), editor.selection.handle
+        shape, start = editor.find_selected(Shape), editor.selection.handle
         is_selected, joint = editor.selection.character == hit.character, hit.handle >= 0
         if pointer.ctrl:
             editor.toggle(hit.character)

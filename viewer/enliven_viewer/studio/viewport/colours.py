@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.document import Character, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.theme import DEFAULT_COLOURS, Paint, get_theme
 
 
@@ -27,10 +27,10 @@ class DrawnMeshes:
     """
 
     def __init__(self, draw: Callable[[RigBase], Character] | None = None) -> None:
-        self._draw = draw or (lambda character: rig_of(character).drawn(character))
-        self._known: dict[str, tuple[tuple[object, ...], Character]] = {}
+        self._make_mesh = draw or (lambda character: get_rig_edits(character).drawn(character))
+        self._cache: dict[str, tuple[tuple[object, ...], Character]] = {}
 
-    def of(self, character: RigBase) -> Character | None:
+    def get_mesh(self, character: RigBase) -> Character | None:
         """Returns the render mesh, with a default colour if it has no colours.
 
         Returns None if there is no surface.
@@ -38,9 +38,9 @@ class DrawnMeshes:
         if character.mesh is None or not len(character.mesh.faces):
             return None
         parts = (*(getattr(character, name) for name in character.drawn_by), get_theme()[1])
-        cached = self._known.get(character.id)
+        cached = self._cache.get(character.id)
         if cached is None or any(a is not b for a, b in zip(cached[0], parts, strict=True)):
-            cached = self._known[character.id] = (parts, _add_default_colour(self._draw(character)))
+            cached = self._cache[character.id] = (parts, _add_default_colour(self._make_mesh(character)))
         return cached[1]
 
 

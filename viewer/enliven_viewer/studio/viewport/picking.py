@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven_viewer.render.camera import CameraView
 from enliven_viewer.studio.viewport.overlay import Point
-from enliven_viewer.studio.viewport.ray import NEAREST, first_hit
+from enliven_viewer.studio.viewport.ray import NEAREST, find_first_hit
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 _TUBE_DEPTH_BIAS = 0.4
@@ -50,12 +50,12 @@ class Lens:
         direction = self.view.camera_from_world[:3, :3].T @ seen
         return np.asarray(direction / np.linalg.norm(direction))
 
-    def on_plane(self, pixel: Point, through: Float) -> Float:
+    def intersect_plane(self, pixel: Point, through: Float) -> Float:
         """Returns (3,) where a pixel's ray meets the plane through a point, parallel to the image."""
         forward, way = -self.view.camera_from_world[2, :3], self.ray(pixel)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
-    def pixels_of(self, points: Float) -> list[Point]:
+    def project_visible(self, points: Float) -> list[Point]:
         """Returns the pixels of those points (N, 3) that are in front of the camera."""
         if not len(points):
             return []
@@ -107,7 +107,7 @@ class Hit:
     face: int = -1
 
 
-def joint_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
+def find_joint_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
     """Returns the handle nearest to a pixel within ``reach`` pixels.
 
     If two are equally near, the one in front wins.
@@ -121,7 +121,7 @@ def joint_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: f
     return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def bone_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
+def find_bone_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
     """Returns the bone nearest to a pixel within ``reach`` pixels, with the position on it."""
     hits = []
     for character in stage:
@@ -135,12 +135,12 @@ def bone_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: fl
     return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def surface_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point) -> Hit | None:
+def find_surface_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point) -> Hit | None:
     """Returns the first surface that a pixel's ray hits, and the face."""
     ray, eye, hits = lens.ray(pixel), lens.view.eye, list[Hit]()
     for character in stage:
         if character.character.mesh is not None:
-            face, distance = first_hit(character.vertices, character.character.mesh.faces, eye, ray)
+            face, distance = find_first_hit(character.vertices, character.character.mesh.faces, eye, ray)
             if face >= 0:
                 hits.append(Hit(character.id, depth=distance, face=face))
     return min(hits, key=lambda hit: hit.depth, default=None)

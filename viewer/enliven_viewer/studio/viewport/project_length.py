@@ -5,7 +5,7 @@ from __future__ import annotations
 from enliven.document import Project, closing_time
 
 
-def length_of(project: Project, shortest: float) -> float:
+def measure_project_length(project: Project, shortest: float) -> float:
     """Returns the duration in seconds: until each layer and sound has played once, at least ``shortest``.
 
     With looping layers it is slightly longer, so that all of them restart together.

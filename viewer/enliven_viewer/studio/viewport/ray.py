@@ -16,7 +16,7 @@ NEAREST = 1e-3
 """Minimum distance in metres in front of the camera for picking."""
 
 
-def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
+def find_first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[int, float]:
     """Returns the nearest face hit by a ray and its distance in metres (Moeller and Trumbore 1997).
 
     Returns -1 for none.
@@ -25,7 +25,7 @@ def first_hit(vertices: Float, faces: Int32, eye: Float, way: Float) -> tuple[in
     return int(face), float(distance)
 
 
-def vertex_hit(vertices: Float, face: Int, place: Float) -> int:
+def find_hit_vertex(vertices: Float, face: Int, place: Float) -> int:
     """Returns the vertex of a face (3,) nearest to a place (3,)."""
     return int(face[np.linalg.norm(vertices[face] - place, axis=1).argmin()])
 

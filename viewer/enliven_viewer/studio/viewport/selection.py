@@ -31,12 +31,12 @@ class Selection:
         return (*self.others, self.character) if self.character is not None else ()
 
     @property
-    def several(self) -> bool:
+    def has_several(self) -> bool:
         """Returns True if more than one character is selected."""
         return bool(self.others)
 
     @classmethod
-    def of(cls, *characters: str) -> Selection:
+    def from_ids(cls, *characters: str) -> Selection:
         """Returns a selection of these characters; the last one is the active one."""
         ids = tuple(dict.fromkeys(characters))
         return cls(ids[-1], others=ids[:-1]) if ids else cls()
@@ -49,19 +49,19 @@ class Selection:
         if character == self.character:
             return self
         rest = tuple(other for other in self.characters if other != character)
-        return Selection.of(*rest, character) if character in self.others else Selection(character)
+        return Selection.from_ids(*rest, character) if character in self.others else Selection(character)
 
-    def changed(self, **changes: object) -> Selection:
+    def with_changes(self, **changes: object) -> Selection:
         """Returns the selection with parts changed. Another character clears handle, chain and layer."""
         fresh = changes.get("character", self.character) != self.character
         return replace(Selection() if fresh else self, **changes)  # type: ignore[arg-type]
 
-    def within(self, project: Project) -> Selection:
+    def restricted_to(self, project: Project) -> Selection:
         """Returns the selection without objects that a project no longer contains."""
         character = project.characters.get(self.character or "")
         others = tuple(other for other in self.others if other in project.characters)
         if character is None:
-            return Selection.of(*others)
+            return Selection.from_ids(*others)
         handles, layers = max(len(character.handles), character.keyable), len(character.playing)
         return Selection(
             character.id,

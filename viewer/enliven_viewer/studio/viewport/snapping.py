@@ -18,20 +18,20 @@ class Snapping:
     """The snapping settings of drags.
 
     Attributes:
-        on: whether snapping is on; a held modifier key inverts it.
+        is_on: whether snapping is on; a held modifier key inverts it.
         grid: grid spacing in metres.
         angle: angle step in degrees.
     """
 
-    on: bool = False
+    is_on: bool = False
     grid: float = 0.1
     angle: float = 15.0
 
     def is_active(self, held: bool) -> bool:
         """Returns True if snapping is active. ``held`` says if the modifier key is down."""
-        return self.on != held
+        return self.is_on != held
 
-    def way(self, start: Float, way: Float) -> Float:
+    def snap_offset(self, start: Float, way: Float) -> Float:
         """Returns the vector (3,) in metres nearest to ``way`` that leads from ``start`` (3,) to a grid
         point.
 
@@ -41,7 +41,7 @@ class Snapping:
         end = np.round((start + way) / self.grid) * self.grid
         return np.where(np.abs(way) > _MOVEMENT_TOLERANCE_M, end - start, way)
 
-    def turn(self, radians: float) -> float:
+    def snap_angle(self, radians: float) -> float:
         """Returns the angle in radians, rounded to the nearest step."""
         step = math.radians(self.angle)
         return round(radians / step) * step

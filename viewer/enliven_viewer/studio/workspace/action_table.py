@@ -176,16 +176,16 @@ def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenD
         about="The chosen node, or else the whole shape.",
     )
     yield Action(
-        "edit.drop", "Edit", "Cancel the current operation", ("escape",), user_input.drop, apart=True
+        "edit.drop", "Edit", "Cancel the current operation", ("escape",), user_input.cancel_tool, apart=True
     )
 
 
 def _make_snap_action(editor: Editor) -> Action:
     def toggle() -> None:
-        editor.snapping.on = not editor.snapping.on
+        editor.snapping.is_on = not editor.snapping.is_on
 
     about = "Moves go to a grid of 10 cm and the floor, turns by 15 degrees. Ctrl held does the opposite."
-    on = lambda: editor.snapping.on  # noqa: E731
+    on = lambda: editor.snapping.is_on  # noqa: E731
     return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
 
 
@@ -237,7 +237,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
             about="All motion of the selection, by a tenth of a second.",
             apart=seconds > 0,
         )
-    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.is_muted)
+    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.toggle_mute, c.lacks_playing, c.is_muted)
     yield Action(
         "motion.pin",
         "Motion",
@@ -256,7 +256,7 @@ def _make_key_actions(c: Commands) -> Iterator[Action]:
         "Keys while posing",
         ("shift+k",),
         c.keys.toggle,
-        is_on=lambda: c.editor.keying,
+        is_on=lambda: c.editor.is_auto_key,
         about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
         apart=True,
     )

@@ -45,22 +45,22 @@ class Commands:
         self.fitting = SizeMatching(editor)
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
-    def bones(self) -> None:
+    def toggle_bones(self) -> None:
         """Shows or hides the bones."""
         self.editor.show_bones = not self.editor.show_bones
 
     def delete(self) -> None:
         """Removes the selected joint, or else the selected characters."""
-        names, joint = self._names, self.editor.selection.handle
-        if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
+        names, joint = self._selected_names, self.editor.selection.handle
+        if len(names) == 1 and joint and self.editor.find_selected(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
         else:
             self._delete_selection(later("delete {0}"))
 
     def copy(self) -> None:
         """Copies the selection, with its motion, to the clipboard."""
-        if self._names:
-            self._copied, self._pasted = (self.editor.project, self._names), 0
+        if self._selected_names:
+            self._copied, self._pasted = (self.editor.project, self._selected_names), 0
             self.editor.toasts.say(
                 tr("Copied {0} with its motion", self._describe_selection()),
                 tr("Ctrl+V puts a copy next to it."),
@@ -68,8 +68,8 @@ class Commands:
 
     def cut_out(self) -> None:
         """Copies the selection to the clipboard and deletes it from the project."""
-        if self._names:
-            self._copied, self._pasted = (self.editor.project, self._names), -1
+        if self._selected_names:
+            self._copied, self._pasted = (self.editor.project, self._selected_names), -1
             self._delete_selection(later("cut out {0}"))
 
     def paste(self) -> None:
@@ -80,37 +80,43 @@ class Commands:
 
     def duplicate(self) -> None:
         """Duplicates the selection next to itself. The clipboard stays unchanged."""
-        if self._names:
-            self._copy(later("duplicate {0}"), self.editor.project, self._names, 1)
+        if self._selected_names:
+            self._copy(later("duplicate {0}"), self.editor.project, self._selected_names, 1)
 
     def mirror(self) -> None:
         """Mirrors the selection left to right, as seen from the camera."""
         right = self.editor.lens.view.camera_from_world[0, :3]
         normal = np.eye(3)[int(np.abs(right).argmax())]
-        self._change(later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal))
+        self._edit_selection(
+            later("mirror {0}"), lambda project, names: mirror_characters(project, names, normal)
+        )
 
     def scale(self, factor: float) -> None:
         """Scales the selection in place."""
-        self._change(later("scale {0}"), lambda project, names: scale_characters(project, names, factor))
+        self._edit_selection(
+            later("scale {0}"), lambda project, names: scale_characters(project, names, factor)
+        )
 
     def turn(self, degrees: float) -> None:
         """Rotates the selection in place, in the image plane. Positive degrees turn counter-clockwise."""
         turn = from_rotation_vector(-self.editor.lens.forward * np.radians(degrees))
-        self._change(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
+        self._edit_selection(later("turn {0}"), lambda project, names: turn_characters(project, names, turn))
 
     def shift(self, seconds: float) -> None:
         """Shifts all motion of the selection in time: later if `seconds` is positive, earlier if negative."""
-        self._change(later("shift {0}"), lambda project, names: shift_characters(project, names, seconds))
+        self._edit_selection(
+            later("shift {0}"), lambda project, names: shift_characters(project, names, seconds)
+        )
 
-    def mute(self) -> None:
+    def toggle_mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if all of it is muted."""
         on = not self.is_muted()
         edit_name = later("mute {0}") if on else later("unmute {0}")
-        self._change(edit_name, lambda project, names: mute_characters(project, names, on))
+        self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, on))
 
     def is_muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
-        layers = [layer for character in self.editor.chosen_all for layer in character.playing]
+        layers = [layer for character in self.editor.selected_characters for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def spread(self) -> None:
@@ -130,7 +136,7 @@ class Commands:
 
     def pin(self) -> None:
         """Pins the selected foot, so that it does not slide while it touches the floor; or unpins it."""
-        shape, joint = self.editor.chosen(Shape), self.editor.selection.handle
+        shape, joint = self.editor.find_selected(Shape), self.editor.selection.handle
         if shape is None or joint is None:
             return
         name = shape.handles[joint]
@@ -139,9 +145,9 @@ class Commands:
         elif self.editor.edit(later("pin {0}", name), lambda project: pin_feet(project, shape.id, [joint])):
             self.editor.toasts.say(tr("{0} stays where it stands", name), tr("P lets it go again."))
 
-    def best_view(self) -> None:
+    def show_best_view(self) -> None:
         """Turns the camera to the direction that shows most of the selected shape's bones."""
-        shape = self.editor.chosen(Shape)
+        shape = self.editor.find_selected(Shape)
         if shape is None:
             return
         posed = self.editor.stage_character(shape.id)
@@ -159,7 +165,7 @@ class Commands:
 
     def clear_motion(self) -> None:
         """Removes all motion from the selected chain, or from the whole selected shape."""
-        shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
+        shape, chosen = self.editor.find_selected(Shape), self.editor.selection.chain
         if shape is None:
             return
         chains: Sequence[Sequence[int]] = [order_from_root(shape, chosen)]
@@ -173,9 +179,9 @@ class Commands:
 
         self.editor.edit("clear motion", change)
 
-    def _change(self, edit_name: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
+    def _edit_selection(self, edit_name: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
         """Applies one edit to the whole selection."""
-        names = self._names
+        names = self._selected_names
         if names:
             self.editor.edit(
                 later(edit_name, self._describe_selection()), lambda project: change(project, names)
@@ -187,7 +193,7 @@ class Commands:
                 project = delete_character(project, name)
             return project
 
-        self._change(edit_name, change)
+        self._edit_selection(edit_name, change)
 
     def _copy(self, edit_name: str, source: Project, names: tuple[str, ...], times: int) -> None:
         """Pastes copies next to their originals as one edit, and selects the copies."""
@@ -207,16 +213,16 @@ class Commands:
 
     def lacks_character(self) -> str:
         """Returns why a command on a character is unavailable; empty if it is available."""
-        return "" if self._names else "Nothing is chosen. Click a shape first."
+        return "" if self._selected_names else "Nothing is chosen. Click a shape first."
 
     def lacks_playing(self) -> str:
         """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
-        moves = any(character.playing for character in self.editor.chosen_all)
+        moves = any(character.playing for character in self.editor.selected_characters)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
         """Returns why a command on a shape with bones is unavailable; empty if it is available."""
-        return "" if self.editor.chosen(Shape) else "No shape with bones is chosen. Click one first."
+        return "" if self.editor.find_selected(Shape) else "No shape with bones is chosen. Click one first."
 
     def lacks_copied(self) -> str:
         """Returns why pasting a character is unavailable; empty if it is available."""
@@ -228,7 +234,7 @@ class Commands:
 
     def lacks_foot(self) -> str:
         """Returns why pinning a foot is unavailable; empty if it is available."""
-        chosen = self.editor.chosen(Shape) and self.editor.selection.handle is not None
+        chosen = self.editor.find_selected(Shape) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
     def lacks_undo(self) -> str:
@@ -240,17 +246,17 @@ class Commands:
         return "" if self.editor.history.redo_name else "Nothing is left to redo."
 
     @property
-    def _names(self) -> tuple[str, ...]:
-        return tuple(character.id for character in self.editor.chosen_all)
+    def _selected_names(self) -> tuple[str, ...]:
+        return tuple(character.id for character in self.editor.selected_characters)
 
     def _describe_selection(self, names: tuple[str, ...] | None = None) -> str:
         """Returns the name of the only selected shape, or the number of shapes."""
-        names = self._names if names is None else names
+        names = self._selected_names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
     def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
         """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
-        chosen, shape = self.editor.selection, self.editor.chosen(Shape)
+        chosen, shape = self.editor.selection, self.editor.find_selected(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
             return None

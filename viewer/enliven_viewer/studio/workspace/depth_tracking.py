@@ -11,7 +11,7 @@ from pathlib import Path
 from enliven.errors import EnlivenError, InputError
 from enliven.files import TemporaryFolder
 from enliven.recording import DEPTH_TOPIC, Recording
-from enliven.takes.recorded import clips_of_recording
+from enliven.takes.recorded import read_recorded_clips
 from enliven.wire import BODIES, POSE
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
@@ -46,15 +46,15 @@ class DepthTracking:
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
         self.name, self.share = "", 0.0
-        self._child: subprocess.Popen[str] | None = None
+        self._process: subprocess.Popen[str] | None = None
         self._folder: TemporaryFolder | None = None
-        self._said: deque[str] = deque(maxlen=_MAX_OUTPUT_LINES)
+        self._output_lines: deque[str] = deque(maxlen=_MAX_OUTPUT_LINES)
         self._reader: threading.Thread | None = None
 
     @property
     def busy(self) -> bool:
         """Returns True if the tracker is running."""
-        return self._child is not None
+        return self._process is not None
 
     def begin(self, path: Path) -> None:
         """Starts tracking a recording in the background.
@@ -69,36 +69,36 @@ class DepthTracking:
         output = Path(self._folder.name) / path.name
         arguments = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(output), "--lines"]
         pipe = subprocess.PIPE
-        self._child = subprocess.Popen(arguments, stdout=pipe, stderr=subprocess.STDOUT, text=True)
+        self._process = subprocess.Popen(arguments, stdout=pipe, stderr=subprocess.STDOUT, text=True)
         self.name, self.share = path.name, 0.0
-        self._said.clear()
-        self._reader = threading.Thread(target=self._read, args=(self._child,), daemon=True)
+        self._output_lines.clear()
+        self._reader = threading.Thread(target=self._read_output, args=(self._process,), daemon=True)
         self._reader.start()
         self._editor.toasts.say(tr("Finding the people in {0} ...", path.name), tr("You can go on working."))
 
     def poll(self) -> None:
         """Adds the tracked people once the tracker has ended, or shows its error. Call once per frame."""
-        if self._child is None or self._child.poll() is None:
+        if self._process is None or self._process.poll() is None:
             return
         self.finish()
 
     def finish(self) -> None:
         """Waits until the tracker ends, and adds the tracked people to the project."""
-        child, folder, name = self._child, self._folder, self.name
+        child, folder, name = self._process, self._folder, self.name
         if child is None or folder is None or self._reader is None:
             return
         child.wait()
         self._reader.join()
-        self._child, self._folder, self.name = None, None, ""
+        self._process, self._folder, self.name = None, None, ""
         with folder:
             if child.returncode:
-                problem = self._said[-1] if self._said else tr("it did not start")
+                problem = self._output_lines[-1] if self._output_lines else tr("it did not start")
                 remedy = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
                 self._editor.toasts.complain(InputError(problem, where=name, remedy=remedy))
                 return
             output = Path(folder.name) / name
             try:
-                clips_of_recording(output, whole=True)
+                read_recorded_clips(output, whole=True)
                 add_file(self._editor, output)
             except EnlivenError as error:
                 remedy = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
@@ -106,16 +106,16 @@ class DepthTracking:
 
     def cancel(self) -> None:
         """Stops the tracker; nothing is added to the project."""
-        child, folder = self._child, self._folder
+        child, folder = self._process, self._folder
         if child is None or folder is None:
             return
         child.terminate()
         child.wait()
         self._editor.toasts.say(tr("{0} is no longer tracked", self.name))
-        self._child, self._folder, self.name = None, None, ""
+        self._process, self._folder, self.name = None, None, ""
         folder.cleanup()
 
-    def _read(self, child: subprocess.Popen[str]) -> None:
+    def _read_output(self, child: subprocess.Popen[str]) -> None:
         """Reads the tracker's output in a separate thread."""
         assert child.stdout is not None
         for line in child.stdout:
@@ -123,4 +123,4 @@ class DepthTracking:
             if slash and done.isdecimal() and total.isdecimal():
                 self.share = int(done) / max(int(total), 1)
             elif line.strip():
-                self._said.append(line.strip())
+                self._output_lines.append(line.strip())

@@ -18,7 +18,7 @@ from enliven.exporters import (
     UP,
     Performance,
     exporter_of,
-    performance_of,
+    sample_performance,
 )
 from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
@@ -59,7 +59,7 @@ class ExportOptions:
     up: str = UP.default
     in_place: bool = IN_PLACE.default
 
-    def chosen(self, characters: Sequence[RigBase]) -> list[RigBase]:
+    def filter_characters(self, characters: Sequence[RigBase]) -> list[RigBase]:
         """Returns the characters that are exported.
 
         Raises:
@@ -70,7 +70,7 @@ class ExportOptions:
             raise InputError(tr("no character is chosen"), where="export", remedy=tr("Tick one."))
         return included
 
-    def checked_range(self, length: float) -> tuple[float, float | None]:
+    def check_range(self, length: float) -> tuple[float, float | None]:
         """Returns the first and the last second. None as the last second means the end of the motion.
 
         Raises:
@@ -103,7 +103,7 @@ def write_export(
         InputError: if the options are invalid.
         ResourceError: if the file cannot be written.
     """
-    chosen, (first, last) = options.chosen(characters), options.checked_range(length)
+    chosen, (first, last) = options.filter_characters(characters), options.check_range(length)
     more = format_options(path, options, chosen)
     exporter = exporter_of(path, **more)
     reports = "progress" in exporter.options
@@ -114,7 +114,7 @@ def write_export(
         progress.report(sampled * number / len(chosen))
         how = exporter.representation(morphs and isinstance(character, Puppet))
         rate, keyed = float(options.rate), exporter.keyed
-        performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
+        performances.append(sample_performance(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = mix_from(project.sounds.values(), first)
     progress.report(sampled)
@@ -159,7 +159,7 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
 
 
 @cache
-def supported_options(suffix: str) -> frozenset[str]:
+def list_supported_options(suffix: str) -> frozenset[str]:
     """Returns the options that a format supports. None of them for an unknown suffix."""
     try:
         return exporter_of(Path(f"export{suffix}")).options

@@ -153,7 +153,7 @@ class FileBrowser:
         """Changes to another folder."""
         self.folder, self.name = folder.resolve(), "" if not self.saving else self.name
 
-    def chosen(self) -> Path:
+    def get_path(self) -> Path:
         """Returns the chosen path.
 
         Raises:

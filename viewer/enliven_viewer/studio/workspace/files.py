@@ -17,12 +17,12 @@ from enliven.formats.project.one_character import project_of_mesh
 from enliven.formats.rig.rig import Rig, scale_to_height
 from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
-from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
+from enliven.modeling.edits import compute_vertices, get_rig_edits, move_character, paste_character
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.samples.shipped import dancing_cactus, load_sample
 from enliven.takes.files import read_take
 from enliven.takes.possessed import read_possessed
-from enliven.takes.recorded import clips_of_recording
+from enliven.takes.recorded import read_recorded_clips
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.contributions import FileType
 from enliven_viewer.studio.editor.editor import Editor
@@ -52,11 +52,13 @@ def add_file(editor: Editor, path: Path, types: Sequence[FileType] | None = None
     Raises:
         InputError: if the file cannot be read, or its type is not supported.
     """
-    add, value = read_to_add(path, FILE_TYPES if types is None else types)
+    add, value = read_addable_file(path, FILE_TYPES if types is None else types)
     add(editor, path, value)
 
 
-def read_to_add(path: Path, types: Sequence[FileType]) -> tuple[Callable[[Editor, Path, Any], None], Any]:
+def read_addable_file(
+    path: Path, types: Sequence[FileType]
+) -> tuple[Callable[[Editor, Path, Any], None], Any]:
     """Reads a file.
 
     Returns the function that adds it to the project, and the content. Reading may run in a thread.
@@ -81,10 +83,10 @@ def list_suffixes(types: Sequence[FileType]) -> tuple[str, ...]:
 def add_sample(editor: Editor, name: str) -> None:
     """Adds a sample of enliven: one that plays, one to possess, or one to animate by examples."""
     if name == "cactus":
-        _add_played(editor, "cactus", dancing_cactus(), name, ())
+        _add_playing_character(editor, "cactus", dancing_cactus(), name, ())
         editor.playing = True
     elif name == "chair":
-        _add_played(editor, name, project_of_mesh(load_sample(name), name), name, ())
+        _add_playing_character(editor, name, project_of_mesh(load_sample(name), name), name, ())
     elif name == "lamp":
         _add_puppet(editor, Path(name), load_sample(name), ())
 
@@ -96,7 +98,7 @@ def list_exportable(project: Project) -> list[RigBase]:
         InputError: if no character can be exported. The message says what the first character lacks.
     """
     solid = [character for character in project.characters.values() if character.mesh is not None]
-    lacking = [rig_of(character).lacking(project, character) for character in solid]
+    lacking = [get_rig_edits(character).lacking(project, character) for character in solid]
     movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
     if not movable:
         remedy = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
@@ -122,7 +124,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     size = choose_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
         rig = replace(scale_to_height(rig, size.height), notes=(size.note, *rig.notes))
-    box, added_ids = editor.box(), list[str]()
+    box, added_ids = editor.measure_bounds(), list[str]()
 
     def add(project: Project) -> Project:
         shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
@@ -130,7 +132,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _CHARACTER_GAP_M
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
-        project, names = _with_clips(project.with_characters(shape), rig.clips)
+        project, names = _add_clips(project.with_characters(shape), rig.clips)
         first = clip_to_open(shape, rig.clips)
         return project if first is None else play_own_clip(project, shape.id, names[first.id])
 
@@ -140,7 +142,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         editor.frame_path()
 
 
-def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
+def _add_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
     """Returns the project with a model's clips, and the name of each clip there.
 
     Identical existing clips are not added again.
@@ -177,7 +179,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     An implausible size is changed to the height of a person.
     """
     size = choose_size(mesh.vertices)
-    box, added_ids = editor.box(), []
+    box, added_ids = editor.measure_bounds(), []
     fitted = fit_height(mesh, size.height)
     if size.note:
         notes = (size.note, *notes)
@@ -199,15 +201,15 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
 
 
 def _add_session(editor: Editor, path: Path, session: Session) -> None:
-    _add_played(editor, path.name, session.project, session.puppet, session.notes)
+    _add_playing_character(editor, path.name, session.project, session.puppet, session.notes)
 
 
-def _add_played(
+def _add_playing_character(
     editor: Editor, file_name: str, source: Project, character: str, notes: tuple[str, ...]
 ) -> None:
     """Adds a character of another project, with the motion that it plays."""
     added_ids: list[str] = []
-    box, low = editor.box(), vertices_of(source, character, 0.0)[:, 0].min()
+    box, low = editor.measure_bounds(), compute_vertices(source, character, 0.0)[:, 0].min()
 
     def add(project: Project) -> Project:
         project = project.with_takes(*(t for t in source.takes.values() if t.id not in project.takes))
@@ -244,7 +246,7 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
     before = set(editor.project.characters)
 
     def add(project: Project) -> Project:
-        project, names = _with_performed(project, path, read)
+        project, names = _add_performed(project, path, read)
         added.extend(names)
         return project
 
@@ -270,7 +272,7 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
     Raises:
         InputError: if the file is not a recording, or nothing in it moves.
     """
-    return _with_performed(project, path, _read_performance(path))
+    return _add_performed(project, path, _read_performance(path))
 
 
 @dataclass(frozen=True)
@@ -288,7 +290,7 @@ def _read_performance(path: Path) -> _RecordedTake:
     except InputError as error:
         refused.append(error)
     try:
-        clips = tuple(clips_of_recording(path, whole=True))
+        clips = tuple(read_recorded_clips(path, whole=True))
     except InputError as error:
         refused.append(error)
     if not clips and (meshes is None or not meshes.characters):
@@ -296,7 +298,7 @@ def _read_performance(path: Path) -> _RecordedTake:
     return _RecordedTake(meshes, clips)
 
 
-def _with_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[Project, tuple[str, ...]]:
+def _add_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[Project, tuple[str, ...]]:
     added = list[str]()
     if read.meshes is not None:
         for name in read.meshes.characters:

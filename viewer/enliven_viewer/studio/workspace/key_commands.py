@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enliven.document import KEY_STEP
-from enliven.modeling.edits import keys_of, remove_key, set_key
+from enliven.modeling.edits import find_keys, remove_key, set_key
 from enliven_viewer.studio.editor.editor import Editor
 
 
@@ -15,7 +15,7 @@ class KeyCommands:
 
     def toggle(self) -> None:
         """Switches auto-key mode: posing and moving either set keys, or change all times at once."""
-        self.editor.keying = not self.editor.keying
+        self.editor.is_auto_key = not self.editor.is_auto_key
 
     def set(self) -> None:
         """Sets a key with the current rotation and offset of the selection."""
@@ -43,7 +43,7 @@ class KeyCommands:
 
         Control points of puppets are left out: they have key poses instead.
         """
-        chosen, handle = self.editor.chosen(), self.editor.selection.handle
+        chosen, handle = self.editor.find_selected(), self.editor.selection.handle
         if chosen is None:
             return "", None
         return chosen.id, handle if handle is not None and handle < chosen.keyable else None
@@ -52,5 +52,5 @@ class KeyCommands:
         name, handle = self._find_subject()
         # Keys lie on whole frames, so half a frame finds the key of the nearest frame.
         near = 0.501 * KEY_STEP
-        keys = keys_of(self.editor.project, name, handle) if name else ()
+        keys = find_keys(self.editor.project, name, handle) if name else ()
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)

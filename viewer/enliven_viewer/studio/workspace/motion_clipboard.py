@@ -45,8 +45,8 @@ class MotionClipboard:
 
         If a performance was copied, its performers possess the selected mesh instead.
         """
-        if self._performed is not None and self.editor.chosen() is not None:
-            self._give_performance(self._performed)
+        if self._performed is not None and self.editor.find_selected() is not None:
+            self._transfer_performance(self._performed)
         target, lens = find_selected_chain(self.editor), self.editor.lens
         if self._copied is not None and target is not None:
             source, chain = self._copied
@@ -55,7 +55,7 @@ class MotionClipboard:
 
     def solve_again(self) -> None:
         """Solves the possession again with the selected mesh in its current form, for example after a cut."""
-        shape, project = self.editor.chosen(GraphShape), self.editor.project
+        shape, project = self.editor.find_selected(GraphShape), self.editor.project
         if shape is None:
             return
         name, notes = shape.id, list[str]()
@@ -78,7 +78,9 @@ class MotionClipboard:
         """Returns why pasting motion is unavailable; empty if it is available."""
         if self._performed is not None:
             return (
-                "" if self.editor.chosen() else "No character is chosen. Click the one that should perform."
+                ""
+                if self.editor.find_selected()
+                else "No character is chosen. Click the one that should perform."
             )
         if self._copied is None:
             return "No motion was copied. Choose what moves and press Ctrl+Shift+C first."
@@ -87,20 +89,20 @@ class MotionClipboard:
 
     def lacks_possessed(self) -> str:
         """Returns why solving a possession again is unavailable; empty if it is available."""
-        chosen = self.editor.chosen(GraphShape)
+        chosen = self.editor.find_selected(GraphShape)
         return "" if chosen else "No possessed character is chosen. Click one first."
 
     def _find_performed_mesh(self) -> GraphShape | None:
         """Returns the selected mesh if performers have moved it."""
-        shape = self.editor.chosen(GraphShape)
+        shape = self.editor.find_selected(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
 
-    def _give_performance(self, source: str) -> None:
+    def _transfer_performance(self, source: str) -> None:
         """Transfers the performance of a mesh to the selected character.
 
         It starts from that character's current pose.
         """
-        target, project, time = self.editor.chosen(), self.editor.project, self.editor.time
+        target, project, time = self.editor.find_selected(), self.editor.project, self.editor.time
         performed = project.graphs.get(source)
         if target is None:
             return
@@ -134,9 +136,9 @@ class MotionClipboard:
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.background.begin(message, work, partial(self._put_mesh, edit_name, guarded))
+        self.editor.background.begin(message, work, partial(self._insert_mesh, edit_name, guarded))
 
-    def _put_mesh(self, edit_name: str, guarded: RigBase, solved: _SolvedMesh) -> None:
+    def _insert_mesh(self, edit_name: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""
         solved_project, name, notes = solved
         shape = solved_project.graph(name)
@@ -160,7 +162,7 @@ class MotionClipboard:
 
 def find_selected_chain(editor: Editor) -> Chain | None:
     """Returns the selected shape and its selected chain."""
-    shape, chain = editor.chosen(Shape), editor.selection.chain
+    shape, chain = editor.find_selected(Shape), editor.selection.chain
     return (shape.id, order_from_root(shape, chain)) if shape is not None and len(chain) > 1 else None
 
 

@@ -17,8 +17,8 @@ from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
 from enliven.files import PART_SUFFIX, read_file, user_data_folder, write_file
 from enliven.formats.project.file import (
+    parse_project,
     project_bytes,
-    project_of,
     read_project,
     refuse_later_project,
     write_project,
@@ -63,7 +63,7 @@ class ProjectStore:
         self.folder = folder or user_data_folder()
         self._saved: Project = editor.history.project
         self._autosaved: Project = self._saved
-        self._since = time.monotonic()
+        self._saved_at = time.monotonic()
         self._pause = 0.0
         # This is the checksum of the file's content when this window last read or wrote it.
         self._content = ""
@@ -98,7 +98,7 @@ class ProjectStore:
     def forget(self) -> None:
         """Discards the unsaved changes, and a running recording."""
         if self.recording is not None:
-            self.recording.drop()
+            self.recording.discard()
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
@@ -124,7 +124,7 @@ class ProjectStore:
             InputError: if the file cannot be read.
         """
         data = read_file(path)
-        return solve_lost(project_of(data, str(path))), _compute_checksum(data)
+        return solve_lost(parse_project(data, str(path))), _compute_checksum(data)
 
     def take(self, path: Path, read: tuple[Project, str]) -> None:
         """Opens the project that :meth:`read` returned for a file."""
@@ -198,8 +198,8 @@ class ProjectStore:
         if self._writing is not None:
             if self._writing[0].done():
                 self.settle()
-        elif now - self._since >= max(self.editor.settings.autosave, self._pause):
-            self._since = now
+        elif now - self._saved_at >= max(self.editor.settings.autosave, self._pause):
+            self._saved_at = now
             self._begin_writing()
 
     def autosave_now(self) -> None:
@@ -285,7 +285,7 @@ class ProjectStore:
 
     def _begin(self, project: Project) -> None:
         self.settle()
-        self.editor.begin(project)
+        self.editor.open_project(project)
         self._saved = self._autosaved = self.editor.history.project
         self._find_recovery_path().unlink(missing_ok=True)
 

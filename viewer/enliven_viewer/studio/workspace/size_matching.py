@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Project
-from enliven.modeling.edits import foot_of, move_character, scale_character, vertices_of
+from enliven.modeling.edits import compute_vertices, find_base_centre, move_character, scale_character
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
@@ -57,7 +57,7 @@ class SizeMatching:
         # Compute the surfaces here. A shown surface of a puppet may be outdated, because puppets are solved
         # in the background.
         surfaces = {
-            other: vertices_of(project, other, time)
+            other: compute_vertices(project, other, time)
             for other, character in project.characters.items()
             if character.mesh
         }
@@ -65,7 +65,7 @@ class SizeMatching:
         if name is None or heights is None:
             return
         scaled = scale_character(project, name, heights[1] / heights[0])
-        offset = foot_of(surfaces[name]) - foot_of(vertices_of(scaled, name, time))
+        offset = find_base_centre(surfaces[name]) - find_base_centre(compute_vertices(scaled, name, time))
 
         def change(project: Project) -> Project:
             return move_character(scale_character(project, name, heights[1] / heights[0]), name, offset)

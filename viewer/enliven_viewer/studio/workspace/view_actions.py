@@ -70,7 +70,9 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
 def make_camera_actions(c: Commands) -> Iterator[Action]:
     """Yields the actions of the bones and of the camera."""
     editor, right = c.editor, np.pi / 2
-    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
+    yield Action(
+        "view.bones", "View", "Bones", ("b",), c.toggle_bones, is_on=lambda: editor.show_bones, apart=True
+    )
     yield Action(
         "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
     )
@@ -87,8 +89,8 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Follow what moves",
         ("shift+f",),
-        editor.moves.toggle_follow,
-        is_on=lambda: editor.moves.follow,
+        editor.camera_moves.toggle_follow,
+        is_on=lambda: editor.camera_moves.follow,
         about="The view follows the chosen character, or all of them, from the side that you chose.",
     )
     yield Action(
@@ -96,8 +98,8 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Turntable",
         ("shift+t",),
-        editor.moves.toggle_turntable,
-        is_on=lambda: editor.moves.turntable,
+        editor.camera_moves.toggle_turntable,
+        is_on=lambda: editor.camera_moves.turntable,
         about="The view goes around slowly.",
     )
     yield Action(
@@ -105,7 +107,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Next look",
         ("shift+l",),
-        editor.next_look,
+        editor.switch_look,
         about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
     )
     sides = (
@@ -123,7 +125,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Best view of the bones",
         ("v",),
-        c.best_view,
+        c.show_best_view,
         c.lacks_shape,
         group="From a side",
         about="Turns the view so that the bones of the chosen shape hide one another least.",

@@ -38,7 +38,7 @@ from enliven_viewer.studio.workspace.files import (
     add_sample,
     list_exportable,
     list_suffixes,
-    read_to_add,
+    read_addable_file,
     save_session,
 )
 from enliven_viewer.studio.workspace.project_comparison import (
@@ -85,10 +85,10 @@ class Workspace(App):
         self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
         self.perform = self.add_state(PerformSession(editor, folder))
         self.actions.add(*make_perform_actions(self.perform))
-        self.actions.workspace = lambda: self.perform.keys_of
+        self.actions.workspace = lambda: self.perform.shortcut_workspace
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*make_outliner_actions(self.outliner))
-        self.input.first = lambda key: (
+        self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
         self.puppets = editor.puppets
@@ -105,7 +105,7 @@ class Workspace(App):
         self.compared: tuple[Difference, ...] | None = None
         self.tour: Tour | None = None
         self._after = ""
-        self._wanted: Path | None = None
+        self._path_to_open: Path | None = None
         register_features(self)
 
     @classmethod
@@ -147,10 +147,10 @@ class Workspace(App):
         A mesh to be possessed also goes onto the stage, now or once a stage is connected.
         """
         add_sample(self.editor, name)
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is not None and character.is_possessable:
             self.perform.active_workspace = "Perform"
-            self.perform.put_soon(character.id)
+            self.perform.put_when_ready(character.id)
 
     def open(self, path: Path) -> None:
         """Adds a model or take, or opens a project. Asks first if unsaved work would be lost.
@@ -159,7 +159,7 @@ class Workspace(App):
             InputError: if the file cannot be read.
         """
         if path.suffix.lower() == PROJECT_SUFFIX and self.store.dirty:
-            self._after, self._wanted, self.asking = "open", path, "unsaved"
+            self._after, self._path_to_open, self.asking = "open", path, "unsaved"
             return
         if _is_large(path) and not lacks_tracking(path):
             self._open_beside(path)
@@ -193,7 +193,7 @@ class Workspace(App):
             return (
                 self.store.read(path)
                 if path.suffix.lower() == PROJECT_SUFFIX
-                else read_to_add(path, self.file_types)
+                else read_addable_file(path, self.file_types)
             )
 
         self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
@@ -204,7 +204,7 @@ class Workspace(App):
             if not self.asking:
                 self.attempt(lambda path=path: self.open(path))
 
-    def chosen(self, path: Path) -> None:
+    def finish_file_dialog(self, path: Path) -> None:
         """Handles the file that was chosen in the dialogue.
 
         Raises:
@@ -320,7 +320,7 @@ class Workspace(App):
 
     def cancel(self) -> None:
         """Closes the dialogue and drops the waiting command."""
-        self.asking, self._after, self._wanted = "", "", None
+        self.asking, self._after, self._path_to_open = "", "", None
 
     def _draw_tracking(self) -> None:
         # Imported late, so that a workspace without a window works without ImGui.
@@ -341,8 +341,8 @@ class Workspace(App):
         project, toasts = self.editor.project, self.editor.toasts
         characters, options = list_exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()
-        options.chosen(characters)
-        options.checked_range(length)
+        options.filter_characters(characters)
+        options.check_range(length)
 
         def tell(message: str) -> None:
             first, _, rest = message.partition(". ")
@@ -375,7 +375,7 @@ class Workspace(App):
     def _go_on(self) -> None:
         """Runs the command that waited until the work was saved or discarded."""
         after, self._after = self._after, ""
-        wanted, self._wanted = self._wanted, None
+        wanted, self._path_to_open = self._path_to_open, None
         if after == "open" and wanted is not None:
             self.attempt(lambda: self.open(wanted))
         elif after:

@@ -14,7 +14,7 @@ from enliven.document import (
     Project,
     key_values,
 )
-from enliven.modeling.edits import key_layer, keys_of, layer_keys, rig_of
+from enliven.modeling.edits import find_keys, get_rig_edits, key_layer, layer_keys
 from enliven.rotation import (
     remove_sign_jumps,
     to_rotation_vector,
@@ -80,7 +80,7 @@ def sample_groups(project: Project, subject: CurveSubject, times: Float) -> dict
     """
     character = project.character(subject.character)
     groups = list[CurveGroup]()
-    rig = rig_of(character)
+    rig = get_rig_edits(character)
     player = rig.player(project, character)
     moving = rig.handle_motion(character, player, subject.handle, subject.layer)
     if moving is not None:
@@ -109,7 +109,7 @@ def make_key_groups(project: Project, subject: CurveSubject, times: Float) -> di
     if character is None or (subject.handle is not None and subject.handle >= character.keyable):
         return {}
     number, values = key_layer(project, subject.character, subject.handle), np.zeros((len(times), 6))
-    keys = keys_of(project, subject.character, subject.handle)
+    keys = find_keys(project, subject.character, subject.handle)
     if number is not None:
         layer = character.playing[number]
         length = project.length_of(layer)

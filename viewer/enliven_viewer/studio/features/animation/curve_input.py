@@ -32,7 +32,7 @@ from enliven_viewer.studio.features.animation.curve_scale import Scale
 from enliven_viewer.studio.features.animation.key_edits import (
     KEY_ATTRIBUTES,
     add_curve_key,
-    clamp_warning,
+    describe_clamping,
     move_curve_key,
     remove_curve_key,
     set_interpolation,
@@ -58,7 +58,7 @@ class _CurveRequest:
     start: float
     span: float
 
-    def same(self, other: _CurveRequest | None) -> bool:
+    def matches(self, other: _CurveRequest | None) -> bool:
         if other is None:
             return False
         return self.project is other.project and (self.subject, self.start, self.span) == (
@@ -76,27 +76,27 @@ class CurveInput:
     """The state of the curve editor, and the edits made with the pointer.
 
     Attributes:
-        on: whether the curves are shown.
+        is_shown: whether the curves are shown.
         group: name of the shown group of channels.
         height: height of the curve area in pixels.
-        chosen: number of the key that was clicked last, or None.
+        selected_key: number of the key that was clicked last, or None.
     """
 
     def __init__(self, editor: Editor, axis: TimeAxis) -> None:
         self.editor, self.axis = editor, axis
-        self.on, self.group, self.height = False, "keys", 160.0
-        self.chosen: int | None = None
+        self.is_shown, self.group, self.height = False, "keys", 160.0
+        self.selected_key: int | None = None
         self._scale: Scale | None = None
-        self._seen: tuple[CurveSubject | None, str] = (None, "")
-        self._held: tuple[CurveDot, float, float, Scale] | None = None
+        self._last_group: tuple[CurveSubject | None, str] = (None, "")
+        self._held_key: tuple[CurveDot, float, float, Scale] | None = None
         self._pool: ThreadPoolExecutor | None = None
-        self._work: tuple[_CurveRequest, Future[dict[str, CurveGroup]]] | None = None
-        self._known: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
-        self._keys: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
+        self._sampling: tuple[_CurveRequest, Future[dict[str, CurveGroup]]] | None = None
+        self._samples: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
+        self._key_groups: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
         """Shows or hides the curves."""
-        self.on = not self.on
+        self.is_shown = not self.is_shown
 
     @property
     def subject(self) -> CurveSubject | None:
@@ -104,7 +104,7 @@ class CurveInput:
 
         Returns None without a selection.
         """
-        chosen = self.editor.chosen()
+        chosen = self.editor.find_selected()
         if chosen is None:
             return None
         return CurveSubject(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
@@ -123,27 +123,27 @@ class CurveInput:
         subject = self.subject
         if subject is None:
             return
-        self._take()
+        self._collect_samples()
         axis, project = self.axis.scale, self.editor.project
-        if self.editor.chosen() is not None:
-            project = self.editor.solving.shown(project, subject.character)[0]
+        if self.editor.find_selected() is not None:
+            project = self.editor.motion_solver.find_shown(project, subject.character)[0]
         request = _CurveRequest(project, subject, axis.start, axis.visible_s)
-        if self._work is None and not request.same(self._known[0] if self._known else None):
+        if self._sampling is None and not request.matches(self._samples[0] if self._samples else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
-            self._work = (request, self._pool.submit(sample_groups, project, subject, self.times))
+            self._sampling = (request, self._pool.submit(sample_groups, project, subject, self.times))
 
     def groups(self) -> dict[str, CurveGroup]:
         """Returns all groups of curves of the selection that have already been sampled."""
         subject, project = self.subject, self.editor.project
         if subject is None:
             return {}
-        is_current = self._known is not None and self._known[0].subject == subject
-        groups = dict(self._known[1]) if self._known is not None and is_current else {}
+        is_current = self._samples is not None and self._samples[0].subject == subject
+        groups = dict(self._samples[1]) if self._samples is not None and is_current else {}
         axis = self.axis.scale
         request = _CurveRequest(project, subject, axis.start, axis.visible_s)
-        if self._keys is None or not request.same(self._keys[0]):
-            self._keys = (request, make_key_groups(project, subject, self.times))
-        groups.update(self._keys[1])
+        if self._key_groups is None or not request.matches(self._key_groups[0]):
+            self._key_groups = (request, make_key_groups(project, subject, self.times))
+        groups.update(self._key_groups[1])
         if "place" in groups and (dots := make_pose_dots(project, subject)):
             groups["place"] = replace(groups["place"], dots=dots)
         for name in LAYER_KEY_ATTRIBUTES:
@@ -156,12 +156,12 @@ class CurveInput:
 
         Blocks; for sessions without a window.
         """
-        chosen = self.editor.chosen()
+        chosen = self.editor.find_selected()
         if chosen is not None:
-            self.editor.solving.settle(self.editor.project, chosen.id)
+            self.editor.motion_solver.settle(self.editor.project, chosen.id)
         self.refresh()
-        while self._work is not None:
-            wait_for([self._work[1]])
+        while self._sampling is not None:
+            wait_for([self._sampling[1]])
             self.refresh()
         return self.groups()
 
@@ -172,9 +172,11 @@ class CurveInput:
 
     def sample_times(self) -> Float:
         """Returns the sample times (T,) of :meth:`shown_group`, which may be slightly outdated."""
-        if self._known is None or self.shown_name() in KEY_ATTRIBUTES:
+        if self._samples is None or self.shown_name() in KEY_ATTRIBUTES:
             return self.times
-        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)
+        return np.linspace(
+            self._samples[0].start, self._samples[0].start + self._samples[0].span, _CURVE_SAMPLES
+        )
 
     def shown_name(self) -> str:
         """Returns the name of the shown group, or empty."""
@@ -183,10 +185,10 @@ class CurveInput:
 
     def scale(self, group: CurveGroup) -> Scale:
         """Returns the value scale: it fits all values until the user zooms or pans."""
-        if self._seen != (self.subject, group.name):
-            self._seen, self._scale, self.chosen = (self.subject, group.name), None, None
-        if self._held is not None:
-            return self._held[3]
+        if self._last_group != (self.subject, group.name):
+            self._last_group, self._scale, self.selected_key = (self.subject, group.name), None, None
+        if self._held_key is not None:
+            return self._held_key[3]
         if self._scale is not None:
             return replace(self._scale, height=self.height)
         values = np.concatenate([group.values.ravel(), [dot.value for dot in group.dots]])
@@ -208,7 +210,7 @@ class CurveInput:
         if group is not None:
             self._scale = self.scale(group).pan(pixels)
 
-    def dot_at(self, x: float, y: float) -> CurveDot | None:
+    def find_dot(self, x: float, y: float) -> CurveDot | None:
         """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
         group = self.shown_group()
         if group is None:
@@ -223,54 +225,54 @@ class CurveInput:
 
     def press(self, x: float, y: float) -> None:
         """Handles a press of the left button: grabs a key, or else moves the playhead."""
-        dot, group = self.dot_at(x, y), self.shown_group()
-        self.chosen = None if dot is None else dot.number
+        dot, group = self.find_dot(x, y), self.shown_group()
+        self.selected_key = None if dot is None else dot.number
         if dot is not None and group is not None:
-            self._held = (dot, x, y, self.scale(group))
+            self._held_key = (dot, x, y, self.scale(group))
         elif group is not None:
             self.editor.scrub(self.axis.scale.time(x))
 
     def drag(self, x: float, y: float) -> None:
         """Handles pointer movement: previews the move of the held key."""
-        if self._held is not None:
-            self.editor.sketch(self._move_edit(x, y))
+        if self._held_key is not None:
+            self.editor.preview_edit(self._move_edit(x, y))
 
     def release(self, x: float, y: float) -> None:
         """Handles the release of the button: the drag becomes one edit."""
-        held = self._held
+        held = self._held_key
         if held is not None and self.editor.draft is not None:
             if self.subject is not None:
-                self._warn(self.subject, self.shown_name(), *self._drag_target(x, y))
+                self._warn_if_clamped(self.subject, self.shown_name(), *self._drag_target(x, y))
             self.editor.edit("move key", self._move_edit(x, y))
-        self.editor.draft, self._held = None, None
-        dot = self.dot_at(x, y)
+        self.editor.draft, self._held_key = None, None
+        dot = self.find_dot(x, y)
         # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
-        self.chosen = self.chosen if dot is None else dot.number
+        self.selected_key = self.selected_key if dot is None else dot.number
 
     @property
     def busy(self) -> bool:
         """Returns True if a key is being dragged."""
-        return self._held is not None
+        return self._held_key is not None
 
-    def double(self, x: float, y: float) -> None:
+    def double_click(self, x: float, y: float) -> None:
         """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
         subject, group = self.subject, self.shown_group()
         if subject is None or group is None or group.name not in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES):
             return
-        if self.dot_at(x, y) is not None:
+        if self.find_dot(x, y) is not None:
             return
         name, time, value = group.name, self.axis.scale.time(x), self.scale(group).value(y)
-        self._warn(subject, name, time, value)
+        self._warn_if_clamped(subject, name, time, value)
         self.editor.edit(
             "set key", lambda p: add_curve_key(p, subject, self._find_lane(subject), name, time, value)
         )
 
     def remove(self) -> None:
         """Removes the selected key."""
-        subject, number, name = self.subject, self.chosen, self.shown_name()
+        subject, number, name = self.subject, self.selected_key, self.shown_name()
         if subject is None or number is None:
             return
-        self.chosen = None
+        self.selected_key = None
         edit_name = (
             later("remove key")
             if name in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES)
@@ -285,14 +287,14 @@ class CurveInput:
 
         Returns whether it had an effect.
         """
-        if not self.on or self.chosen is None or key not in ("delete", "backspace"):
+        if not self.is_shown or self.selected_key is None or key not in ("delete", "backspace"):
             return False
         self.remove()
         return True
 
     def ease(self, ease: str) -> None:
         """Changes the interpolation from the selected key to the next one."""
-        subject, number, name = self.subject, self.chosen, self.shown_name()
+        subject, number, name = self.subject, self.selected_key, self.shown_name()
         if subject is not None and number is not None:
             self.editor.edit(
                 _EASE_TITLES[ease],
@@ -308,15 +310,15 @@ class CurveInput:
         layers = find_lane_layers(self.editor.project, subject.character, number)
         return (number, *(layer for layer in layers if layer != number))
 
-    def _warn(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
+    def _warn_if_clamped(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
-        if warning := clamp_warning(self.editor.project, subject, name, time, value):
+        if warning := describe_clamping(self.editor.project, subject, name, time, value):
             self.editor.toasts.say(warning)
 
     def _drag_target(self, x: float, y: float) -> tuple[float, float]:
         """Returns the time and the value to which the pointer drags the held key."""
-        assert self._held is not None
-        dot, from_x, from_y, scale = self._held
+        assert self._held_key is not None
+        dot, from_x, from_y, scale = self._held_key
         axis = self.axis.scale
         time = dot.time + axis.time(x) - axis.time(from_x)
         value = dot.value + scale.value(y) - scale.value(from_y)
@@ -328,25 +330,25 @@ class CurveInput:
 
     def _move_edit(self, x: float, y: float) -> Edit:
         """Returns the edit that moves the held key to a pixel."""
-        assert self._held is not None
+        assert self._held_key is not None
         subject, name, dot, (time, value) = (
             self.subject,
             self.shown_name(),
-            self._held[0],
+            self._held_key[0],
             self._drag_target(x, y),
         )
         assert subject is not None
         lane = self._find_lane(subject)
         return lambda project: move_curve_key(project, subject, lane, name, dot, time, value)
 
-    def _take(self) -> None:
+    def _collect_samples(self) -> None:
         """Takes the finished curves from the background thread."""
-        if self._work is None or not self._work[1].done():
+        if self._sampling is None or not self._sampling[1].done():
             return
-        (request, future), self._work = self._work, None
+        (request, future), self._sampling = self._sampling, None
         error = future.exception()
         if error is not None and not isinstance(error, EnlivenError):
             # Report only internal errors here, because the panel that plays the character reports the other
             # errors.
             self.editor.toasts.tell(error)
-        self._known = (request, {} if error is not None else future.result())
+        self._samples = (request, {} if error is not None else future.result())

@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, ImVec2Like, imgui
 from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -80,7 +80,9 @@ def _draw_names(app: App, curves: CurveInput, groups: dict[str, CurveGroup], sho
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             app.remember("fit curves")
-            tooltip("Show all values. The wheel shows more or less of them, the middle button moves them.")
+            draw_tooltip(
+                "Show all values. The wheel shows more or less of them, the middle button moves them."
+            )
             _draw_values(curves, shown)
     imgui.end_child()
 
@@ -119,7 +121,10 @@ def _draw_plot(curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVe
     for dot in group.dots:
         position = ImVec2(origin.x + axis.x(dot.time), origin.y + scale.y(dot.value))
         _draw_diamond(
-            draw_list, position, _find_channel_colour(group, dot.axis), chosen=dot.number == curves.chosen
+            draw_list,
+            position,
+            _find_channel_colour(group, dot.axis),
+            chosen=dot.number == curves.selected_key,
         )
     x = origin.x + axis.x(curves.editor.time)
     draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(ACCENT), 1.5)
@@ -141,7 +146,7 @@ def _draw_channel(curves: CurveInput, group: CurveGroup, number: int, scale: Sca
     )
     values, xs = (
         group.values[:, number],
-        axis.x(0.0) + axis.track * curves.sample_times() / axis.visible_s,
+        axis.x(0.0) + axis.track_width * curves.sample_times() / axis.visible_s,
     )
     ys = scale.height * (scale.high - values) / (scale.high - scale.low)
     points: list[ImVec2Like] = []
@@ -159,17 +164,17 @@ def _handle_pointer(curves: CurveInput, origin: ImVec2, group: CurveGroup) -> No
     io, pointer = imgui.get_io(), imgui.get_mouse_pos()
     x, y, axis = pointer.x - origin.x, pointer.y - origin.y, curves.axis
     if imgui.is_item_hovered():
-        dot = curves.dot_at(x, y)
+        dot = curves.find_dot(x, y)
         if dot is not None:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
             if not curves.busy:
                 imgui.set_tooltip(_make_hover_text(dot, group))
         if imgui.is_mouse_double_clicked(0):
-            curves.double(x, y)
+            curves.double_click(x, y)
         elif imgui.is_mouse_clicked(0):
             curves.press(x, y)
         elif imgui.is_mouse_clicked(1) and dot is not None:
-            curves.chosen = dot.number
+            curves.selected_key = dot.number
             imgui.open_popup(_MENU_ID)
         if imgui.is_mouse_dragging(2, 0.0):
             curves.pan(io.mouse_delta.y)
@@ -192,7 +197,8 @@ def _draw_key_menu(curves: CurveInput) -> None:
         return
     group = curves.shown_group()
     dot = next(
-        (candidate for candidate in (group.dots if group else ()) if candidate.number == curves.chosen), None
+        (candidate for candidate in (group.dots if group else ()) if candidate.number == curves.selected_key),
+        None,
     )
     if dot is not None and dot.ease:
         for ease in EASES:

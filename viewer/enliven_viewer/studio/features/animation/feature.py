@@ -23,7 +23,7 @@ def register(app: App) -> None:
         draw_curves(app, curves, area)
 
     app.actions.add(_make_ghost_action(ghosts), _make_curve_action(curves))
-    app.panels.append(Panel("curves", draw_curve_panel, lambda: curves.on, place="above timeline"))
+    app.panels.append(Panel("curves", draw_curve_panel, lambda: curves.is_shown, place="above timeline"))
     app.key_handlers.append(curves.type)
     app.view_layers.append(ViewLayer(lambda context: GhostPass(context, ghosts)))
 
@@ -35,7 +35,7 @@ def _make_ghost_action(ghosts: Ghosts) -> Action:
         "Ghosts and trails",
         ("shift+g",),
         ghosts.toggle,
-        is_on=lambda: ghosts.on,
+        is_on=lambda: ghosts.is_shown,
         about="Past (blue) and future (orange) poses of the chosen shape, and paths of its hands and feet.",
         apart=True,
     )
@@ -48,6 +48,6 @@ def _make_curve_action(curves: CurveInput) -> Action:
         "Curves",
         ("shift+c",),
         curves.toggle,
-        is_on=lambda: curves.on,
+        is_on=lambda: curves.is_shown,
         about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
     )

@@ -26,11 +26,11 @@ class OnionSkin:
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self._program = load_program(ctx, "onion.vert", "onion.frag")
-        self._known: dict[GhostSurface, tuple[moderngl.VertexArray, list[moderngl.Buffer]]] = {}
+        self._arrays: dict[GhostSurface, tuple[moderngl.VertexArray, list[moderngl.Buffer]]] = {}
 
     def draw(self, picture: RenderTarget, bodies: tuple[GhostBody, ...]) -> None:
         """Draws the ghosts in order, and resolves the image."""
-        self._keep({ghost.body for ghost in bodies})
+        self._release_others({ghost.body for ghost in bodies})
         picture.widen()
         self.ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
@@ -44,7 +44,7 @@ class OnionSkin:
 
     def _draw(self, picture: RenderTarget, ghost: GhostBody) -> None:
         """Draws one ghost. Writes its depth first, so that it hides its own far side."""
-        array = self._array(ghost)
+        array = self._get_array(ghost)
         self._program["tint"] = tuple(part / 255 for part in ghost.tint)
         self._program["opacity"] = ghost.opacity
         for colours, test in ((False, "<"), (True, "<=")):
@@ -53,20 +53,20 @@ class OnionSkin:
             self.ctx.depth_func = test
             array.render(moderngl.TRIANGLES)
 
-    def _array(self, ghost: GhostBody) -> moderngl.VertexArray:
+    def _get_array(self, ghost: GhostBody) -> moderngl.VertexArray:
         """Returns the ghost on the GPU; the same ghost is not uploaded again."""
-        if ghost.body not in self._known:
+        if ghost.body not in self._arrays:
             rows = self.ctx.buffer(np.ascontiguousarray(ghost.body.rows).tobytes())
             faces = self.ctx.buffer(np.ascontiguousarray(ghost.body.faces, np.int32).tobytes())
             content = [(rows, "3f 3f", "in_position", "in_normal")]
             array = self.ctx.vertex_array(self._program, content, index_buffer=faces, index_element_size=4)
-            self._known[ghost.body] = (array, [rows, faces])
-        return self._known[ghost.body][0]
+            self._arrays[ghost.body] = (array, [rows, faces])
+        return self._arrays[ghost.body][0]
 
-    def _keep(self, wanted: set[GhostSurface]) -> None:
+    def _release_others(self, wanted: set[GhostSurface]) -> None:
         """Frees the GPU memory of other ghosts."""
-        for body in set(self._known) - wanted:
-            array, buffers = self._known.pop(body)
+        for body in set(self._arrays) - wanted:
+            array, buffers = self._arrays.pop(body)
             for resource in (array, *buffers):
                 resource.release()
 

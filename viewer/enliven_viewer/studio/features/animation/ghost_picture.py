@@ -60,7 +60,7 @@ def make_trail_rows(
     sampled: MotionSamples, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
     """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
-    wanted, frames = sampled.wanted, sorted(sampled.points)
+    wanted, frames = sampled.request, sorted(sampled.points)
     frames = [frame for frame in frames if wanted.first <= frame <= wanted.last]
     if len(frames) < 2 or not points:
         return np.zeros((0, 12), np.float32)
@@ -70,7 +70,7 @@ def make_trail_rows(
     fine = np.linspace(seconds[0], seconds[-1], _SEGMENTS_PER_FRAME * (len(seconds) - 1) + 1)
     rows = []
     for line in places:
-        curve = smooth(line)
+        curve = smooth_trail(line)
         near = 1.0 - np.abs(fine - time) / reach
         width = (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near) * lens.pixel_sizes(curve)
         line_rows = make_tube_rows(
@@ -93,7 +93,7 @@ def make_trail_rows(
     return np.concatenate(rows)
 
 
-def smooth(line: Float) -> Float:
+def smooth_trail(line: Float) -> Float:
     """Returns (B (F - 1) + 1, 3) positions on the Catmull-Rom spline through (F, 3) points.
 
     There are B segments between two points.

@@ -31,31 +31,31 @@ class Ghosts:
     """The past and future poses of the selected character, or of the first few if none is selected.
 
     Attributes:
-        on: whether ghosts are shown. Nothing is computed while they are off.
+        is_shown: whether ghosts are shown. Nothing is computed while they are off.
     """
 
     def __init__(self, editor: Editor) -> None:
-        self.editor, self.on = editor, False
+        self.editor, self.is_shown = editor, False
         self._pool: ThreadPoolExecutor | None = None
-        self._known: dict[str, MotionSamples] = {}
-        self._work: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
-        self._refused: dict[str, SampleRequest] = {}
+        self._samples: dict[str, MotionSamples] = {}
+        self._sampling: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
+        self._failed_requests: dict[str, SampleRequest] = {}
 
     def toggle(self) -> None:
         """Shows or hides the ghosts."""
-        self.on = not self.on
-        if not self.on:
-            self._known.clear()
-            self._refused.clear()
+        self.is_shown = not self.is_shown
+        if not self.is_shown:
+            self._samples.clear()
+            self._failed_requests.clear()
 
     def picture(self) -> GhostPicture | None:
         """Returns the ghosts and trails that have already been computed; None while they are off.
 
         Does not block.
         """
-        if not self.on:
+        if not self.is_shown:
             return None
-        self._take()
+        self._collect_samples()
         characters = self._list_shown_characters()
         self._begin([self._sample_request(character) for character in characters])
         return self._draw_ghosts(characters)
@@ -66,23 +66,23 @@ class Ghosts:
         For sessions without a window.
         """
         picture = self.picture()
-        while self._work is not None:
-            wait_for([self._work[2]])
+        while self._sampling is not None:
+            wait_for([self._sampling[2]])
             picture = self.picture()
         return picture
 
     def _draw_ghosts(self, characters: list[RigBase]) -> GhostPicture:
         editor, bodies, rows = self.editor, [], [np.zeros((0, 12), np.float32)]
         for character in characters:
-            sampled = self._known.get(character.id)
+            sampled = self._samples.get(character.id)
             if sampled is None:
                 continue
             bodies += make_ghost_bodies(sampled, editor.time)
             is_selected = editor.selection.character == character.id
             handle, chain = (editor.selection.handle, editor.selection.chain) if is_selected else (None, ())
             rest = next(iter(sampled.points.values()))
-            points = choose_trail_points(sampled.wanted.character, rest, handle, chain)
-            keys = self._find_keys(sampled.wanted.project, sampled.wanted.character)
+            points = choose_trail_points(sampled.request.character, rest, handle, chain)
+            keys = self._find_keys(sampled.request.project, sampled.request.character)
             rows.append(make_trail_rows(sampled, points, keys, editor.time, editor.lens))
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
@@ -91,7 +91,7 @@ class Ghosts:
 
         A puppet is returned in its last solved state.
         """
-        editor, chosen = self.editor, self.editor.chosen()
+        editor, chosen = self.editor, self.editor.find_selected()
         characters = (
             [chosen] if chosen is not None else list(editor.project.characters.values())[:_MAX_CHARACTERS]
         )
@@ -100,7 +100,7 @@ class Ghosts:
     def _sample_request(self, character: RigBase) -> SampleRequest:
         editor, settings = self.editor, self.editor.settings
         project = editor.project
-        project, character = editor.solving.shown(project, character.id)
+        project, character = editor.motion_solver.find_shown(project, character.id)
         step, length = settings.frame_step, editor.length
         first = int(np.ceil(max(editor.time - settings.trail, 0.0) / step))
         last = int(min(editor.time + settings.trail, length) / step)
@@ -118,30 +118,30 @@ class Ghosts:
     def _begin(self, wanted: list[SampleRequest]) -> None:
         """Starts computing the first outdated request, if no computation is running."""
         names = {request.character.id for request in wanted}
-        self._known = {name: sampled for name, sampled in self._known.items() if name in names}
-        if self._work is not None:
+        self._samples = {name: sampled for name, sampled in self._samples.items() if name in names}
+        if self._sampling is not None:
             return
         for request in wanted:
             name = request.character.id
-            sampled, refused = self._known.get(name), self._refused.get(name)
-            if request.same(refused) or (sampled is not None and request.same(sampled.wanted)):
+            sampled, refused = self._samples.get(name), self._failed_requests.get(name)
+            if request.matches(refused) or (sampled is not None and request.matches(sampled.request)):
                 continue
             self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
-            self._work = (name, request, self._pool.submit(sample_motion, request, sampled))
+            self._sampling = (name, request, self._pool.submit(sample_motion, request, sampled))
             return
 
-    def _take(self) -> None:
+    def _collect_samples(self) -> None:
         """Takes the finished result from the background thread."""
-        if self._work is None or not self._work[2].done():
+        if self._sampling is None or not self._sampling[2].done():
             return
-        (name, wanted, future), self._work = self._work, None
+        (name, wanted, future), self._sampling = self._sampling, None
         error = future.exception()
         if error is None:
-            self._known[name] = future.result()
+            self._samples[name] = future.result()
         else:
             if not isinstance(error, EnlivenError):
                 # Report only internal errors here, because the panel that plays the character reports the
                 # other errors.
                 self.editor.toasts.tell(error)
-            self._known.pop(name, None)
-            self._refused[name] = wanted
+            self._samples.pop(name, None)
+            self._failed_requests[name] = wanted

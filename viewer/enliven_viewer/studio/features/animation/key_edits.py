@@ -10,8 +10,8 @@ from enliven.document import MAX_SPEED, MIN_SPEED, Project
 from enliven.errors import InputError
 from enliven.modeling.edits import (
     ease_key,
+    find_keys,
     key_at,
-    keys_of,
     move_key,
     move_layer_key,
     remove_key,
@@ -67,7 +67,7 @@ def move_curve_key(
     if group not in KEY_ATTRIBUTES:
         return _move_pose(project, subject, dot, time, value)
     attribute = KEY_ATTRIBUTES[group]
-    values = list(getattr(keys_of(project, subject.character, subject.handle)[dot.number][1], attribute))
+    values = list(getattr(find_keys(project, subject.character, subject.handle)[dot.number][1], attribute))
     values[dot.axis] = value
     changes: dict[str, Any] = {attribute: values}
     return move_key(project, subject.character, subject.handle, dot.number, time, **changes)
@@ -99,7 +99,7 @@ def clamp_value(project: Project, subject: CurveSubject, group: str, time: float
     return min(max(value / find_value_scale(project, subject, group, time), low), high)
 
 
-def clamp_warning(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> str:
+def describe_clamping(project: Project, subject: CurveSubject, group: str, time: float, value: float) -> str:
     """Returns a sentence if a value is outside the playable range and was clamped; else empty."""
     if group not in LAYER_KEY_ATTRIBUTES or not np.isfinite(value):
         return ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32
 from enliven.document import Project, RigBase
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 
 _MAX_CACHED_FRAMES = 4000
 """Maximum number of cached frames per character: some minutes."""
@@ -42,7 +42,7 @@ class SampleRequest:
             getattr(project, kind).get(name) is getattr(other_project, kind).get(name) for kind, name in pairs
         )
 
-    def same(self, other: SampleRequest | None) -> bool:
+    def matches(self, other: SampleRequest | None) -> bool:
         """Returns True if both requests are equal."""
         if other is None or not self.can_reuse(other):
             return False
@@ -69,20 +69,20 @@ class MotionSamples:
     """The sampled motion of a character.
 
     Attributes:
-        wanted: the last request.
+        request: the last request.
         points: (N, 3) metres of its joints, nodes or control points, by frame.
         bodies: the ghosts' bodies, by time in seconds.
     """
 
-    wanted: SampleRequest
+    request: SampleRequest
     points: dict[int, Float] = field(default_factory=dict)
     bodies: dict[float, GhostSurface] = field(default_factory=dict)
-    _at: Callable[[float], Float] | None = None
+    _compute_points: Callable[[float], Float] | None = None
     _surface: Callable[[float], Float] | None = None
 
     def place(self, seconds: float) -> Float:
         """Returns the positions (N, 3) in metres at a time, interpolated between two sampled frames."""
-        frame_position = seconds / self.wanted.step
+        frame_position = seconds / self.request.step
         low = int(np.floor(frame_position))
         before, after = self.points.get(low), self.points.get(low + 1)
         if before is None or after is None:
@@ -97,24 +97,26 @@ def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> Motion
     Raises:
         EnlivenError: if the character cannot be played.
     """
-    if before is not None and wanted.can_reuse(before.wanted):
-        samples = MotionSamples(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
+    if before is not None and wanted.can_reuse(before.request):
+        samples = MotionSamples(
+            wanted, dict(before.points), dict(before.bodies), before._compute_points, before._surface
+        )
     else:
         samples = MotionSamples(wanted)
-    if samples._at is None:
-        samples._at = _make_point_function(wanted.project, wanted.character)
-        samples._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
+    if samples._compute_points is None:
+        samples._compute_points = _make_point_function(wanted.project, wanted.character)
+        samples._surface = get_rig_edits(wanted.character).surface(wanted.project, wanted.character)
     if len(samples.points) > _MAX_CACHED_FRAMES:
         samples.points.clear()
     for frame in range(wanted.first, wanted.last + 1):
         if frame not in samples.points:
-            samples.points[frame] = samples._at(frame * wanted.step)
+            samples.points[frame] = samples._compute_points(frame * wanted.step)
     samples.bodies = {moment: samples.bodies[moment] for moment in wanted.moments if moment in samples.bodies}
     assert samples._surface is not None
     for moment in wanted.moments:
         if moment not in samples.bodies:
             samples.bodies[moment] = _make_ghost_surface(
-                wanted.character, samples._surface(moment), samples._at(moment)
+                wanted.character, samples._surface(moment), samples._compute_points(moment)
             )
     return samples
 
@@ -124,7 +126,7 @@ def _make_point_function(project: Project, character: RigBase) -> Callable[[floa
 
     A character without handles has the positions of its nodes.
     """
-    player = rig_of(character).player(project, character)
+    player = get_rig_edits(character).player(project, character)
 
     def at(time: float) -> Float:
         pose, handles = player(time)

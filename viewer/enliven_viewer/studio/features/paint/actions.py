@@ -23,7 +23,7 @@ def make_painting_actions(user_input: ViewportInput, tool: PaintTool) -> Iterato
     """Yields the brush actions. Actions that choose a brush mode also activate the brush."""
 
     def take(brush: str) -> None:
-        user_input.take(PaintTool.name)
+        user_input.activate_tool(PaintTool.name)
         tool.brush = brush  # type: ignore[assignment]
 
     def both_sides() -> None:

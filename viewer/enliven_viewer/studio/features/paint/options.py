@@ -9,7 +9,7 @@ from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import action_button, slider, tooltip
+from enliven_viewer.studio.app.fields import draw_action_button, draw_slider, draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note
 from enliven_viewer.studio.features.paint.paint_tool import BRUSHES, MAX_RADIUS_PX, MIN_RADIUS_PX, PaintTool
 
@@ -28,19 +28,19 @@ def draw_brush_options(app: App, tool: PaintTool) -> None:
         if imgui.radio_button(f"{tr(label)}###brush {brush}", tool.brush == brush):
             app.actions.do(f"paint.{brush}")
         app.remember(f"brush {brush}")
-        tooltip(app.actions.make_tooltip(app.actions[f"paint.{brush}"]))
+        draw_tooltip(app.actions.make_tooltip(app.actions[f"paint.{brush}"]))
     imgui.set_next_item_width(-1)
     tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
     app.remember("brush size")
-    tooltip("The keys [ and ]")
+    draw_tooltip("The keys [ and ]")
     if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
         app.actions.do("paint.both_sides")
     app.remember("both sides")
-    tooltip(app.actions.make_tooltip(app.actions["paint.both_sides"]))
-    character = app.editor.chosen()
+    draw_tooltip(app.actions.make_tooltip(app.actions["paint.both_sides"]))
+    character = app.editor.find_selected()
     if character is not None and character.mesh is not None and character.is_possessable:
         _draw_swing(app, character.id)
-    action_button(app, "paint.clear", _BUTTON_WIDTH)
+    draw_action_button(app, "paint.clear", _BUTTON_WIDTH)
     draw_note("It takes effect as soon as a performer steps in. Soft spots swing further than the performer.")
 
 
@@ -56,5 +56,5 @@ def _draw_swing(app: App, name: str) -> None:
     def change(project: Project, wanted: float) -> Project:
         return handle_characters(project, [name], exaggeration=wanted)
 
-    slider(app, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
-    tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
+    draw_slider(app, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
+    draw_tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")

@@ -14,7 +14,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.viewport.overlay import Disc, Overlay
-from enliven_viewer.studio.viewport.picking import surface_at
+from enliven_viewer.studio.viewport.picking import find_surface_at
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 from enliven_viewer.theme import FUTURE_POSE, MARK, PAST_POSE, PLAIN_SURFACE, SHADOW, Colour
 
@@ -66,16 +66,16 @@ class PaintTool(Tool):
         self.radius = _INITIAL_RADIUS_PX
         self.both_sides = False
         self._stroke: list[Float] = []
-        self._now: Brush = "softer"
-        self._metres = 0.0
-        self._over: tuple[str, Float] | None = None
-        self._at: tuple[float, float] | None = None
+        self._stroke_brush: Brush = "softer"
+        self._radius_m = 0.0
+        self._touched_point: tuple[str, Float] | None = None
+        self._pointer_position: tuple[float, float] | None = None
         self._planes: tuple[Float, Plane | None] | None = None
         self._preview: tuple[object, int, Float32 | None] | None = None
 
     @property
     def hint(self) -> str:
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
         if character.kind == "bones":
@@ -109,51 +109,52 @@ class PaintTool(Tool):
 
     def lacks_paint(self) -> str:
         """Returns why no paint can be cleared, with advice; empty if there is paint to clear."""
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
         return ""
 
     def hover(self, pointer: Pointer) -> None:
-        self._at, self._over = pointer.at, self._find_touched_point(pointer)
+        self._pointer_position, self._touched_point = pointer.at, self._find_touched_point(pointer)
 
     def press(self, pointer: Pointer) -> bool:
-        self.editor.playing, self._at = False, pointer.at
+        self.editor.playing, self._pointer_position = False, pointer.at
         over = self._find_touched_point(pointer)
         if over is None:
             return False
         if over[0] != self.editor.selection.character:
             self.editor.choose(over[0])
-        self._stroke, self._over = [over[1]], over
-        self._now = self._choose_brush(pointer)
+        self._stroke, self._touched_point = [over[1]], over
+        self._stroke_brush = self._choose_brush(pointer)
         return True
 
     def drag(self, pointer: Pointer) -> None:
-        self._at = pointer.at
+        self._pointer_position = pointer.at
         over = self._find_touched_point(pointer, measure=False)
         if not self._stroke or over is None or over[0] != self.editor.selection.character:
             return
         offset = over[1] - self._stroke[-1]
-        far, fine = float(np.linalg.norm(offset)), _POINT_SPACING * self._metres
+        far, fine = float(np.linalg.norm(offset)), _POINT_SPACING * self._radius_m
         if far >= fine:
-            steps = int(np.ceil(far / fine)) if far <= _MAX_GAP * self._metres else 1
+            steps = int(np.ceil(far / fine)) if far <= _MAX_GAP * self._radius_m else 1
             last = self._stroke[-1]
             self._stroke += [last + offset * (k + 1) / steps for k in range(steps)]
-            self._over = over
+            self._touched_point = over
 
     def release(self, pointer: Pointer) -> None:
         stroke, self._stroke = self._stroke, []
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if not stroke or character is None or character.mesh is None:
             return
-        brush_stroke = np.array(stroke), self._metres, self._now, self._find_plane(character.mesh)
+        brush_stroke = np.array(stroke), self._radius_m, self._stroke_brush, self._find_plane(character.mesh)
         step_names = {
             "softer": later("paint softer"),
             "stiffer": later("paint stiffer"),
             "erase": later("erase paint"),
         }
         self.editor.edit(
-            step_names[self._now], lambda project: paint_character(project, character.id, *brush_stroke)
+            step_names[self._stroke_brush],
+            lambda project: paint_character(project, character.id, *brush_stroke),
         )
 
     def cancel(self) -> None:
@@ -161,36 +162,36 @@ class PaintTool(Tool):
         self._stroke = []
 
     def overlay(self) -> Overlay:
-        if self._at is None:
+        if self._pointer_position is None:
             return Overlay()
-        colour = _find_ring_colour(self._now if self._stroke else self.brush)
+        colour = _find_ring_colour(self._stroke_brush if self._stroke else self.brush)
         marks = [
-            Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE_OPACITY), 4.0),
-            Disc(self._at, self.radius, colour, 2.0),
+            Disc(self._pointer_position, self.radius, (*SHADOW[:3], _RING_EDGE_OPACITY), 4.0),
+            Disc(self._pointer_position, self.radius, colour, 2.0),
         ]
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         plane = (
             None
-            if character is None or character.mesh is None or self._over is None
+            if character is None or character.mesh is None or self._touched_point is None
             else self._find_plane(character.mesh)
         )
         if (
             plane is not None
             and character is not None
             and character.mesh is not None
-            and self._over is not None
+            and self._touched_point is not None
         ):
             posed = self.editor.stage_character(character.id)
-            other = reflect_points(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
+            other = reflect_points(self._touched_point[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
                 Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
-                for at in self.editor.lens.pixels_of(posed.vertices[[nearest]])
+                for at in self.editor.lens.project_visible(posed.vertices[[nearest]])
             ]
         return Overlay(tuple(marks))
 
     def picture(self) -> ToolPicture:
-        character = self.editor.chosen()
+        character = self.editor.find_selected()
         if character is None or character.mesh is None:
             return EMPTY_PICTURE
         stiffness = self._find_shown_stiffness(character, character.mesh)
@@ -207,7 +208,7 @@ class PaintTool(Tool):
         preview = self._preview
         if preview is None or preview[0] is not mesh or preview[1] != len(self._stroke):
             stiffness = brush_stiffness(
-                mesh, np.array(self._stroke), self._metres, self._now, self._find_plane(mesh)
+                mesh, np.array(self._stroke), self._radius_m, self._stroke_brush, self._find_plane(mesh)
             )
             preview = self._preview = mesh, len(self._stroke), stiffness
         return preview[2]
@@ -226,7 +227,7 @@ class PaintTool(Tool):
         If `measure` is set, also updates the brush size in metres.
         """
         lens = self.editor.lens
-        hit = surface_at(self.editor.pickable_characters, lens, pointer.at)
+        hit = find_surface_at(self.editor.pickable_characters, lens, pointer.at)
         if hit is None:
             return None
         posed = self.editor.stage_character(hit.character)
@@ -234,7 +235,7 @@ class PaintTool(Tool):
         assert mesh is not None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
         if measure:
-            self._metres = self.radius * float(lens.pixel_sizes(place[None])[0])
+            self._radius_m = self.radius * float(lens.pixel_sizes(place[None])[0])
         return hit.character, _find_rest_position(posed, mesh, hit.face, place)
 
 

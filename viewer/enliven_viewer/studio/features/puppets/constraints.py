@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Coupling, Position, Puppet, Velocity
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, use_small_text
 from enliven_viewer.studio.examples.example_edits import (
     HardConstraint,
@@ -48,12 +48,12 @@ def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
         x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
         new_constraint = Position(name, frame, (x, y, z))
     app.remember("hold here")
-    tooltip(tr("{0} goes through this place at this frame", name))
+    draw_tooltip(tr("{0} goes through this place at this frame", name))
     imgui.same_line()
     if imgui.button(labelled(tr("Still"), "Still"), third):
         new_constraint = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
     app.remember("hold still")
-    tooltip(tr("{0} does not move at this frame", name))
+    draw_tooltip(tr("{0} does not move at this frame", name))
     imgui.same_line()
     imgui.set_next_item_width(third.x)
     if imgui.begin_combo("##level", tr("Level")):
@@ -62,7 +62,7 @@ def draw_constraint_buttons(app: App, puppet: Puppet) -> None:
                 new_constraint = Coupling(name, other, frame)
         imgui.end_combo()
     app.remember("hold level")
-    tooltip(tr("{0} is as high as another control point at this frame", name))
+    draw_tooltip(tr("{0} is as high as another control point at this frame", name))
     if new_constraint is not None:
         editor.edit(
             later("hold {0}", name),

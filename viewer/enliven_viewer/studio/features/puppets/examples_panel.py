@@ -8,10 +8,10 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import Puppet
-from enliven.modeling.edits import rig_of
+from enliven.modeling.edits import get_rig_edits
 from enliven_viewer.language import tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import character_name, tooltip
+from enliven_viewer.studio.app.fields import draw_character_name, draw_tooltip
 from enliven_viewer.studio.app.style import (
     open_panel,
     pack_colour,
@@ -19,7 +19,7 @@ from enliven_viewer.studio.app.style import (
     push_fill,
     use_small_text,
 )
-from enliven_viewer.studio.app.transform_fields import draw_numbers
+from enliven_viewer.studio.app.transform_fields import draw_transform_fields
 from enliven_viewer.studio.examples.example_edits import find_layer_number, with_guessed_joints
 from enliven_viewer.studio.features.puppets.constraints import draw_constraints
 from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNavigator
@@ -55,7 +55,7 @@ def draw_examples(app: App, area: Area) -> None:
                 draw_section(puppet, number)
             draw_constraints(app, puppet)
         if puppet is not None:
-            draw_numbers(app)
+            draw_transform_fields(app)
             draw_settings(app, puppet)
 
 
@@ -65,9 +65,9 @@ def _draw_head(app: App, puppet: Puppet) -> None:
         app.editor.puppets.accept()
         app.editor.choose(None)
     app.remember("all shapes")
-    tooltip("Back to everything that is on the stage")
+    draw_tooltip("Back to everything that is on the stage")
     imgui.same_line()
-    character_name(app, puppet)
+    draw_character_name(app, puppet)
 
 
 def _draw_next_step(app: App, puppet: Puppet) -> None:
@@ -77,7 +77,7 @@ def _draw_next_step(app: App, puppet: Puppet) -> None:
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
     app.remember("next step")
-    tooltip(about)
+    draw_tooltip(about)
 
 
 def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
@@ -102,8 +102,8 @@ def _find_next_step(app: App, puppet: Puppet) -> tuple[str, str, Callable[[], ob
 
 def draw_status(app: App, puppet: Puppet) -> None:
     """Shows what the puppet lacks, or the error that keeps it from moving, or that it moves."""
-    project, solving = app.editor.project, app.editor.solving
-    lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
+    project, solving = app.editor.project, app.editor.motion_solver
+    lacking, problem = get_rig_edits(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
         _draw_box(app, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:

@@ -51,7 +51,7 @@ class Gizmo:
         depth = max(float((self.place - lens.view.eye) @ lens.forward), 0.05)
         return 2 * depth / (float(lens.view.clip_from_camera[1, 1]) * lens.size[1])
 
-    def at(self, pixel: Point) -> str:
+    def find_part(self, pixel: Point) -> str:
         """Returns the part under a pixel, or an empty string."""
         centre, tips = self._projected_arrows()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
@@ -78,7 +78,7 @@ class Gizmo:
         Returns None if a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
-            offset = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
+            offset = self.lens.intersect_plane(now, self.place) - self.lens.intersect_plane(start, self.place)
         elif len(part) == 1:
             axis = GIZMO_PARTS.index(part)
             offset = np.eye(3)[axis] * (self._project_on_axis(axis, now) - self._project_on_axis(axis, start))

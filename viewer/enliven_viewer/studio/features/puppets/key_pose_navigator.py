@@ -44,7 +44,7 @@ class KeyPoseNavigator:
         The second view shows that take.
         """
         if self.input.tool.name != "puppet":
-            self.input.take("puppet")
+            self.input.activate_tool("puppet")
         self.puppets.accept()
         number = find_layer_number(puppet, self.editor.selection.layer, take)
         if number is not None:

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.marks import draw_mark
 from enliven_viewer.studio.app.style import draw_note, open_panel, pack_colour, use_small_text
 from enliven_viewer.studio.examples.example_edits import find_layer_number
@@ -60,7 +60,7 @@ def _draw_bar(app: App, area: Area) -> None:
         if imgui.button(labelled(tr("Play it"), "Play it"), ImVec2(78, 0)):
             view.play()
         app.remember("play take")
-        tooltip("The puppet plays this take too, as a layer of its own")
+        draw_tooltip("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
     if view.linked:
         imgui.push_style_color(imgui.Col_.text, pack_colour(ACCENT))
@@ -70,7 +70,7 @@ def _draw_bar(app: App, area: Area) -> None:
     if linked:
         imgui.pop_style_color()
     app.remember("linked")
-    tooltip("Both views turn together")
+    draw_tooltip("Both views turn together")
 
 
 def _draw_picture(app: App, origin: ImVec2, area: Area, texture: int | None) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
-from enliven.examples.performer import yaw_of
+from enliven.examples.performer import yaw_from_rotation
 from enliven.modeling.puppet.edits import play_take
 from enliven.skeletons.facing import facing_of, rotate_about_y
 from enliven_viewer.language import later, tr
@@ -61,9 +61,9 @@ class PerformerView:
         self.linked = True
         self.hovered: int | None = None
         self._take: str | None = None
-        self._framed: tuple[object, ...] = ()
+        self._framed_subject: tuple[object, ...] = ()
         self._facing: tuple[Skeleton, float] | None = None
-        self._last: Point | None = None
+        self._last_pixel: Point | None = None
         self._figures: dict[tuple[str, int], tuple[Clip, PerformerFigure]] = {}
 
     @property
@@ -122,7 +122,7 @@ class PerformerView:
             ):
                 self.editor.select(layer=len(puppet.layers))
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Prepares a frame.
 
         Turns with the stage, frames the performer, and passes the moment to the puppets.
@@ -133,8 +133,8 @@ class PerformerView:
             return
         aspect = self.size[0] / max(self.size[1], 1.0)
         framed = (figure.skeleton, aspect)
-        if self._framed != framed:
-            self._framed = framed
+        if self._framed_subject != framed:
+            self._framed_subject = framed
             half, height = 0.42 * figure.height, 1.06 * figure.height
             box = np.array([-half, 0.0, -half]), np.array([half, height, half])
             self.camera.frame(box, aspect, at_once=True, reset=True, margin=_FRAMING_MARGIN)
@@ -167,7 +167,7 @@ class PerformerView:
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # Turn the performer into the direction of the mesh: remove the performer's yaw and the facing
         # direction of its rest pose.
-        back = -float(yaw_of(clip.turns[frame, 0])) - self._find_front_yaw(clip)
+        back = -float(yaw_from_rotation(clip.turns[frame, 0])) - self._find_front_yaw(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
         return PerformerFigure(clip.skeleton, rotate_about_y(joints, np.asarray(back)), max(height, 0.05))
 
@@ -182,7 +182,7 @@ class PerformerView:
     def press(self, pixel: Point) -> None:
         """Pairs the clicked joint with the selected control point, or begins to turn the view."""
         joint, figure = self.joint_at(pixel), self.figure()
-        self._last = pixel if joint is None else None
+        self._last_pixel = pixel if joint is None else None
         if joint is not None and figure is not None:
             self.pair(figure.skeleton.names[joint])
 
@@ -212,19 +212,19 @@ class PerformerView:
 
     def move(self, pixel: Point) -> None:
         """Highlights the joint under the pointer, or turns the view (and the stage with it)."""
-        if self._last is None:
+        if self._last_pixel is None:
             self.hovered = self.joint_at(pixel)
             return
-        across, down = pixel[0] - self._last[0], pixel[1] - self._last[1]
+        across, down = pixel[0] - self._last_pixel[0], pixel[1] - self._last_pixel[1]
         turned = self.editor.camera if self.linked else self.camera
         turned.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
         if not self.linked:
             self.camera.advance(10.0)
-        self._last = pixel
+        self._last_pixel = pixel
 
     def release(self) -> None:
         """Handles the release of the button."""
-        self._last = None
+        self._last_pixel = None
 
     def wheel(self, up: float) -> None:
         """Zooms in or out."""

@@ -33,15 +33,15 @@ class PointSuggestions:
     def __init__(self) -> None:
         self._threads: ThreadPoolExecutor | None = None
         self._mesh: Mesh | None = None
-        self._found: Future[tuple[int, ...]] | None = None
+        self._search: Future[tuple[int, ...]] | None = None
 
-    def of(self, puppet: Puppet) -> tuple[int, ...]:
+    def suggest_vertices(self, puppet: Puppet) -> tuple[int, ...]:
         """Returns suggested vertices that are not near a control point; empty while the search runs."""
         if self._mesh is not puppet.mesh:
             self._mesh = puppet.mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
-            self._found = self._threads.submit(_find_limb_ends, puppet.mesh)
-        search = self._found
+            self._search = self._threads.submit(_find_limb_ends, puppet.mesh)
+        search = self._search
         if search is None or not search.done() or search.exception() is not None:
             return ()
         vertices = puppet.mesh.vertices
@@ -54,8 +54,8 @@ class PointSuggestions:
 
     def wait(self) -> None:
         """Waits until the vertices are found. For sessions without a window."""
-        if self._found is not None:
-            self._found.result()
+        if self._search is not None:
+            self._search.result()
 
 
 def _find_limb_ends(mesh: Mesh) -> tuple[int, ...]:

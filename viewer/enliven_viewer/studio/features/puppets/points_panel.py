@@ -12,7 +12,7 @@ from enliven.modeling.puppet.poses import set_symmetry
 from enliven.modeling.puppet.suggest import suggested_joint, suggested_vertices
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import Change, name_field, slider, switch, tooltip
+from enliven_viewer.studio.app.fields import Change, draw_name_field, draw_slider, draw_switch, draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_heading,
     draw_note,
@@ -59,7 +59,7 @@ def _draw_orientation_buttons(app: App, puppet: Puppet) -> None:
         if imgui.button(labelled(tr(label), label), half):
             _turn_mesh(app, puppet.id, axis)
         app.remember(label.lower())
-        tooltip(tip)
+        draw_tooltip(tip)
         if axis == "x":
             imgui.same_line()
 
@@ -109,18 +109,18 @@ def _draw_point_fields(app: App, puppet: Puppet, point: ControlPoint) -> None:
         return lambda project, value: change_point(project, puppet.id, name, **{field: of(value)})
 
     imgui.indent(22)
-    name_field(app, "point name", name, lambda to: change(later("rename a control point"), name=to))
+    draw_name_field(app, "point name", name, lambda to: change(later("rename a control point"), name=to))
     _draw_joint_list(app, puppet, point)
-    switch(app, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
+    draw_switch(app, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
     imgui.same_line()
     tip = tr("The surface is pulled towards it, but need not reach it")
-    switch(app, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
+    draw_switch(app, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button(labelled(tr("Remove"), "Remove")):
         editor.puppets.remove_point()
     app.remember("remove point")
     if point.weight is not None:
-        slider(app, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
+        draw_slider(app, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
     draw_constraint_buttons(app, puppet)
     imgui.unindent(22)
 
@@ -150,7 +150,7 @@ def _draw_buttons(app: App, puppet: Puppet) -> None:
     if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
         suggest_points(app, puppet)
     app.remember("suggest points")
-    tooltip("Control points at the ends of the limbs, and at their mirror images")
+    draw_tooltip("Control points at the ends of the limbs, and at their mirror images")
     imgui.same_line()
     take = app.state(PerformerView).take
     open_ones = [point.name for point in puppet.points if not point.joint]
@@ -179,7 +179,7 @@ def _draw_symmetry(app: App, puppet: Puppet) -> None:
     editor = app.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     app.remember("symmetric")
-    tooltip("Every key pose also counts mirrored: a pose of one side is an example for both")
+    draw_tooltip("Every key pose also counts mirrored: a pose of one side is an example for both")
     if toggled:
         set_mirrored(app, puppet, on)
         return
@@ -193,7 +193,7 @@ def _draw_symmetry(app: App, puppet: Puppet) -> None:
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )
     app.remember("both sides")
-    tooltip("Control points are put and dragged together with their mirror image")
+    draw_tooltip("Control points are put and dragged together with their mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
 

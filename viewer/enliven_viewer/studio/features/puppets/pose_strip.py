@@ -11,7 +11,7 @@ from enliven.modeling.puppet.poses import remove_key_pose
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -43,7 +43,7 @@ def draw_strip(app: App, area: Area, thumbnails: Thumbnails) -> None:
         if puppet is None:
             return
         take = app.state(PerformerView).take
-        coverage = app.state(CoverageCache).of(app.editor.project, puppet, take) if take else None
+        coverage = app.state(CoverageCache).find_coverage(app.editor.project, puppet, take) if take else None
         _draw_head(app, puppet, coverage)
         height = imgui.get_content_region_avail().y
         scroll = imgui.WindowFlags_.horizontal_scrollbar | imgui.WindowFlags_.no_background
@@ -116,7 +116,7 @@ def _draw_pose_buttons(app: App, puppet: Puppet, number: int) -> None:
         with push_fill(ACCENT) if label == "Done" else nullcontext():
             pressed = imgui.button(f"{tr(label)}###{label}")
         app.remember(f"pose {label}")
-        tooltip(tooltips[label])
+        draw_tooltip(tooltips[label])
         if pressed:
             run_pose_command(app, puppet, number, label)
 

@@ -9,7 +9,7 @@ from enliven.arrays import Float
 from enliven.document import Project, Puppet, RigBase, unused
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.edits import foot_of, move_character, rig_of, vertices_of
+from enliven.modeling.edits import compute_vertices, find_base_centre, get_rig_edits, move_character
 from enliven.modeling.puppet.baking import bake_puppet
 from enliven.modeling.puppet.edits import make_puppet
 from enliven_viewer.language import later, tr
@@ -25,7 +25,7 @@ class PuppetCommands:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
-    def make(self) -> bool:
+    def make_puppet(self) -> bool:
         """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
         chosen = self._find_selected_mesh()
         if chosen is None:
@@ -47,7 +47,7 @@ class PuppetCommands:
         )
         return True
 
-    def outline(self) -> None:
+    def toggle_silhouette(self) -> None:
         """Switches the silhouette of the previous key pose, which is shown while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
@@ -57,7 +57,7 @@ class PuppetCommands:
             else tr("The previous key pose is no longer outlined")
         )
 
-    def warn(self) -> None:
+    def toggle_warning(self) -> None:
         """Switches the display of self-intersecting faces, which are marked while a key pose is edited."""
         puppets = self.editor.puppets
         puppets.warn = not puppets.warn
@@ -67,18 +67,18 @@ class PuppetCommands:
             else tr("Faces that pass through one another are not shown")
         )
 
-    def bake(self) -> bool:
+    def bake_puppet(self) -> bool:
         """Bakes the puppet into a possessed mesh with the same motion, which can be merged with others."""
         puppet, editor = self.editor.puppets.puppet, self.editor
         if puppet is None:
             return False
         project = editor.project
         editor.background.begin(
-            tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
+            tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._make_bake_edit(puppet)
         )
         return True
 
-    def _put_baked(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
+    def _make_bake_edit(self, puppet: Puppet) -> Callable[[tuple[Project, str, object]], None]:
         """Returns the function that puts a baked puppet into the project.
 
         It refuses a puppet that has changed meanwhile.
@@ -105,27 +105,27 @@ class PuppetCommands:
 
     def lacks_mesh(self) -> str:
         """Returns why making a puppet is unavailable; empty if it is available."""
-        return "" if self._find_solid() else "No shape with a surface is chosen. Click one first."
+        return "" if self._find_solid_character() else "No shape with a surface is chosen. Click one first."
 
     def lacks_examples(self) -> str:
         """Returns why baking a puppet is unavailable; empty if it is available."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return "No puppet is chosen. Click one first."
-        return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
+        return " ".join(get_rig_edits(puppet).lacking(self.editor.project, puppet))
 
-    def _find_solid(self) -> RigBase | None:
+    def _find_solid_character(self) -> RigBase | None:
         """Returns the selected character if it has a surface and is not a puppet."""
-        chosen = self.editor.chosen()
+        chosen = self.editor.find_selected()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
         return chosen if solid and chosen is not self.editor.puppets.puppet else None
 
     def _find_selected_mesh(self) -> tuple[str, Mesh] | None:
         """Returns the selected character's id and its mesh in the current pose."""
-        editor, chosen = self.editor, self._find_solid()
+        editor, chosen = self.editor, self._find_solid_character()
         if chosen is None or chosen.mesh is None:
             return None
-        seen = vertices_of(editor.project, chosen.id, editor.time)
+        seen = compute_vertices(editor.project, chosen.id, editor.time)
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
@@ -139,7 +139,7 @@ def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
         raise InputError(
             tr("it has no surface"), where=f"mesh {mesh.name!r}", remedy=tr("Open a mesh with faces.")
         )
-    place = foot_of(mesh.vertices)
+    place = find_base_centre(mesh.vertices)
     return replace(mesh, vertices=mesh.vertices - place), place
 
 
@@ -150,7 +150,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Shape",
         "Make a puppet of it",
         ("ctrl+p",),
-        commands.make,
+        commands.make_puppet,
         commands.lacks_mesh,
         about="A copy that acts by examples: control points and key poses.",
     )
@@ -159,7 +159,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Shape",
         "Bake the puppet",
         (),
-        commands.bake,
+        commands.bake_puppet,
         commands.lacks_examples,
         about="Turns it into a possessed character, which can be cut and merged.",
     )
@@ -174,7 +174,7 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         "View",
         "Outline of the previous key pose",
         ("o",),
-        commands.outline,
+        commands.toggle_silhouette,
         is_on=lambda: puppets.silhouette,
         about="While a key pose is edited.",
     )
@@ -183,7 +183,7 @@ def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
         "View",
         "Faces that cross",
         ("w",),
-        commands.warn,
+        commands.toggle_warning,
         is_on=lambda: puppets.warn,
         about="Faces that pass through one another are red while a key pose is edited.",
     )

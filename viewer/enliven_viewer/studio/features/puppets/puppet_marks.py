@@ -43,10 +43,10 @@ class PointDrag:
     def __init__(self, editor: Editor, standing: StagePuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
-        self._from: Float = np.array(standing.handles[point])
+        self._start_place: Float = np.array(standing.handles[point])
         # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but the movement is
         # measured from where it started.
-        self._manipulator = Gizmo(self._from, editor.lens)
+        self._manipulator = Gizmo(self._start_place, editor.lens)
         self.moved = False
 
     def drag(self, pointer: Pointer) -> None:
@@ -55,7 +55,7 @@ class PointDrag:
         if offset is None or (not self.moved and not offset.any()):
             return
         self.moved = True
-        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._from + offset))
+        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._start_place + offset))
 
     def drop(self) -> None:
         """Handles the release of the button: keeps the pose."""
@@ -100,10 +100,10 @@ def _make_suggestion_marks(tool: Pointing, standing: StagePuppet, lens: Lens) ->
 
     They are shown only before any key pose exists; later they would be in the way.
     """
-    if standing.character.poses or tool.puppets.posing:
+    if standing.character.poses or tool.puppets.is_posing:
         return []
     marks: list[Mark] = []
-    for vertex in tool.suggested.of(standing.character):
+    for vertex in tool.suggested.suggest_vertices(standing.character):
         place = standing.vertices[vertex]
         # Draw rings on the far side fainter.
         seen = (
@@ -113,7 +113,7 @@ def _make_suggestion_marks(tool: Pointing, standing: StagePuppet, lens: Lens) ->
         )
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
         white = (*MARK[:3], bright)
-        for pixel in lens.pixels_of(place[None]):
+        for pixel in lens.project_visible(place[None]):
             marks.append(Disc(pixel, GHOST_RADIUS, (*SHADOW[:3], dark), 3.5))
             marks.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
             marks.append(Disc(pixel, 1.6, white))
@@ -129,7 +129,7 @@ def _make_next_point_marks(tool: Pointing, standing: StagePuppet, lens: Lens) ->
         other = find_partner_vertex(standing.character, tool.hovered_vertex)
         wanted += [other] if other is not None and other != tool.hovered_vertex else []
     marks: list[Mark] = []
-    for pixel in lens.pixels_of(standing.vertices[wanted]):
+    for pixel in lens.project_visible(standing.vertices[wanted]):
         marks.append(Disc(pixel, 6.5, ACCENT, 2.0))
         marks.append(Disc(pixel, 2.0, ACCENT))
     return marks
@@ -142,7 +142,7 @@ def _make_name_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[
     for number in dict.fromkeys([chosen, tool.hovered_point]):
         if number is None or number >= len(points):
             continue
-        for pixel in lens.pixels_of(standing.handles[[number]]):
+        for pixel in lens.project_visible(standing.handles[[number]]):
             if number == chosen:
                 marks.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, (*MARK[:3], 0.9), 1.5))
             point = points[number]

@@ -31,7 +31,7 @@ class PuppetPanels:
             editor.puppets.puppet is not None
             and app.state(PerformSession).active_workspace in ("Animate", "Model")
             and not app.input.tool.hides_performer
-            and not editor.selection.several
+            and not editor.selection.has_several
         )
 
     def make_pictures(self, renderer: Renderer) -> Callable[[], object]:
@@ -44,8 +44,8 @@ class PuppetPanels:
         def draw() -> None:
             if not self.is_shown():
                 return
-            self._view.follow()
-            thumbnails.work()
+            self._view.update()
+            thumbnails.draw_next()
             figure = self._view.figure()
             if figure is not None:
                 renderer.resize(to_screen_pixels(*self._view.size))

@@ -15,8 +15,8 @@ from enliven_viewer.studio.features.puppets.puppet_marks import PointDrag, make_
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
 from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.viewport.overlay import Overlay, Point
-from enliven_viewer.studio.viewport.picking import joint_at, surface_at
-from enliven_viewer.studio.viewport.ray import vertex_hit
+from enliven_viewer.studio.viewport.picking import find_joint_at, find_surface_at
+from enliven_viewer.studio.viewport.ray import find_hit_vertex
 
 _MAX_CLICK_MOVEMENT_PX = 4.0
 """Maximum pointer movement of a click, in pixels."""
@@ -45,9 +45,9 @@ class PuppetTool(Tool):
         self.hovered_vertex: int | None = None
         self._drag: PointDrag | None = None
         self._click: Pointer | None = None
-        self._last: Point = (0.0, 0.0)
-        self._turning = False
-        self._fresh: int | None = None
+        self._last_pixel: Point = (0.0, 0.0)
+        self._is_turning_view = False
+        self._new_point: int | None = None
 
     @property
     def hint(self) -> str:
@@ -56,7 +56,7 @@ class PuppetTool(Tool):
             return "Let go to keep it; Shift goes in steps, Esc drops it."
         if puppet is None:
             return "Click a puppet. Ctrl+P makes one of the chosen shape, Ctrl+O opens a mesh to make one of."
-        if puppets.posing:
+        if puppets.is_posing:
             name = tr("key pose {0}", puppets.number + 1) if puppets.number is not None else ""
             return tr(
                 "Drag control points for {0}. Enter keeps it; R resets a point, Delete removes it.", name
@@ -68,7 +68,7 @@ class PuppetTool(Tool):
     @property
     def warning(self) -> str:
         """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
-        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.shaping else ""
+        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.is_shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
@@ -83,10 +83,10 @@ class PuppetTool(Tool):
         lens = self.editor.lens
         manipulator = self.manipulator()
         if manipulator is not None:
-            self.hovered_part = manipulator.at(pointer.at)
+            self.hovered_part = manipulator.find_part(pointer.at)
         if self.hovered_part:
             return
-        hit = joint_at([standing], lens, pointer.at, self.editor.settings.reach)
+        hit = find_joint_at([standing], lens, pointer.at, self.editor.settings.reach)
         self.hovered_point = None if hit is None else hit.handle
         if hit is None and len(standing.character.mesh.faces) <= _MAX_HOVER_FACES:
             self.hovered_vertex = self._vertex_at(standing, pointer)
@@ -94,11 +94,11 @@ class PuppetTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         self.hover(pointer)
         puppets, standing = self.puppets, self.puppets.stage_puppet
-        self._last, self._turning = pointer.at, False
+        self._last_pixel, self._is_turning_view = pointer.at, False
         if standing is not None and self.hovered_part and puppets.point is not None:
             self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
         elif standing is not None and self.hovered_point is not None:
-            self._fresh = None
+            self._new_point = None
             self.editor.choose(standing.id, self.hovered_point)
             self._drag = PointDrag(self.editor, standing, self.hovered_point, "view", pointer.at)
         else:
@@ -109,17 +109,17 @@ class PuppetTool(Tool):
     def drag(self, pointer: Pointer) -> None:
         if self._drag is not None:
             self._drag.drag(pointer)
-        elif self._turning or (self._click is not None and self._is_far(pointer, self._click)):
+        elif self._is_turning_view or (self._click is not None and self._is_drag(pointer, self._click)):
             # A drag that begins on or next to the mesh orbits the camera, as in an empty scene.
-            self._click, self._turning = None, True
-            across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
+            self._click, self._is_turning_view = None, True
+            across, down = pointer.at[0] - self._last_pixel[0], pointer.at[1] - self._last_pixel[1]
             self.editor.camera.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
-        self._last = pointer.at
+        self._last_pixel = pointer.at
 
     def release(self, pointer: Pointer) -> None:
         drag, click = self._drag, self._click
         self._drag = self._click = None
-        self._turning = False
+        self._is_turning_view = False
         if drag is not None:
             drag.drop()
         elif click is not None:
@@ -130,7 +130,7 @@ class PuppetTool(Tool):
         puppets = self.puppets
         if key == "escape":
             return self._step_back()
-        if key == "enter" and puppets.posing:
+        if key == "enter" and puppets.is_posing:
             puppets.accept()
             return True
         if puppets.point is None:
@@ -139,7 +139,7 @@ class PuppetTool(Tool):
             return puppets.remove_point() or True
         if key == "r":
             return puppets.reset_point() or True
-        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.posing:
+        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.is_posing:
             return self._nudge(key.removeprefix("shift+"), 10.0 if key.startswith("shift+") else 1.0)
         return False
 
@@ -167,7 +167,7 @@ class PuppetTool(Tool):
         Right after a click the gizmo would be in the way of the next click on the mesh.
         """
         standing, point = self.puppets.stage_puppet, self.puppets.point
-        if point == self._fresh and not self.puppets.posing:
+        if point == self._new_point and not self.puppets.is_posing:
             return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
             return None
@@ -176,16 +176,18 @@ class PuppetTool(Tool):
     def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
         """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
         lens = self.editor.lens
-        ghost = find_suggestion_at(standing, self.suggested.of(standing.character), lens, pointer.at)
+        ghost = find_suggestion_at(
+            standing, self.suggested.suggest_vertices(standing.character), lens, pointer.at
+        )
         if ghost is not None:
             return ghost
-        hit = surface_at(self.puppets.stage_puppets, lens, pointer.at)
+        hit = find_surface_at(self.puppets.stage_puppets, lens, pointer.at)
         if hit is None or hit.character != standing.id:
             return None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
-        return vertex_hit(standing.vertices, standing.character.mesh.faces[hit.face], place)
+        return find_hit_vertex(standing.vertices, standing.character.mesh.faces[hit.face], place)
 
-    def _is_far(self, pointer: Pointer, start: Pointer) -> bool:
+    def _is_drag(self, pointer: Pointer, start: Pointer) -> bool:
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _MAX_CLICK_MOVEMENT_PX
 
     def _handle_click(self, pointer: Pointer) -> None:
@@ -193,9 +195,9 @@ class PuppetTool(Tool):
         standing = self.puppets.stage_puppet
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
-            self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
+            self._new_point = self.puppets.point if self.puppets.add_point(vertex) else None
             return
-        hit = surface_at(
+        hit = find_surface_at(
             [character for character in self.editor.pickable_characters if character.has_own_tool],
             self.editor.lens,
             pointer.at,
@@ -223,7 +225,7 @@ class PuppetTool(Tool):
         if puppets.point is not None:
             self.editor.select(handle=None)
             return True
-        if puppets.posing:
+        if puppets.is_posing:
             puppets.accept()
             return True
         return False

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import Change, slider, switch, tooltip
+from enliven_viewer.studio.app.fields import Change, draw_slider, draw_switch, draw_tooltip
 from enliven_viewer.studio.app.style import push_colours
 from enliven_viewer.studio.examples.example_edits import with_default_settings, with_setting
 from enliven_viewer.theme import PRESSED, RAISED
@@ -38,10 +38,10 @@ def draw_settings(app: App, puppet: Puppet) -> None:
         settings, change = getattr(puppet, group), _make_change(puppet.id, group, name)
         value = getattr(settings, name)
         if isinstance(value, bool):
-            switch(app, label, value, change, _wrap_description(settings, name))
+            draw_switch(app, label, value, change, _wrap_description(settings, name))
         else:
-            slider(app, f"setting {label}", value, low, high, pattern, change)
-            tooltip(_wrap_description(settings, name))
+            draw_slider(app, f"setting {label}", value, low, high, pattern, change)
+            draw_tooltip(_wrap_description(settings, name))
     if imgui.button(labelled(tr("Reset"), "Reset")):
         app.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
     app.remember("reset settings")

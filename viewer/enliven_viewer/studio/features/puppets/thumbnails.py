@@ -51,8 +51,8 @@ class Thumbnails:
         self._renderer: Renderer | None = None
         self._characters = create_puppet_meshes()
         self._solving: dict[_Key, tuple[Puppet, Future[Float]]] = {}
-        self._done: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
-        self._shown: dict[tuple[str, int], _Key] = {}
+        self._textures: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
+        self._shown_keys: dict[tuple[str, int], _Key] = {}
 
     def texture(self, puppet: Puppet, places: Float, slot: int = 0) -> int | None:
         """Returns the OpenGL name of the thumbnail, upper row first; None until it is drawn.
@@ -62,10 +62,10 @@ class Thumbnails:
                 thumbnail is shown.
         """
         key = (*_make_key(puppet, places), get_theme())
-        thumbnail = self._done.get(key)
+        thumbnail = self._textures.get(key)
         if thumbnail is not None:
-            self._done[key] = self._done.pop(key)
-            self._shown[(puppet.id, slot)] = key
+            self._textures[key] = self._textures.pop(key)
+            self._shown_keys[(puppet.id, slot)] = key
             return int(thumbnail[1].glo)
         future = (
             self._solving[key][1]
@@ -74,10 +74,10 @@ class Thumbnails:
         )
         if future is not None:
             self._solving[key] = puppet, future
-        before = self._done.get(self._shown.get((puppet.id, slot), ()))
+        before = self._textures.get(self._shown_keys.get((puppet.id, slot), ()))
         return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
 
-    def work(self) -> None:
+    def draw_next(self) -> None:
         """Draws one solved thumbnail. Call once per frame."""
         for key, (puppet, future) in list(self._solving.items()):
             if not future.done():
@@ -86,15 +86,15 @@ class Thumbnails:
             if future.exception() is not None:
                 log.warning("a key pose cannot be drawn", exc_info=future.exception())
                 continue
-            self._done[key] = puppet.mesh, self._draw_thumbnail(puppet, future.result())
-            while len(self._done) > _MAX_CACHED_THUMBNAILS:
-                self._done.pop(next(iter(self._done)))[1].release()
+            self._textures[key] = puppet.mesh, self._draw_thumbnail(puppet, future.result())
+            while len(self._textures) > _MAX_CACHED_THUMBNAILS:
+                self._textures.pop(next(iter(self._textures)))[1].release()
             return
 
     def _draw_thumbnail(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
-        character = self._characters.of(puppet)
+        character = self._characters.get_mesh(puppet)
         assert character is not None
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))

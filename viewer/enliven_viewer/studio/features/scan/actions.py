@@ -43,7 +43,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Scan",
         "Done: make it a character",
         (),
-        scan.done,
+        scan.finish,
         scan.lacks_scan,
         about="It is cut out, stands on the stage, and can be possessed.",
     )
@@ -53,7 +53,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Scan",
         "Add to the scan",
         (),
-        scan.again,
+        scan.continue_scan,
         scan.lacks_again,
         about="Go on scanning to fill gaps.",
         apart=True,

@@ -58,22 +58,24 @@ class CropBox:
 
     def __init__(self) -> None:
         self.corners: Float = _INITIAL_BOX.copy()
-        self._held: tuple[int, int] | None = None
+        self._held_handle: tuple[int, int] | None = None
 
     def press(self, pixel: Point, lens: Lens) -> bool:
         """Handles a button press. Returns whether a handle was grabbed."""
         near_handles = [
-            (away, side) for side, away in self._handle_distances(pixel, lens) if away <= _GRAB_DISTANCE_PX
+            (away, side)
+            for side, away in self._measure_handle_distances(pixel, lens)
+            if away <= _GRAB_DISTANCE_PX
         ]
-        self._held = min(near_handles)[1] if near_handles else None
-        return self._held is not None
+        self._held_handle = min(near_handles)[1] if near_handles else None
+        return self._held_handle is not None
 
     def drag(self, pixel: Point, lens: Lens) -> None:
         """Moves the held side to the point on the handle's line that is nearest to the pointer's ray."""
-        if self._held is None:
+        if self._held_handle is None:
             return
-        end, axis = self._held
-        through, eye, ray = self._handle(end, axis), lens.view.eye, lens.ray(pixel)
+        end, axis = self._held_handle
+        through, eye, ray = self._find_handle(end, axis), lens.view.eye, lens.ray(pixel)
         # Compute the point on the line of the handle that is closest to the pointer's ray.
         across = np.cross(np.eye(3)[axis], ray)
         square = float(across @ across)
@@ -88,9 +90,9 @@ class CropBox:
 
     def release(self) -> None:
         """Handles the release of the button."""
-        self._held = None
+        self._held_handle = None
 
-    def follow(self, before: Float, after: Float) -> None:
+    def move_with_scan(self, before: Float, after: Float) -> None:
         """Moves the box with the scan when the edge changes the scan's placement.
 
         The edge does so until it has found the floor.
@@ -112,26 +114,26 @@ class CropBox:
         corners = np.array([[self.corners[k >> axis & 1, axis] for axis in range(3)] for k in range(8)])
         lines = []
         for a, b in _EDGES:
-            ends = tuple(lens.pixels_of(corners[[a, b]]))
+            ends = tuple(lens.project_visible(corners[[a, b]]))
             if len(ends) == 2:
                 lines.append(Line(ends, (*ACCENT[:3], _BOX_OPACITY), 2.0))
         discs = []
         for end, axis in product((0, 1), range(3)):
-            for pixel in lens.pixels_of(self._handle(end, axis)[None]):
-                held = self._held == (end, axis)
+            for pixel in lens.project_visible(self._find_handle(end, axis)[None]):
+                held = self._held_handle == (end, axis)
                 discs.append(Disc(pixel, _HANDLE_RADIUS_PX * (1.4 if held else 1.0), ACCENT))
         return (*lines, *discs)
 
-    def _handle(self, end: int, axis: int) -> Float:
+    def _find_handle(self, end: int, axis: int) -> Float:
         """Returns the centre (3,) in metres of a side, low (0) or high (1) along an axis."""
         middle = np.asarray(self.corners.mean(0))
         middle[axis] = self.corners[end, axis]
         return middle
 
-    def _handle_distances(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
+    def _measure_handle_distances(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
         """Returns each handle in front of the camera, with its distance in pixels from a point."""
         distances = []
         for side in product((0, 1), range(3)):
-            for pixel in lens.pixels_of(self._handle(*side)[None]):
+            for pixel in lens.project_visible(self._find_handle(*side)[None]):
                 distances.append((side, float(np.hypot(pixel[0] - at[0], pixel[1] - at[1]))))
         return distances

@@ -33,7 +33,7 @@ def register(app: App) -> None:
         draw_scan_overlay(app.editor.lens, scan, area)
 
     app.actions.add(*make_scan_actions(scan))
-    app.panels.append(Panel("scan", draw_panel, lambda: scan.shown, ("Perform",), "scan back"))
+    app.panels.append(Panel("scan", draw_panel, lambda: scan.is_shown, ("Perform",), "scan back"))
     app.perform_sections.append(draw_open_button)
     app.overlays.append(ViewOverlay(draw_overlay, lambda: ADVICE_BOTTOM if scan.active else 0.0))
     app.view_layers.append(

@@ -99,7 +99,7 @@ def _make_arrow_marks(start: Float, end: Float, target: Float, lens: Lens) -> li
 
 def _find_pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
     """Returns the pixels of points (N, 3); empty if one of them is behind the camera."""
-    pixels = lens.pixels_of(points)
+    pixels = lens.project_visible(points)
     return tuple(pixels) if len(pixels) == len(points) else ()
 
 
@@ -118,7 +118,7 @@ def draw_scan_overlay(lens: Lens, scan: ScanSession, area: Area) -> None:
         return
     draw_list = imgui.get_background_draw_list()
     draw_list.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
-    box = scan.box.marks(lens) if scan.boxed else ()
+    box = scan.box.marks(lens) if scan.has_crop_box else ()
     for mark in (*make_scan_marks(scan.message, lens), *box):
         draw_mark(draw_list, area, mark)
     advice = choose_advice(scan.message)

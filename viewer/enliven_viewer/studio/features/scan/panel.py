@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.wire import ScanMessage, ScanMode
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_panel, push_colours
 from enliven_viewer.studio.features.scan.session import KeptPart, ScanSession, ScanSize
 from enliven_viewer.studio.panel_layout import Area
@@ -85,9 +85,9 @@ def draw_scan(app: App, scan: ScanSession, area: Area) -> None:
         if scan.active:
             _draw_end(app, scan)
         else:
-            _draw_again(app, scan)
+            _draw_continue_button(app, scan)
         if imgui.button(labelled(tr("Back to the stage"), "Back to the stage"), _FULL_WIDTH):
-            scan.shown = False
+            scan.is_shown = False
         app.remember("scan back")
 
 
@@ -96,7 +96,7 @@ def draw_open_button(app: App) -> None:
     if imgui.button(labelled("\uf030  " + tr("Scan an object..."), "Scan an object..."), _FULL_WIDTH):
         app.actions.do("scan.open")
     app.remember("scan")
-    tooltip("Carry the camera round an object to make it a character")
+    draw_tooltip("Carry the camera round an object to make it a character")
 
 
 def _draw_start_options(app: App, scan: ScanSession) -> None:
@@ -134,14 +134,14 @@ def _draw_start_options(app: App, scan: ScanSession) -> None:
         if imgui.radio_button(f"{tr(label)}###way {mode}", scan.mode is mode):
             scan.mode = mode
         app.remember(f"scan {mode}")
-        tooltip(tip)
+        draw_tooltip(tip)
     draw_heading("Its name")
     imgui.set_next_item_width(-1)
     scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
     app.remember("scan name")
 
 
-def _draw_again(app: App, scan: ScanSession) -> None:
+def _draw_continue_button(app: App, scan: ScanSession) -> None:
     """Draws the button that continues the last scan."""
     imgui.begin_disabled(bool(scan.lacks_again()))
     again = tr("Add to {0}", scan.message.character or tr("the last scan"))
@@ -149,7 +149,7 @@ def _draw_again(app: App, scan: ScanSession) -> None:
         app.actions.do("scan.again")
     imgui.end_disabled()
     app.remember("scan again")
-    tooltip("Go on scanning to fill gaps: lay it on its side, or look from below")
+    draw_tooltip("Go on scanning to fill gaps: lay it on its side, or look from below")
 
 
 def _draw_running_scan(app: App, scan: ScanSession, height: float) -> None:
@@ -173,7 +173,7 @@ def _draw_running_scan(app: App, scan: ScanSession, height: float) -> None:
     if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), half):
         app.actions.do("scan.undo")
     app.remember("scan undo")
-    tooltip(
+    draw_tooltip(
         tr(
             "Removes the last {0:.0f} seconds, for example after a hand came into view",
             status.undoable,
@@ -198,7 +198,7 @@ def _draw_end(app: App, scan: ScanSession) -> None:
         ):
             app.actions.do("scan.done")
     app.remember("scan done")
-    tooltip("It is cut out, stands on the stage, and can be possessed")
+    draw_tooltip("It is cut out, stands on the stage, and can be possessed")
     if imgui.button(labelled(tr("Cancel"), "Cancel"), _FULL_WIDTH):
         app.actions.do("scan.cancel")
     app.remember("scan cancel")
@@ -214,7 +214,7 @@ def _draw_progress(status: ScanMessage) -> None:
     fraction = 1.0 - min(max(status.missing, 0.0), 1.0)
     with push_colours((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(fraction, ImVec2(-1, 10), "")
-    tooltip(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * fraction))
+    draw_tooltip(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * fraction))
     arrow = "" if status.thing == "person" else tr(" The arrow leads to where most is missing.")
     draw_note(tr("Yellow lines: seen too little yet.{0}", arrow))
     if status.note:
@@ -228,7 +228,7 @@ def _draw_kept_part(app: App, scan: ScanSession) -> None:
     draw_heading("What is kept")
     for kept, label in _KEPT_PART_LABELS.items():
         if imgui.radio_button(f"{tr(label)}###keep {kept}", scan.kept_part == kept):
-            scan.keep(kept)
+            scan.choose_kept_part(kept)
         app.remember(f"scan keep {kept}")
     if scan.kept_part == "box":
         draw_note(

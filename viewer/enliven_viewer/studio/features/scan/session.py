@@ -50,7 +50,7 @@ class ScanSession:
         perform: the link to the edge.
 
     Attributes:
-        shown: whether the panel is open.
+        is_shown: whether the panel is open.
         message: the progress of the scan, as reported by the edge.
         size: the size class of the object.
         mode: how the scan is made. A person becomes a character once all sides were seen.
@@ -61,17 +61,17 @@ class ScanSession:
 
     def __init__(self, editor: Editor, perform: PerformSession) -> None:
         self.editor, self.perform = editor, perform
-        self.shown = False
+        self.is_shown = False
         self.mode = ScanMode.AROUND
         self.kept_part: KeptPart = "thing"
         self.box = CropBox()
         self.size: ScanSize = "thing"
         self.name = ""
         self.message = _NO_SCAN
-        self._growing = ScanPreviewMesh()
-        self._wanted: tuple[int, str] | None = None
-        self._framed = -1
-        self._round_ns: int | None = None
+        self._preview_mesh = ScanPreviewMesh()
+        self._awaited_character: tuple[int, str] | None = None
+        self._framed_scan = -1
+        self._complete_since_ns: int | None = None
 
     @property
     def active(self) -> bool:
@@ -81,9 +81,9 @@ class ScanSession:
     @property
     def surface(self) -> tuple[ScanPreview, Float] | None:
         """Returns the preview surface and its (4, 4) placement on the stage; None if there is none."""
-        if not self.active or self._growing.picture is None:
+        if not self.active or self._preview_mesh.picture is None:
             return None
-        return self._growing.picture, self.stage_from_scan
+        return self._preview_mesh.picture, self.stage_from_scan
 
     @property
     def stage_from_scan(self) -> Float:
@@ -121,7 +121,7 @@ class ScanSession:
 
     def open(self) -> None:
         """Shows the panel, in the workspace that contains the stage."""
-        self.perform.active_workspace, self.shown = "Perform", True
+        self.perform.active_workspace, self.is_shown = "Perform", True
 
     def start(self) -> None:
         """Starts a scan."""
@@ -131,34 +131,34 @@ class ScanSession:
             return
         within = _MAX_DISTANCE_M if self.mode is ScanMode.NEAR else None
         voxel = _PERSON_VOXEL_M if self.mode is ScanMode.PERSON else VOXEL_SIZES[self.size]
-        self._ask(Scan("start", self.name.strip() or None, voxel, within, mode=self.mode))
+        self._send_request(Scan("start", self.name.strip() or None, voxel, within, mode=self.mode))
 
     def pause(self) -> None:
         """Pauses or resumes the scan."""
-        self._ask(Scan("pause" if self.message.phase == "scanning" else "go on"))
+        self._send_request(Scan("pause" if self.message.phase == "scanning" else "go on"))
 
-    def again(self) -> None:
+    def continue_scan(self) -> None:
         """Continues a finished scan: new images are added to it."""
         self.open()
-        self._ask(Scan("go on"))
+        self._send_request(Scan("go on"))
 
     def undo(self) -> None:
         """Undoes the last seconds of the scan."""
-        self._ask(Scan("undo"))
+        self._send_request(Scan("undo"))
 
-    def done(self) -> None:
+    def finish(self) -> None:
         """Finishes the scan and makes a character of it."""
         if self.kept_part != "box":
-            self._ask(Scan("done", whole=self.kept_part == "all"))
+            self._send_request(Scan("done", whole=self.kept_part == "all"))
             return
         corners = [float(x) for x in self.box.corners.ravel()]
-        self._ask(Scan("done", box=corners, stage_from_scan=list(self.message.stage_from_scan)))
+        self._send_request(Scan("done", box=corners, stage_from_scan=list(self.message.stage_from_scan)))
 
     def cancel(self) -> None:
         """Cancels the scan and discards it."""
-        self._ask(Scan("cancel"))
+        self._send_request(Scan("cancel"))
 
-    def keep(self, kept_part: KeptPart) -> None:
+    def choose_kept_part(self, kept_part: KeptPart) -> None:
         """Chooses what becomes the character. A box starts around the object at the centre."""
         if kept_part == "box" and self.kept_part != "box":
             self.fit_box()
@@ -166,12 +166,12 @@ class ScanSession:
 
     def fit_box(self) -> None:
         """Fits the box around the object at the centre of the stage."""
-        grown, place = self._growing.picture, self.stage_from_scan
+        grown, place = self._preview_mesh.picture, self.stage_from_scan
         points = np.zeros((0, 3)) if grown is None else np.asarray(grown.vertices, float)
         self.box.corners = find_initial_box(points @ place[:3, :3].T + place[:3, 3])
 
     @property
-    def boxed(self) -> bool:
+    def has_crop_box(self) -> bool:
         """Returns True if the box is shown and can be dragged."""
         return self.active and self.message.phase != "finishing" and self.kept_part == "box"
 
@@ -179,7 +179,7 @@ class ScanSession:
 
     def press(self, at: Point) -> bool:
         """Handles a press of the left button over the view. Returns whether a side of the box was grabbed."""
-        return self.boxed and self.box.press(at, self.editor.lens)
+        return self.has_crop_box and self.box.press(at, self.editor.lens)
 
     def drag(self, at: Point) -> None:
         """Handles pointer movement while a side is held."""
@@ -189,12 +189,12 @@ class ScanSession:
         """Handles the release of the button."""
         self.box.release()
 
-    def _ask(self, order: Scan) -> None:
+    def _send_request(self, order: Scan) -> None:
         client = self.perform.client
         if client is not None:
-            client.ask(order, self._take_answer)
+            client.ask(order, self._handle_answer)
 
-    def _take_answer(self, answer: Answer) -> None:
+    def _handle_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             problem, _, remedy = answer.reason.removeprefix("scan: ").partition(". ")
             self.editor.toasts.say(problem[:1].upper() + problem[1:], remedy)
@@ -212,38 +212,40 @@ class ScanSession:
         before, place = self.message, self.stage_from_scan
         self.message = client.latest(SCAN).get("", _NO_SCAN)
         if self.message.number == before.number and self.message.stage_from_scan != before.stage_from_scan:
-            self.box.follow(place, self.stage_from_scan)
-        self._end_when_round()
-        self._growing.update(client.latest(SCAN_PIECE), self.message.number)
+            self.box.move_with_scan(place, self.stage_from_scan)
+        self._finish_person_scan()
+        self._preview_mesh.update(client.latest(SCAN_PIECE), self.message.number)
         if self.active and self.message.number != before.number:
-            self.shown = True
-        bounds = self._growing.bounds if self.active else None
+            self.is_shown = True
+        bounds = self._preview_mesh.bounds if self.active else None
         if (
             bounds is not None
-            and self._framed != self.message.number
+            and self._framed_scan != self.message.number
             and self.message.fused > _FRAMING_IMAGES
         ):
-            self._framed = self.message.number
-            self._frame(bounds)
+            self._framed_scan = self.message.number
+            self._frame_surface(bounds)
         if self.message.phase == "done" and before.phase in ("finishing", "scanning"):
-            self._wanted = self.message.number, self.message.character
-        if self._wanted is not None:
-            self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
+            self._awaited_character = self.message.number, self.message.character
+        if self._awaited_character is not None:
+            self._add_to_project(
+                client.characters.get(self._awaited_character[1]), self._awaited_character[1]
+            )
 
-    def _end_when_round(self) -> None:
+    def _finish_person_scan(self) -> None:
         """Finishes the scan of a person a moment after the last side was seen.
 
         The person cannot reach the keyboard.
         """
         if self.message.thing != "person" or self.message.phase != "scanning" or self.message.missing > 0:
-            self._round_ns = None
-        elif self._round_ns is None:
-            self._round_ns = self.message.time_ns
-        elif self.message.time_ns - self._round_ns > _HOLD_STILL_NS:
-            self._round_ns = None
-            self.done()
+            self._complete_since_ns = None
+        elif self._complete_since_ns is None:
+            self._complete_since_ns = self.message.time_ns
+        elif self.message.time_ns - self._complete_since_ns > _HOLD_STILL_NS:
+            self._complete_since_ns = None
+            self.finish()
 
-    def _frame(self, bounds: Float) -> None:
+    def _frame_surface(self, bounds: Float) -> None:
         """Moves the view so that the growing surface is visible."""
         place = self.stage_from_scan
         points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
@@ -255,11 +257,11 @@ class ScanSession:
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
         self.editor.camera.frame((points.min(0), points.max(0)), aspect, margin=0.85)
 
-    def _keep(self, scanned: Character | None, name: str) -> None:
+    def _add_to_project(self, scanned: Character | None, name: str) -> None:
         """Adds the scanned character on the stage to the project as one edit, selects it, and frames it."""
         if scanned is None:
             return
-        self._wanted = None
+        self._awaited_character = None
         mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
         scan_project = project_of_mesh(mesh, name)
         shape = scan_project.characters[name]
@@ -277,7 +279,7 @@ class ScanSession:
         self.perform.sender.mark_sent(name, self.editor.project.characters[name])
         self.editor.choose(name)
         self.editor.frame_all()
-        self.shown = False
+        self.is_shown = False
         self.editor.toasts.say(
             tr("{0} stands on the stage", name),
             tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),

@@ -22,5 +22,5 @@ def register(app: App) -> None:
     app.actions.add(*make_sound_actions(player))
     app.file_types.append(FileType(SOUND_SUFFIXES, read_sound, add_sound))
     app.ruler_layers.append(draw_ruler)
-    app.frame_tasks.append(player.follow)
+    app.frame_tasks.append(player.synchronise)
     app.closing_tasks.append(player.stop)

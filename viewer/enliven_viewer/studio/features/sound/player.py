@@ -66,7 +66,7 @@ class SoundPlayer:
         """Turns the sound on or off. A failed device is tried again."""
         self.is_on, self._failed = not self.is_on, False
 
-    def follow(self) -> None:
+    def synchronise(self) -> None:
         """Synchronises with the editor. Call once per frame."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())
@@ -76,7 +76,7 @@ class SoundPlayer:
             return
         if self._stream is None:
             self._next = round(editor.time * SOUND_RATE)
-            self._stream = self._begin()
+            self._stream = self._open_output()
         if self._stream is not None:
             # The device plays the requested samples only after its latency, so write samples of that later
             # time.
@@ -90,10 +90,10 @@ class SoundPlayer:
             self._stream.close()
         self._stream = None
 
-    def _begin(self) -> Stream | None:
+    def _open_output(self) -> Stream | None:
         """Opens the audio output. On failure reports it once, and the project plays silently."""
         try:
-            return self._opened(self._fill)
+            return self._opened(self._fill_samples)
         except Exception as error:  # PortAudio raises errors that are not OSErrors.
             self._failed = True
             lacks = f"({str(error).splitlines()[0][:80]})" if str(error) else ""
@@ -103,7 +103,7 @@ class SoundPlayer:
             self.editor.toasts.say(tr("The sound cannot be played here {0}", lacks), remedy)
             return None
 
-    def _fill(self, out: Int16, count: int, times: Any, fault: Any) -> None:
+    def _fill_samples(self, out: Int16, count: int, times: Any, fault: Any) -> None:
         """Writes the next samples; called in the device's thread."""
         first, self._next = self._next, self._next + count
         out[:, 0] = mix_sounds(self._sounds, first, count)

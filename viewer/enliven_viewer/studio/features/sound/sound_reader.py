@@ -37,7 +37,7 @@ def read_sound(path: Path) -> Sound:
                 raise InputError(
                     tr("it has no sound"), where=where, remedy=tr("Give a .wav, .mp3, .ogg or .flac.")
                 )
-            for part in _samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
+            for part in _read_samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
                 parts.append(part)
                 count += len(part)
                 if count > _MAX_DURATION_S * SOUND_RATE:
@@ -61,7 +61,7 @@ def add_sound(editor: Editor, path: Path, read: Sound) -> None:
         editor.toasts.say(tr("{0} begins here", path.name), tr("It is heard while you play and record."))
 
 
-def _samples(file: Any, resampler: Any) -> Iterator[Int16]:
+def _read_samples(file: Any, resampler: Any) -> Iterator[Int16]:
     """Yields (N,) int16 samples until the file ends or a damaged part begins."""
     for frame in file.decode(file.streams.audio[0]):
         for resampled in resampler.resample(frame):

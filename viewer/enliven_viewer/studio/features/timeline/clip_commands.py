@@ -9,7 +9,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits import (
     add_marker,
     blend_clips,
-    clips_of,
+    find_layer_clips,
     mirror_layers,
     remove_clip,
     remove_layer,
@@ -33,21 +33,21 @@ def _split_clip(project: Project, name: str, numbers: tuple[int, ...], _: int, t
     return split_clip(project, name, numbers, time)
 
 
-def _blend(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+def _blend_clips(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
     return blend_clips(project, name, numbers, clip, _BLEND_S)
 
 
-def _reverse(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+def _reverse_clip(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
     return reverse_clip(project, name, numbers, clip)
 
 
-def _mirror(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+def _mirror_clip(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
     return mirror_layers(project, name, numbers)
 
 
-def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
+def _remove_clip(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
     """Removes a clip. Removing the last clip of a lane also removes the lane's layers."""
-    if len(clips_of(project, name, numbers[0])) > 1:
+    if len(find_layer_clips(project, name, numbers[0])) > 1:
         return remove_clip(project, name, numbers, clip)
     for number in sorted(numbers, reverse=True):
         project = remove_layer(project, name, number)
@@ -56,10 +56,10 @@ def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
 
 _CLIP_EDITS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float], Project]]] = {
     "split": (later("split clip"), _split_clip),
-    "blend": (later("blend clips"), _blend),
-    "reverse": (later("reverse clip"), _reverse),
-    "mirror": (later("mirror motion"), _mirror),
-    "remove": (later("remove clip"), _remove),
+    "blend": (later("blend clips"), _blend_clips),
+    "reverse": (later("reverse clip"), _reverse_clip),
+    "mirror": (later("mirror motion"), _mirror_clip),
+    "remove": (later("remove clip"), _remove_clip),
 }
 """The edits on clips under the playhead, by name: the title in the history, and the function that edits one
 clip.
@@ -74,19 +74,19 @@ class ClipCommands:
 
     def do(self, edit_id: str) -> None:
         """Splits, blends, reverses, mirrors or removes the clips under the playhead."""
-        self.editor.edit(_CLIP_EDITS[edit_id][0], self._edit(edit_id))
+        self.editor.edit(_CLIP_EDITS[edit_id][0], self._make_edit(edit_id))
 
     def lacks(self, edit_id: str) -> str:
         """Returns why that edit is unavailable, with advice; empty if it is available."""
         if not self._find_lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:
-            self._edit(edit_id)(self.editor.project)
+            self._make_edit(edit_id)(self.editor.project)
         except InputError as error:
             return f"{error.what[0].upper()}{error.what[1:]}. {error.remedy}"
         return ""
 
-    def _edit(self, edit_id: str) -> Edit:
+    def _make_edit(self, edit_id: str) -> Edit:
         """Returns the edit of all affected clips."""
         time, change = self.editor.time, _CLIP_EDITS[edit_id][1]
         lane_clips = [

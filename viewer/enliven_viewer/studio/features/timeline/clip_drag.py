@@ -35,21 +35,21 @@ class ClipDrag:
 
     Attributes:
         handle: the grabbed part of the timeline.
-        how: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
+        edit_kind: "bar", "slip", "begin", "edge", "stretch", "stretch begin" or "blend".
         lane, layout: the lane and the layout at the start of the drag.
         playhead: position of the playhead in seconds.
         frame: duration of a frame in seconds; 0 disables snapping.
     """
 
     handle: LaneHandle
-    how: str
+    edit_kind: str
     lane: Lane
     layout: TimelineLayout
     playhead: float
     frame: float
 
     @staticmethod
-    def of(
+    def from_handle(
         layout: TimelineLayout, handle: LaneHandle, playhead: float, frame: float, *, alt: bool, ctrl: bool
     ) -> ClipDrag | None:
         """Returns the drag that starts at a handle; None if the handle is not part of a clip."""
@@ -66,9 +66,9 @@ class ClipDrag:
         )
 
     @property
-    def word(self) -> str:
+    def edit_title(self) -> str:
         """Returns the name of the edit in the history."""
-        return _EDIT_TITLES[self.how]
+        return _EDIT_TITLES[self.edit_kind]
 
     @property
     def clip(self) -> Segment:
@@ -78,23 +78,23 @@ class ClipDrag:
     def edit(self, moved: float) -> tuple[Edit, float | None]:
         """Returns the edit for a pointer movement of some seconds, and the time that it snaps to."""
         name, numbers, item, clip = self.handle.character, self.handle.layers, self.handle.item, self.clip
-        if self.how == "slip":
+        if self.edit_kind == "slip":
             return lambda p: slip_clip(p, name, numbers, item, -moved * clip.speed), None
-        if self.how == "blend":
+        if self.edit_kind == "blend":
             overlap = clip.end - self.lane.clips[item + 1].begin
             return lambda p: blend_clips(p, name, numbers, item, max(overlap + 2.0 * moved, 0.0)), None
-        if self.how == "bar":
-            snap_offset_s, stuck = self._snap(clip.begin + moved, clip.end + moved)
+        if self.edit_kind == "bar":
+            snap_offset_s, stuck = self._find_snap_times(clip.begin + moved, clip.end + moved)
             delay = moved + snap_offset_s
             return lambda p: move_clip(p, name, numbers, item, delay), stuck
-        dragged_end = clip.begin if self.how in ("begin", "stretch begin") else clip.end
-        snap_offset_s, stuck = self._snap(dragged_end + moved)
+        dragged_end = clip.begin if self.edit_kind in ("begin", "stretch begin") else clip.end
+        snap_offset_s, stuck = self._find_snap_times(dragged_end + moved)
         dragged_end += moved + snap_offset_s
-        end = {"begin" if self.how in ("begin", "stretch begin") else "end": dragged_end}
-        change = stretch_clip if self.how.startswith("stretch") else trim_clip
+        end = {"begin" if self.edit_kind in ("begin", "stretch begin") else "end": dragged_end}
+        change = stretch_clip if self.edit_kind.startswith("stretch") else trim_clip
         return lambda p: change(p, name, numbers, item, **end), stuck
 
-    def _snap(self, *times: float) -> tuple[float, float | None]:
+    def _find_snap_times(self, *times: float) -> tuple[float, float | None]:
         if self.frame <= 0.0:
             return 0.0, None
         places = snap_times(self.layout, self.playhead, self.handle)

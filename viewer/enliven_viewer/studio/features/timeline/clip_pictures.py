@@ -37,20 +37,20 @@ class ClipPictures:
 
     def __init__(self) -> None:
         self._pool: ThreadPoolExecutor | None = None
-        self._known: WeakKeyDictionary[object, Future[UInt8]] = WeakKeyDictionary()
+        self._sheets: WeakKeyDictionary[object, Future[UInt8]] = WeakKeyDictionary()
 
     def sheet(self, project: Project, take: Clip | PoseStream) -> UInt8 | None:
         """Returns the (R, C, 4) uint8 pixels, upper row first, or None until the sheet has been drawn."""
-        future = self._known.get(take)
+        future = self._sheets.get(take)
         if future is None:
             self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
             work = _make_figure_function(project, take)
-            future = self._known[take] = self._pool.submit(lambda: draw_sheet(*work()))
+            future = self._sheets[take] = self._pool.submit(lambda: draw_sheet(*work()))
         return future.result() if future.done() and future.exception() is None else None
 
     def finish(self) -> None:
         """Waits until all sheets have been drawn."""
-        for future in list(self._known.values()):
+        for future in list(self._sheets.values()):
             future.exception()
 
 

@@ -11,7 +11,7 @@ from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_m
 from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import Change, slider, switch, tooltip
+from enliven_viewer.studio.app.fields import Change, draw_slider, draw_switch, draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note
 from enliven_viewer.studio.features.timeline.take_commands import TakeCommands
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
@@ -84,12 +84,12 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
     for field, (low, high, pattern) in _NUMBER_RANGES.items():
         if field in field_names:
             change = _make_change(name, number, field)
-            slider(app, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
+            draw_slider(app, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
     for place, field in enumerate(field for field in _SWITCH_TIPS if field in field_names):
         if place % 2:
             imgui.same_line(_SECOND_SWITCH_X)
         label, change = _LABELS[field], _make_change(name, number, field)
-        switch(app, label, getattr(layer, field), change, _SWITCH_TIPS[field])
+        draw_switch(app, label, getattr(layer, field), change, _SWITCH_TIPS[field])
     if isinstance(layer, Layer):
         _draw_chain_options(app, editor.project.shape(name), layer, number)
     if (feet := foot_lock_mode(character, number)) is not None:
@@ -134,9 +134,9 @@ def _draw_chain_options(app: App, shape: Shape, layer: Layer, number: int) -> No
         return set_travel(project, shape.id, layer.id if on else None)
 
     tip = tr("Bend the chain so that its end goes where the take's end goes")
-    switch(app, "lead the end", layer.mode == "end", lead, tip)
+    draw_switch(app, "lead the end", layer.mode == "end", lead, tip)
     tip = tr("The shape goes where the take's root goes. P keeps chosen feet where they stand.")
-    switch(app, "root travels", shape.travel == layer.id, travel, tip)
+    draw_switch(app, "root travels", shape.travel == layer.id, travel, tip)
 
 
 def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> None:
@@ -147,14 +147,14 @@ def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> Non
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
     app.remember("feet")
     if jointed:
-        tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
+        draw_tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
-        tooltip("Feet are the parts that touch the floor at rest, or those you named (E)")
+        draw_tooltip("Feet are the parts that touch the floor at rest, or those you named (E)")
     is_requested = False
     if not jointed and feet != "never":
         is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         app.remember("feet again")
-        tooltip("The feet were found for an earlier motion; find them again after you edit its clips")
+        draw_tooltip("The feet were found for an earlier motion; find them again after you edit its clips")
     if is_requested or (changed and FEET[wanted] != feet):
         numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[wanted]
         app.editor.edit(

@@ -101,7 +101,7 @@ class Details(Protocol):
     def rows(self, character: RigBase, number: int) -> Sequence[tuple[str, float]]:
         """Returns the kinds and heights in pixels of the rows below a layer's bar."""
 
-    def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
+    def find_mark(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
         """Returns the kind and number of the mark at a pixel of such a row; "nothing" if there is none."""
 
 
@@ -132,7 +132,7 @@ class TimelineLayout(TimeScale):
         lanes = self.lanes()
         return lanes[-1].top + lanes[-1].height + LANE_GAP + self.scrolled if lanes else RULER_HEIGHT
 
-    def x_of(self, lane: Lane, second: float) -> float:
+    def find_x(self, lane: Lane, second: float) -> float:
         """Returns the x coordinate of a time in a lane's take."""
         return self.x(lane.layer.time_of(second, self.project.length_of(lane.layer)))
 
@@ -143,10 +143,10 @@ class TimelineLayout(TimeScale):
 
     def lanes(self) -> tuple[Lane, ...]:
         """Returns all rows from the top: a bar for each layer, and the details of its rig below it."""
-        return self._lanes
+        return self._cached_lanes
 
     @cached_property
-    def _lanes(self) -> tuple[Lane, ...]:
+    def _cached_lanes(self) -> tuple[Lane, ...]:
         top, lanes = RULER_HEIGHT - self.scrolled, list[Lane]()
         shared = group_layers(self.project, self.opened)
         named, before = len({name for name, _ in shared}) > 1, ""
@@ -228,7 +228,7 @@ class TimelineLayout(TimeScale):
                 else "name"
             ), 0
         if lane.kind != "bar" and self.details is not None:
-            return self.details.at(self, lane, x)
+            return self.details.find_mark(self, lane, x)
         if x < LABEL_WIDTH - END_MARGIN:
             if x >= LABEL_WIDTH - END_MARGIN - TAKES_BUTTON_WIDTH and self.takes(lane)[1] > 1:
                 return "takes", 0

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import later
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import action_tip, tooltip
+from enliven_viewer.studio.app.fields import draw_action_tooltip, draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_note,
     open_panel,
@@ -61,7 +61,7 @@ def draw_timeline(app: App, timeline: TimelineInput, area: Area) -> None:
         app.time_axis.width = size.x
         imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
         app.remember("timeline")
-        timeline.follow(size.y, perform.recording.take_last_character())
+        timeline.scroll_to_recording(size.y, perform.recording.take_last_character())
         _handle_pointer(timeline, origin, size)
         draw_list = imgui.get_window_draw_list()
         draw_list.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
@@ -114,7 +114,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    tooltip("Begin again at the end, or at the out point")
+    draw_tooltip("Begin again at the end, or at the out point")
     _draw_loop_points(app)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
@@ -124,7 +124,7 @@ def _draw_transport(app: App, timeline: TimelineInput) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    tooltip("Drag: how fast it plays here; the project does not change")
+    draw_tooltip("Drag: how fast it plays here; the project does not change")
     for draw_section in app.transport_sections:
         draw_section()
     _draw_buttons(app, timeline)
@@ -134,14 +134,14 @@ def _draw_loop_points(app: App) -> None:
     """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
     if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
-    chosen = app.editor.marked is not None
+    chosen = app.editor.marked_range is not None
     for label, action in (("[", "view.in_point"), ("]", "view.out_point")):
         imgui.same_line()
         with push_colours(ACCENT if chosen else QUIET, imgui.Col_.text):
             if imgui.button(f"{label}##{action}", ImVec2(26, 0)):
                 app.actions.do(action)
         app.remember(action)
-        action_tip(app, action)
+        draw_action_tooltip(app, action)
 
 
 def _draw_buttons(app: App, timeline: TimelineInput) -> None:
@@ -150,23 +150,23 @@ def _draw_buttons(app: App, timeline: TimelineInput) -> None:
     if imgui.button(_SPLIT_ICON + "##split", ImVec2(34, 0)):
         app.actions.do("clip.split")
     app.remember("split")
-    tooltip("Split the clip under the playhead  (Shift+S)")
+    draw_tooltip("Split the clip under the playhead  (Shift+S)")
     imgui.same_line()
     if imgui.button(_FLAG_ICON + "##marker", ImVec2(34, 0)):
         app.actions.do("clip.mark")
     app.remember("add marker")
-    tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
+    draw_tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
     imgui.same_line()
     with push_colours(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
         if imgui.button(_MAGNET_ICON + "##snap", ImVec2(34, 0)):
             timeline.snapping = not timeline.snapping
     app.remember("snapping")
-    tooltip("Dragged items snap to clips, markers, the playhead and frames")
+    draw_tooltip("Dragged items snap to clips, markers, the playhead and frames")
     imgui.same_line()
     if imgui.button(_ALL_ICON + "##all", ImVec2(34, 0)):
         app.time_axis.show_all()
     app.remember("show all")
-    tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
+    draw_tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
 def _handle_pointer(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:
@@ -174,7 +174,7 @@ def _handle_pointer(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> No
     pointer = imgui.get_mouse_pos()
     x, y = pointer.x - origin.x, pointer.y - origin.y
     if imgui.is_item_hovered():
-        if imgui.is_mouse_double_clicked(0) and timeline.double(x, y):
+        if imgui.is_mouse_double_clicked(0) and timeline.double_click(x, y):
             pass
         elif imgui.is_mouse_clicked(0):
             io = imgui.get_io()
@@ -248,7 +248,7 @@ def _draw_lanes(timeline: TimelineInput, perform: PerformSession, origin: ImVec2
 
 def _draw_playhead(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:
     draw_list = imgui.get_window_draw_list()
-    axis, stuck = timeline.axis.scale, timeline.stuck
+    axis, stuck = timeline.axis.scale, timeline.snapped_time
     if stuck is not None:
         snap_x = origin.x + axis.x(stuck)
         draw_list.add_line(

@@ -7,7 +7,7 @@ from typing import Any
 
 from enliven.document import Switch
 from enliven.errors import EnlivenError
-from enliven.examples.puppet_motion import motion_of
+from enliven.examples.puppet_motion import solve_layer_motion
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Edit, Editor
@@ -41,7 +41,7 @@ class PuppetRows:
         self.marked: LaneHandle | None = None
         self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
         self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose
-        self._known: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
+        self._switch_cache: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
 
     @property
     def details(self) -> PuppetDetails:
@@ -65,7 +65,7 @@ class PuppetRows:
         elif handle.kind == "band":
             self.editor.scrub(layout.time(x))
 
-    def double(self, handle: LaneHandle) -> bool:
+    def double_click(self, handle: LaneHandle) -> bool:
         """Handles a double click: on contacts and flight phases it adds a switch.
 
         Returns whether it had an effect.
@@ -114,7 +114,7 @@ class PuppetRows:
 
     def _find_coverage(self, take: str) -> TakeCoverage | None:
         puppet = self.editor.puppets.puppet
-        return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
+        return self.coverages.find_coverage(self.editor.project, puppet, take) if puppet is not None else None
 
     def _find_switches(self, layer: int) -> tuple[Switch, ...]:
         """Returns the edited switches, or those detected when the motion was last solved.
@@ -127,15 +127,15 @@ class PuppetRows:
         edited = puppet.layers[layer].switches
         if edited is not None:
             return edited
-        project, shown = editor.solving.newest_solution(editor.project, puppet.id)
+        project, shown = editor.motion_solver.newest_solution(editor.project, puppet.id)
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
-        if self._known[0] is not shown:
-            self._known = (shown, {})
-        switches_by_layer = self._known[1]
+        if self._switch_cache[0] is not shown:
+            self._switch_cache = (shown, {})
+        switches_by_layer = self._switch_cache[1]
         if layer not in switches_by_layer:
             try:
-                switches_by_layer[layer] = motion_of(project, shown, layer).switches
+                switches_by_layer[layer] = solve_layer_motion(project, shown, layer).switches
             except EnlivenError:
                 switches_by_layer[layer] = ()
         return switches_by_layer[layer]

@@ -52,23 +52,23 @@ class PuppetDetails:
         """Returns the number and the x coordinate of each key pose of the layer's take."""
         poses = self.chosen.poses if self.chosen is not None else ()
         return tuple(
-            (number, layout.x_of(lane, pose.time))
+            (number, layout.find_x(lane, pose.time))
             for number, pose in enumerate(poses)
-            if pose.take == lane.layer.take and _plays(layout, lane, pose.time)
+            if pose.take == lane.layer.take and _is_time_played(layout, lane, pose.time)
         )
 
     def suggested_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
-        return tuple((t, layout.x_of(lane, t)) for t in times if _plays(layout, lane, t))
+        return tuple((t, layout.find_x(lane, t)) for t in times if _is_time_played(layout, lane, t))
 
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
         """Returns each switch with the x coordinates between which it is valid."""
         take, switches = layout.project.takes[lane.layer.take], self.switches(lane.layers[0])
         ends = [*(switch.frame for switch in switches[1:]), len(take.turns) - 1][: len(switches)]
         return tuple(
-            (switch, layout.x_of(lane, switch.frame * take.step), layout.x_of(lane, end * take.step))
+            (switch, layout.find_x(lane, switch.frame * take.step), layout.find_x(lane, end * take.step))
             for switch, end in zip(switches, ends, strict=True)
         )
 
@@ -79,11 +79,11 @@ class PuppetDetails:
         step = layout.project.takes[lane.layer.take].step
         constraints = list_constraints(layout.project, lane.character.id, lane.layers[0])
         return tuple(
-            (k, constraint, layout.x_of(lane, constraint.frame * step))
+            (k, constraint, layout.find_x(lane, constraint.frame * step))
             for k, constraint in enumerate(constraints)
         )
 
-    def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
+    def find_mark(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
         """Returns the kind and number of the mark at a pixel of a row."""
         if x < LABEL_WIDTH - END_MARGIN:
             return ("found" if lane.kind == "band" else "label"), 0
@@ -119,7 +119,7 @@ class PuppetDetails:
         return self.chosen.layers[number]
 
 
-def _plays(layout: TimelineLayout, lane: Lane, second: float) -> bool:
+def _is_time_played(layout: TimelineLayout, lane: Lane, second: float) -> bool:
     """Returns True if a time of the take is played, that is, not trimmed off."""
     return lane.layer.plays(second, layout.project.length_of(lane.layer))
 

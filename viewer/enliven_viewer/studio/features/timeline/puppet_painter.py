@@ -62,7 +62,9 @@ def _draw_poses(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, ori
         start, end = origin.x + lane.left, origin.x + lane.right
         count = int(np.clip((end - start) / 5, 2, 400))
         distances = np.interp(
-            np.linspace(0, len(coverage.away) - 1, count), np.arange(len(coverage.away)), coverage.away
+            np.linspace(0, len(coverage.distances) - 1, count),
+            np.arange(len(coverage.distances)),
+            coverage.distances,
         )
         distances = distances if lane.layer.speed > 0 else distances[::-1]
         xs = np.linspace(start, end, count)

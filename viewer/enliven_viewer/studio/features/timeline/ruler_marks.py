@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.modeling.edits import remove_marker, rename_marker
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.app.app import App
-from enliven_viewer.studio.app.fields import name_field
+from enliven_viewer.studio.app.fields import draw_name_field
 from enliven_viewer.studio.app.style import pack_colour, use_small_text
 from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.features.timeline.layout import SPAN_BAND_HEIGHT
@@ -83,7 +83,7 @@ def _draw_marker_popup(app: App, timeline: TimelineInput) -> None:
         timeline.marker = ""
         imgui.close_current_popup()
 
-    name_field(app, "marker", name, rename)
+    draw_name_field(app, "marker", name, rename)
     if imgui.button(labelled(tr("Remove"), "Remove marker")):
         editor.edit("remove marker", lambda project: remove_marker(project, name))
         timeline.marker = ""

@@ -38,6 +38,6 @@ def snap_offset(
     """
     moves = [(abs(place - time), place - time, place) for time in times for place in places]
     nearest = min(moves, default=None)
-    if nearest is not None and nearest[0] * layout.track / layout.visible_s <= SNAP_DISTANCE_PX:
+    if nearest is not None and nearest[0] * layout.track_width / layout.visible_s <= SNAP_DISTANCE_PX:
         return nearest[1], nearest[2]
     return round(times[0] / frame) * frame - times[0], None

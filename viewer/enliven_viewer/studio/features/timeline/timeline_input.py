@@ -34,7 +34,7 @@ class TimelineInput:
         opened: groups of alternatives that show a lane for every take.
         locked: lanes that cannot be dragged, as the character and the first layer of each.
         snapping: whether drags snap to clips, markers, the playhead and frames.
-        stuck: the time that the drag currently snaps to, or None.
+        snapped_time: the time that the drag currently snaps to, or None.
         clip: number of the selected clip in the selected layer.
         marker: the marker being renamed, or empty.
         pictures: thumbnails of the takes.
@@ -43,17 +43,17 @@ class TimelineInput:
 
     def __init__(self, editor: Editor, axis: TimeAxis, coverages: CoverageCache) -> None:
         self.editor, self.axis, self.scrolled = editor, axis, 0.0
-        self._followed = ""
+        self._last_shown_character = ""
         self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
         self.opened = frozenset[str]()
         self.snapping, self.clip, self.marker = True, 0, ""
         self.shown_layer = ("", 0, 0)
-        self.stuck: float | None = None
+        self.snapped_time: float | None = None
         self.rows, self.pictures = PuppetRows(editor, coverages), ClipPictures()
-        self._handle = _NO_HANDLE
+        self._held_handle = _NO_HANDLE
         self._drag: ClipDrag | None = None
-        self._from, self._held_layout = 0.0, self.layout
-        self._switches: tuple[Switch, ...] = ()
+        self._drag_start_x, self._held_layout = 0.0, self.layout
+        self._held_switches: tuple[Switch, ...] = ()
 
     @property
     def layout(self) -> TimelineLayout:
@@ -69,10 +69,10 @@ class TimelineInput:
             details=self.rows.details,
             folded=self.folded,
             opened=self.opened,
-            marked=self.editor.marked,
+            marked=self.editor.marked_range,
         )
 
-    def follow(self, height: float, recorded: str = "") -> None:
+    def scroll_to_recording(self, height: float, recorded: str = "") -> None:
         """Scrolls vertically to the lanes of a newly recorded or newly selected character.
 
         Args:
@@ -80,7 +80,10 @@ class TimelineInput:
             recorded: the character that was just recorded; empty for none.
         """
         chosen = self.editor.selection.character or ""
-        followed_character, self._followed = recorded or (chosen if chosen != self._followed else ""), chosen
+        followed_character, self._last_shown_character = (
+            recorded or (chosen if chosen != self._last_shown_character else ""),
+            chosen,
+        )
         lanes_of_character = [lane for lane in self.layout.lanes() if lane.character.id == followed_character]
         if not lanes_of_character or self.busy:
             return
@@ -91,19 +94,19 @@ class TimelineInput:
     @property
     def busy(self) -> bool:
         """Returns True if a part of the timeline is being dragged."""
-        return self._handle.kind != "nothing"
+        return self._held_handle.kind != "nothing"
 
     @property
     def held(self) -> LaneHandle:
         """Returns the part that is being dragged."""
-        return self._handle
+        return self._held_handle
 
     def press(self, x: float, y: float, *, alt: bool = False, ctrl: bool = False) -> None:
         """Handles a press of the left button. Alt slips a clip; Ctrl changes its speed."""
         layout = self.layout
         handle = layout.handle_at(x, y)
         self.rows.marked = None
-        self._handle, self._from, self._held_layout, self._drag = handle, x, layout, None
+        self._held_handle, self._drag_start_x, self._held_layout, self._drag = handle, x, layout, None
         if handle.kind == "ruler":
             self.editor.scrub(layout.time(x))
         elif handle.kind in ("fold", "solo", "name"):
@@ -139,10 +142,10 @@ class TimelineInput:
             if locked:
                 self.editor.toasts.say(tr("This lane is locked"), tr("Click its lock first."))
             else:
-                self._drag = ClipDrag.of(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
+                self._drag = ClipDrag.from_handle(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
         elif handle.kind != "label":
             if handle.kind == "switch":
-                self._switches = tuple(self.rows.details.switches(handle.number))
+                self._held_switches = tuple(self.rows.details.switches(handle.number))
             self.rows.press(handle, layout, x)
 
     def _get_layer(self, handle: LaneHandle) -> LayerBase:
@@ -164,49 +167,49 @@ class TimelineInput:
 
     def drag(self, x: float) -> None:
         """Handles pointer movement during a drag."""
-        if self._handle.kind == "ruler":
+        if self._held_handle.kind == "ruler":
             self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
-        elif self._handle.kind in _SPAN_HANDLES:
-            self.editor.marked = self._drag_span(x)
-        elif self._drag_title is not None and x != self._from:
-            if self.editor.puppets.posing:
+        elif self._held_handle.kind in _SPAN_HANDLES:
+            self.editor.marked_range = self._drag_span(x)
+        elif self._drag_title is not None and x != self._drag_start_x:
+            if self.editor.puppets.is_posing:
                 self.editor.puppets.accept()
-            self.editor.sketch(self._change(x))
+            self.editor.preview_edit(self._make_drag_edit(x))
 
     def release(self, x: float) -> None:
         """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
-        edit_name, handle = self._drag_title, self._handle
+        edit_name, handle = self._drag_title, self._held_handle
         if edit_name is not None and self.editor.draft is not None:
-            self.editor.edit(edit_name, self._change(x))
+            self.editor.edit(edit_name, self._make_drag_edit(x))
         elif handle.kind == "pose":
             self.rows.edit_pose(handle.item)
         elif handle.kind == "marker":
             self.editor.scrub(self.editor.project.markers[handle.name].seconds)
         self.editor.finish_scrubbing()
-        self._handle, self._drag, self.stuck = _NO_HANDLE, None, None
+        self._held_handle, self._drag, self.snapped_time = _NO_HANDLE, None, None
 
-    def double(self, x: float, y: float) -> bool:
+    def double_click(self, x: float, y: float) -> bool:
         """Handles a double click. Returns whether it had an effect."""
         handle = self.layout.handle_at(x, y)
         if handle.kind == "marker":
             self.marker = handle.name
             return True
-        return self.rows.double(handle)
+        return self.rows.double_click(handle)
 
     @property
     def _drag_title(self) -> str | None:
         """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
         if self._drag is not None:
-            return self._drag.word
-        return {"marker": later("move marker"), **DRAG_TITLES}.get(self._handle.kind)
+            return self._drag.edit_title
+        return {"marker": later("move marker"), **DRAG_TITLES}.get(self._held_handle.kind)
 
-    def _change(self, x: float) -> Edit:
+    def _make_drag_edit(self, x: float) -> Edit:
         """Returns the edit for a drag to ``x``."""
-        layout, handle = self._held_layout, self._handle
-        time_offset = layout.time(x) - layout.time(self._from)
+        layout, handle = self._held_layout, self._held_handle
+        time_offset = layout.time(x) - layout.time(self._drag_start_x)
         if self._drag is not None:
-            change, self.stuck = self._drag.edit(time_offset)
+            change, self.snapped_time = self._drag.edit(time_offset)
             return change
         if handle.kind == "marker":
             return self._make_marker_edit(handle, time_offset)
@@ -216,23 +219,25 @@ class TimelineInput:
             if (candidate.character.id, candidate.layers) == (handle.character, handle.layers)
             and candidate.kind != "head"
         )
-        return self.rows.make_drag_edit(handle, layout.second(lane, x), self._switches)
+        return self.rows.make_drag_edit(handle, layout.second(lane, x), self._held_switches)
 
     def _drag_span(self, x: float) -> tuple[float, float] | None:
         """Returns the marked span after dragging an end, or all of it, to a pixel.
 
         Returns None without a marked span.
         """
-        layout, kind = self._held_layout, self._handle.kind
+        layout, kind = self._held_layout, self._held_handle.kind
         span = layout.marked
         if span is None:
             return None
-        time_offset = layout.time(x) - layout.time(self._from)
+        time_offset = layout.time(x) - layout.time(self._drag_start_x)
         ends = {"from": (span[0],), "to": (span[1],)}.get(kind, span)
         if self.snapping:
-            places = snap_times(layout, self.editor.time, self._handle)
+            places = snap_times(layout, self.editor.time, self._held_handle)
             times = [end + time_offset for end in ends]
-            snap_shift, self.stuck = snap_offset(layout, times, places, self.editor.settings.frame_step)
+            snap_shift, self.snapped_time = snap_offset(
+                layout, times, places, self.editor.settings.frame_step
+            )
             time_offset += snap_shift
         if kind == "marked":
             time_offset = max(time_offset, -span[0])
@@ -246,7 +251,9 @@ class TimelineInput:
         seconds = layout.project.markers[handle.name].seconds + moved
         if self.snapping:
             places = snap_times(layout, self.editor.time, handle)
-            snap_shift, self.stuck = snap_offset(layout, [seconds], places, self.editor.settings.frame_step)
+            snap_shift, self.snapped_time = snap_offset(
+                layout, [seconds], places, self.editor.settings.frame_step
+            )
             seconds += snap_shift
         return lambda project: move_marker(project, handle.name, seconds)
 

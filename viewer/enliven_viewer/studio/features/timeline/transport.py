@@ -18,10 +18,10 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         editor.scrub(editor.time + count * editor.settings.frame_step)
 
     def clear_range() -> None:
-        editor.marked = None
+        editor.marked_range = None
 
     def lacks_range() -> str:
-        return "" if editor.marked else "No in or out point is set. Alt+I and Alt+O set them."
+        return "" if editor.marked_range else "No in or out point is set. Alt+I and Alt+O set them."
 
     yield Action("view.play", "View", "Play or stop", ("space",), play, is_on=lambda: editor.playing)
     yield Action("view.frame_back", "View", "One frame back", ("left",), lambda: step(-1))
@@ -34,12 +34,14 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         "View",
         "In point here",
         ("alt+i",),
-        lambda: editor.mark(0),
+        lambda: editor.set_loop_point(0),
         about=about,
         apart=True,
     )
     about = "The loop goes back to the in point from here; recordings end here."
-    yield Action("view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.mark(1), about=about)
+    yield Action(
+        "view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.set_loop_point(1), about=about
+    )
     yield Action(
         "view.whole_loop",
         "View",

@@ -8,9 +8,9 @@ from enliven.document import Puppet
 from enliven.exporters import IN_PLACE, MAX_SCALE, SCALE, UNIT, UP
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.stage_look import LOOKS
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_note
-from enliven_viewer.studio.workspace.exporting import FILM_SIZES, FRAME_RATES, supported_options
+from enliven_viewer.studio.workspace.exporting import FILM_SIZES, FRAME_RATES, list_supported_options
 from enliven_viewer.studio.workspace.files import EXPORT_SUFFIXES
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -48,7 +48,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
         imgui.combo("##rate", rate_index, [tr("{0} a second", rate) for rate in FRAME_RATES])[1]
     ]
     workspace.remember("export rate")
-    tooltip("Pictures or poses per second")
+    draw_tooltip("Pictures or poses per second")
     if film:
         _draw_film_options(workspace)
     else:
@@ -77,12 +77,12 @@ def _draw_range(workspace: Workspace) -> None:
         options.first, options.last = 0.0, 0.0
     workspace.remember("export all")
     imgui.same_line()
-    imgui.begin_disabled(editor.marked is None)
-    if imgui.button(labelled(tr("In to out"), "In to out")) and editor.marked is not None:
-        options.first, options.last = editor.marked
+    imgui.begin_disabled(editor.marked_range is None)
+    if imgui.button(labelled(tr("In to out"), "In to out")) and editor.marked_range is not None:
+        options.first, options.last = editor.marked_range
     imgui.end_disabled()
     workspace.remember("export marked")
-    tooltip("Only the part between the in and out points (Alt+I, Alt+O)")
+    draw_tooltip("Only the part between the in and out points (Alt+I, Alt+O)")
 
 
 def _draw_film_options(workspace: Workspace) -> None:
@@ -114,17 +114,17 @@ def _draw_format_options(workspace: Workspace) -> None:
             labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
         )[1]
         workspace.remember("export morphs")
-        tooltip(
+        draw_tooltip(
             "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
         )
         imgui.same_line(0.0, 18.0)
-    supported = supported_options(workspace.export_suffix)
+    supported = list_supported_options(workspace.export_suffix)
     imgui.begin_disabled(UNIT.name not in supported)
     centimetres = imgui.checkbox(labelled(tr("Centimetres"), "Centimetres (.bvh)"), options.unit == "cm")[1]
     options.unit = "cm" if centimetres else "m"
     imgui.end_disabled()
     workspace.remember("export centimetres")
-    tooltip("Many programs that read .bvh expect centimetres; a .glb is always in metres")
+    draw_tooltip("Many programs that read .bvh expect centimetres; a .glb is always in metres")
     _draw_placement_options(workspace, supported)
     draw_note(tr("The ending of the name chooses the kind of file: {0}.", ", ".join(EXPORT_SUFFIXES)))
 
@@ -141,7 +141,7 @@ def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> 
     options.scale = scale if 1 / MAX_SCALE <= scale <= MAX_SCALE else SCALE.default
     imgui.end_disabled()
     workspace.remember("export scale")
-    tooltip("Factor of all lengths")
+    draw_tooltip("Factor of all lengths")
     imgui.same_line(0.0, 18.0)
     imgui.begin_disabled(UP.name not in supported)
     imgui.text_unformatted(tr("Vertical axis"))
@@ -151,10 +151,10 @@ def _draw_placement_options(workspace: Workspace, supported: frozenset[str]) -> 
     options.up = UP.choices[index]
     imgui.end_disabled()
     workspace.remember("export up")
-    tooltip("Vertical axis of the file; some formats fix it")
+    draw_tooltip("Vertical axis of the file; some formats fix it")
     imgui.same_line(0.0, 18.0)
     imgui.begin_disabled(IN_PLACE.name not in supported)
     options.in_place = imgui.checkbox(labelled(tr("In place"), "In place"), options.in_place)[1]
     imgui.end_disabled()
     workspace.remember("export in place")
-    tooltip("Without the horizontal motion of each character's root")
+    draw_tooltip("Without the horizontal motion of each character's root")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     CLOSED_EYE_ICON,
     EYE_ICON,
@@ -132,7 +132,7 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         _handle_drag(outliner, row)
     if outliner.renaming == row.key:
         imgui.same_line(start + _FOLD_WIDTH)
-        _rename_field(workspace, outliner, row)
+        _draw_rename_field(workspace, outliner, row)
     else:
         _draw_row_texts(outliner, row, position, width - switches)
     if row.kind == CHARACTER:
@@ -141,14 +141,14 @@ def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
             delete_take_row(workspace.editor, row.id)
-        tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
+        draw_tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _draw_switch(
             workspace, "live", CLOSED_EYE_ICON if outliner.live_hidden else EYE_ICON, outliner.live_hidden
         ):
             outliner.live_hidden = not outliner.live_hidden
-        tooltip("Show the live stage while you animate and model")
+        draw_tooltip("Show the live stage while you animate and model")
     imgui.pop_id()
 
 
@@ -164,7 +164,7 @@ def _draw_row_texts(outliner: Outliner, row: Row, position: ImVec2, width: float
             ImVec2(x + 3, middle), pack_colour(QUIET), _OPENED_ICON if opened else _CLOSED_ICON
         )
     x += _FOLD_WIDTH
-    faint = row.kind == CHARACTER and outliner.handling(row.id).hidden
+    faint = row.kind == CHARACTER and outliner.find_handling(row.id).hidden
     if row.kind == CHARACTER:
         tint = choose_default_colour(row.id)
         colour = (tint[0] / 255, tint[1] / 255, tint[2] / 255, 0.4 if faint else 1.0)
@@ -199,16 +199,16 @@ def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: b
     elif row.kind == TAKE and not imgui.is_mouse_double_clicked(0):
         mapping = workspace.input.tools["map"]
         assert isinstance(mapping, MapTool)
-        workspace.input.take("map")
+        workspace.input.activate_tool("map")
         mapping.source.show(row.id)
     elif row.kind in (CHARACTER, HANDLE):
         outliner.click(row, shift=io.key_shift, ctrl=io.key_ctrl)
-        alone = not workspace.editor.selection.several
+        alone = not workspace.editor.selection.has_several
         if alone and workspace.puppets.puppet is not None:
-            workspace.input.take("puppet")
+            workspace.input.activate_tool("puppet")
 
 
-def _rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _draw_rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     """Draws the field of a name that is edited in place. Enter, or a click elsewhere, accepts it."""
     if not imgui.is_any_item_active():
         imgui.set_keyboard_focus_here()
@@ -229,16 +229,16 @@ def _draw_switches(workspace: Workspace, outliner: Outliner, row: Row, right: fl
 
     A click applies to the whole selection if that contains it.
     """
-    now, chosen = outliner.handling(row.id), workspace.editor.selection.characters
+    now, chosen = outliner.find_handling(row.id), workspace.editor.selection.characters
     names = chosen if row.id in chosen else (row.id,)
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
     if _draw_switch(workspace, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
         outliner.hide(*names, on=not now.hidden)
-    tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
+    draw_tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH_WIDTH)
     if _draw_switch(workspace, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
         outliner.lock(*names, on=not now.locked)
-    tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
+    draw_tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
 
 
 def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
@@ -258,12 +258,12 @@ def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
 def _handle_drag(outliner: Outliner, row: Row) -> None:
     """Lets a row be dragged onto another one to take its place."""
     if imgui.begin_drag_drop_source():
-        imgui.set_drag_drop_payload_py_id(_DRAG_PAYLOAD, outliner.place_of(row.id))
+        imgui.set_drag_drop_payload_py_id(_DRAG_PAYLOAD, outliner.find_place(row.id))
         imgui.text_unformatted(row.id)
         imgui.end_drag_drop_source()
     if imgui.begin_drag_drop_target():
         dropped = imgui.accept_drag_drop_payload_py_id(_DRAG_PAYLOAD)
         names = list(outliner.editor.project.characters)
         if dropped is not None and 0 <= dropped.data_id < len(names):
-            outliner.move(names[dropped.data_id], outliner.place_of(row.id))
+            outliner.move(names[dropped.data_id], outliner.find_place(row.id))
         imgui.end_drag_drop_target()

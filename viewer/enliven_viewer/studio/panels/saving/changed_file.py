@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.app.style import draw_note
-from enliven_viewer.studio.panels.modal import button, modal
+from enliven_viewer.studio.panels.modal import draw_button, open_modal
 from enliven_viewer.studio.workspace.project_comparison import Difference
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -26,7 +26,7 @@ def draw_changed_file(workspace: Workspace) -> None:
         workspace.cancel()
         return
     name = workspace.store.path.name
-    with modal("The file has changed", 500) as shown:
+    with open_modal("The file has changed", 500) as shown:
         if not shown:
             return
         imgui.text_wrapped(
@@ -39,16 +39,16 @@ def draw_changed_file(workspace: Workspace) -> None:
         imgui.dummy(ImVec2(0, 6))
         if workspace.compared is not None:
             _draw_differences(workspace, workspace.compared)
-        if button(workspace, "Save as..."):
+        if draw_button(workspace, "Save as..."):
             workspace.ask_for_name()
         imgui.same_line()
-        if button(workspace, "Compare"):
+        if draw_button(workspace, "Compare"):
             workspace.compare()
         imgui.same_line()
-        if button(workspace, "Save over it"):
+        if draw_button(workspace, "Save over it"):
             workspace.attempt(lambda: workspace.save(over=True))
         imgui.same_line()
-        if button(workspace, "Cancel") or imgui.is_key_pressed(imgui.Key.escape):
+        if draw_button(workspace, "Cancel") or imgui.is_key_pressed(imgui.Key.escape):
             workspace.cancel()
 
 

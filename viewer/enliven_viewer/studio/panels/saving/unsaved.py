@@ -7,14 +7,14 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.live.hud import format_time
 from enliven_viewer.studio.app.style import push_colours
-from enliven_viewer.studio.panels.modal import button, choice, modal
+from enliven_viewer.studio.panels.modal import draw_button, draw_choice, open_modal
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import BAD
 
 
 def draw_unsaved(workspace: Workspace) -> None:
     """Draws the dialogue that asks before work is lost."""
-    with modal("Save your work?", 430) as shown:
+    with open_modal("Save your work?", 430) as shown:
         if not shown:
             return
         if workspace.store.records:
@@ -24,10 +24,10 @@ def draw_unsaved(workspace: Workspace) -> None:
             tr("{0} has changes that are not saved. They are lost unless you save them.", name)
         )
         imgui.dummy(ImVec2(0, 6))
-        if choice(workspace, "Save", "Cancel"):
+        if draw_choice(workspace, "Save", "Cancel"):
             workspace.go_on(discard=False)
         imgui.same_line(0.0, 40)
-        if button(workspace, "Discard"):
+        if draw_button(workspace, "Discard"):
             workspace.go_on(discard=True)
 
 

@@ -60,7 +60,7 @@ def draw_camera_previews(
             draw_list,
             Area(x, area.y + top, width * height, height),
             view,
-            pictures.of(view.name, view.camera),
+            pictures.get_texture(view.name, view.camera),
         )
         x += width * height
     workspace.widgets["performer inset"] = (

@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.gl.context import get_window_context
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, open_list_box, push_colours
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.perform.cameras import Camera, CameraSearch
@@ -46,7 +46,7 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     The list has the same height before, during and after the search, so that nothing below it moves.
     """
     search = workspace.perform.cameras
-    if search.cameras is None and not search.searching:
+    if search.cameras is None and not search.is_searching:
         search.begin()
     search.poll()
     draw_heading("Cameras here")
@@ -58,13 +58,15 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
             looks |= _draw_camera(workspace, search, camera, number, available_width)
         if not search.cameras and not search.problem:
             draw_note(
-                "Looking ..." if search.searching else "No camera is plugged in. Plug one in, and look again."
+                "Looking ..."
+                if search.is_searching
+                else "No camera is plugged in. Plug one in, and look again."
             )
     workspace.remember("cameras")
-    imgui.begin_disabled(search.searching)
+    imgui.begin_disabled(search.is_searching)
     if imgui.button(
         labelled(tr("Looking for cameras ..."), "search")
-        if search.searching
+        if search.is_searching
         else labelled(tr("Look again"), "search"),
         ImVec2(-1, 0),
     ):
@@ -97,7 +99,7 @@ def _draw_camera(
         workspace.attempt(lambda: workspace.perform.connect_local(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
-    tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
+    draw_tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
     if test_button_width:
         imgui.same_line()
         imgui.begin_disabled(search.tested_camera is not None)
@@ -108,7 +110,7 @@ def _draw_camera(
             looks = True
         imgui.end_disabled()
         workspace.remember(f"look {number}")
-        tooltip("Show a test picture")
+        draw_tooltip("Show a test picture")
     if camera.trouble:
         with push_colours(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)

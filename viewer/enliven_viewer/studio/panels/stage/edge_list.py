@@ -12,7 +12,7 @@ from enliven.wire import CameraMessage
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.link.edge_search import EdgeSearch
 from enliven_viewer.render.gl.context import get_window_context
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_note, open_list_box, pack_colour, use_small_text
 from enliven_viewer.studio.panels.stage.cameras import shorten_text
 from enliven_viewer.studio.picture.preview_textures import PreviewTextures
@@ -33,12 +33,12 @@ class _Pictures:
     cached: tuple[moderngl.Context, PreviewTextures] | None = None
 
     @classmethod
-    def of(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
+    def get_texture(cls, edge: DiscoveredEdge, camera: CameraMessage | None) -> int | None:
         """Returns the OpenGL number of the texture with an edge's image; None without an image."""
         context = get_window_context()
         if cls.cached is None or cls.cached[0] is not context:
             cls.cached = context, PreviewTextures(context)
-        return cls.cached[1].of(edge.service, camera)
+        return cls.cached[1].get_texture(edge.service, camera)
 
 
 def draw_edge_list(workspace: Workspace) -> None:
@@ -50,7 +50,7 @@ def draw_edge_list(workspace: Workspace) -> None:
             _draw_edge(workspace, search, edge, number, available_width)
         if search.problem:
             draw_note("Cameras on the network are not searched. Type the address below.")
-            tooltip(search.problem)
+            draw_tooltip(search.problem)
         elif not search.edges:
             draw_note("Looking for cameras on the network ...")
     workspace.remember("found edges")
@@ -79,13 +79,13 @@ def _draw_edge(
     imgui.end_disabled()
     workspace.remember(f"found {number}")
     state_text = describe_edge_state(edge)
-    tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
+    draw_tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
     if pressed:
         workspace.attempt(partial(workspace.perform.connect, str(edge.endpoint)))
     low = ImVec2(position.x, position.y + 2)
     far = ImVec2(position.x + _PICTURE_WIDTH, position.y + _ROW_HEIGHT - 2)
     draw_list.add_rect_filled(low, far, pack_colour(DARK), 4.0)
-    texture = _Pictures.of(edge, search.camera(edge))
+    texture = _Pictures.get_texture(edge, search.camera(edge))
     if texture is not None:
         draw_list.add_image(imgui.ImTextureRef(texture), low, far)
     left = position.x + _PICTURE_WIDTH + 8

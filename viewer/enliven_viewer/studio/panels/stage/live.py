@@ -201,10 +201,10 @@ def _draw_recording(perform: PerformSession, draw_list: imgui.ImDrawList, area: 
 
 def draw_size(perform: PerformSession, draw_list: imgui.ImDrawList, area: Area) -> None:
     """Draws the size of a character that hands are scaling, and the gesture hint, at the left."""
-    if perform.sizes.words is None:
+    if perform.sizes.text is None:
         return
     left, top = area.x + _TEXT_MARGIN, area.y + _TEXT_MARGIN
-    for text, high in zip(perform.sizes.words, (_CHARACTER_SIZE_TEXT_SIZE, _GESTURE_TEXT_SIZE), strict=True):
+    for text, high in zip(perform.sizes.text, (_CHARACTER_SIZE_TEXT_SIZE, _GESTURE_TEXT_SIZE), strict=True):
         size = min(high, high * (area.width - 4 * _TEXT_MARGIN) / max(_measure_width(text, high), 1.0))
         low, far = ImVec2(left, top), ImVec2(left + _measure_width(text, size) + 36, top + size + 14)
         draw_list.add_rect_filled(low, far, pack_colour((*GLASS[:3], 0.85)), 12.0)

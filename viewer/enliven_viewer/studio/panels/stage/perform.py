@@ -11,7 +11,7 @@ from enliven_viewer.language import labelled, tr
 from enliven_viewer.live.hud import describe_delay, format_time
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.possession_choice import PART_CHOICES
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import (
     draw_heading,
     draw_note,
@@ -85,7 +85,7 @@ def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
+    draw_tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
     _draw_record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -107,11 +107,11 @@ def _draw_record_button(workspace: Workspace, recording: StageRecording, size: I
     with drawn:
         pressed = imgui.button(f"{label}###record", size)
     if imgui.is_item_activated():
-        recording.pressed = recording.phase
-    if pressed and (recording.pressed == "idle") == (recording.phase == "idle"):
-        recording.record()
+        recording.phase_when_pressed = recording.phase
+    if pressed and (recording.phase_when_pressed == "idle") == (recording.phase == "idle"):
+        recording.toggle()
     workspace.remember("record")
-    tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
+    draw_tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
 
 def describe_stage(perform: PerformSession) -> tuple[str, Colour]:
@@ -164,7 +164,7 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
         perform.voice.wanted_state,
     )[1]
     workspace.remember("voice wanted")
-    tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
+    draw_tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
     draw_heading("A camera elsewhere")
     draw_edge_list(workspace)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
@@ -185,19 +185,19 @@ def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Are
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_local("--loop"))
     workspace.remember("recorded person")
-    tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
+    draw_tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
     if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
         workspace.ask("perform")
     workspace.remember("recording of yours")
-    tooltip("A camera recording or motion capture (.bvh) that plays again and again")
+    draw_tooltip("A camera recording or motion capture (.bvh) that plays again and again")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_local("--sensor", "webcam"))
     workspace.remember("webcam")
-    tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
+    draw_tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
     workspace.remember("made-up person")
-    tooltip("A figure that waves and walks, for trying things out")
+    draw_tooltip("A figure that waves and walks, for trying things out")
 
 
 def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
@@ -213,7 +213,7 @@ def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveS
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     workspace.remember("leave")
-    tooltip("Leave the stage; recordings are kept")
+    draw_tooltip("Leave the stage; recordings are kept")
     imgui.set_cursor_pos(below)
     roomy = area.height > _MIN_TALL_PANEL_HEIGHT
     imgui.begin_child(
@@ -252,7 +252,7 @@ def _draw_other_cameras(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
             perform.make_primary(guest)
         workspace.remember(f"lead {number}")
-        tooltip("Send new characters and commands to this stage from now on")
+        draw_tooltip("Send new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
             perform.remove_secondary(guest)
@@ -274,10 +274,10 @@ def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> 
     if imgui.button(
         labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
     ):
-        recording.again(keeps_last=True)
+        recording.record_again(keeps_last=True)
     workspace.remember("again beside")
     imgui.end_disabled()
-    tooltip("Both are kept: choose in the lane on the timeline which of them plays")
+    draw_tooltip("Both are kept: choose in the lane on the timeline which of them plays")
     recording.count_in = imgui.checkbox(
         labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
     )[1]
@@ -285,7 +285,7 @@ def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> 
     recording.replaces = imgui.checkbox(
         labelled(tr("Replace the motion there"), "Replace the motion there"), recording.replaces
     )[1]
-    tooltip("On: your motion replaces the old motion of the parts that you move. Off: it is added")
+    draw_tooltip("On: your motion replaces the old motion of the parts that you move. Off: it is added")
     workspace.remember("replaces")
     _draw_end_conditions(workspace, recording)
 
@@ -297,7 +297,7 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
     workspace.remember("hold still")
-    tooltip("The still end is cut off")
+    draw_tooltip("The still end is cut off")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
@@ -317,7 +317,9 @@ def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> Non
     workspace.remember("clear span")
     recording.loops = imgui.checkbox(labelled(tr("Record in a loop"), "Record in a loop"), recording.loops)[1]
     workspace.remember("loops")
-    tooltip("The marked time is recorded again and again until you stop; all are kept, the last one plays")
+    draw_tooltip(
+        "The marked time is recorded again and again until you stop; all are kept, the last one plays"
+    )
 
 
 def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
@@ -346,10 +348,10 @@ def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
     if imgui.button(
         labelled(shorten_text(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH
     ):
-        perform.put()
+        perform.put_on_stage()
     imgui.end_disabled()
     workspace.remember("put")
-    tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+    draw_tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
 def _scroll_to_list(workspace: Workspace) -> None:
@@ -358,7 +360,7 @@ def _scroll_to_list(workspace: Workspace) -> None:
     The list alone would scroll only its own lines.
     """
     drawn = workspace.drawn
-    if drawn.left_alone or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.wanted):
+    if drawn.is_user_scrolling or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.targets):
         return
     clip = imgui.get_window_draw_list()
     top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
@@ -385,11 +387,11 @@ def _draw_character(workspace: Workspace, perform: PerformSession, name: str, av
         perform.stage_selection = name if standing else perform.stage_selection
         workspace.editor.choose(name if is_in_project else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
-    tooltip(state_text if state.startswith("refused") else "")
+    draw_tooltip(state_text if state.startswith("refused") else "")
     if can_remove:
         imgui.same_line(available_width - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
-            perform.take_off(name)
+            perform.remove_from_stage(name)
         workspace.remember(f"remove {name}")
 
 
@@ -413,30 +415,30 @@ def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveSt
         "##parts", PART_CHOICES.index(choice.parts), list(map(_label_part, PART_CHOICES))
     )
     workspace.remember("parts")
-    tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
+    draw_tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
         perform.possession_requests.press("join")
     workspace.remember("join")
-    tooltip("Step in together with its current performers  (J)")
+    draw_tooltip("Step in together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         perform.possession_requests.press("extend")
     workspace.remember("extend")
-    tooltip("Hold with these parts, too  (E)")
+    draw_tooltip("Hold with these parts, too  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
     workspace.remember("release")
-    tooltip("Let go  (R)")
+    draw_tooltip("Let go  (R)")
     if imgui.checkbox(
         labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
     )[0]:
         live.toggle_lock()
     workspace.remember("lock")
-    tooltip("Newcomers cannot step in  (K)")
+    draw_tooltip("Newcomers cannot step in  (K)")
 
 
 def _label_part(name: str) -> str:

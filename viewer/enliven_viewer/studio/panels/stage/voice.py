@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import Texts, tr
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import draw_heading, draw_note, push_colours, use_small_text
 from enliven_viewer.studio.panels.stage.cameras import shorten_text
 from enliven_viewer.studio.perform.physics import LOOSE_LABELS
@@ -63,7 +63,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
             voice.toggle(perform.client)
     imgui.end_disabled()
     workspace.remember("voice")
-    tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
+    draw_tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
     available_width = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
     heard_text = voice.words
     colour = (GOOD if voice.is_understood else WAIT) if heard_text else INK
@@ -73,13 +73,13 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
             imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH_SIZE + 8, top.y + 2 + 18 * number))
             with push_colours(tint, imgui.Col_.text):
                 imgui.text_unformatted(shorten_text(text, available_width))
-            tooltip(text)
+            draw_tooltip(text)
     workspace.remember("voice state")
     imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP_SIZE, top.y + 6))
     if imgui.button("?##phrases", ImVec2(_HELP_SIZE, _HELP_SIZE)):
         imgui.open_popup(_POPUP_ID)
     workspace.remember("voice phrases")
-    tooltip("Commands you can say")
+    draw_tooltip("Commands you can say")
     if imgui.begin_popup(_POPUP_ID):
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)
@@ -106,7 +106,7 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
     imgui.end_disabled()
     workspace.remember("physics")
-    tooltip("Loose objects on the stage, which characters knock over")
+    draw_tooltip("Loose objects on the stage, which characters knock over")
     if changed:
         physics.ask(perform.client, number)
     imgui.begin_child("##physics state", ImVec2(0, _PHYSICS_HEIGHT))

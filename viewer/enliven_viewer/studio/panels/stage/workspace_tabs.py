@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.app.fields import tooltip
+from enliven_viewer.studio.app.fields import draw_tooltip
 from enliven_viewer.studio.app.style import pack_colour
 from enliven_viewer.studio.perform.session import WORKSPACES
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -50,7 +50,7 @@ def draw_workspace_tabs(workspace: Workspace) -> None:
         imgui.set_cursor_pos_y(0)
         if imgui.invisible_button(f"##room {workspace_name}", ImVec2(tab, height)):
             perform.active_workspace = workspace_name
-        tooltip(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[workspace_name]), number + 1))
+        draw_tooltip(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[workspace_name]), number + 1))
         is_bright = perform.active_workspace == workspace_name or imgui.is_item_hovered()
         workspace.remember(f"room {workspace_name}")
         letters = imgui.calc_text_size(tr(workspace_name)).x

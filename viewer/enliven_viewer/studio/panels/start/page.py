@@ -7,7 +7,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.studio.app.fields import action_button
+from enliven_viewer.studio.app.fields import draw_action_button
 from enliven_viewer.studio.app.style import BODY_TEXT_SIZE, draw_heading, draw_note, pack_colour
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.workspace.files import SAMPLES
@@ -75,20 +75,20 @@ def _draw_page(workspace: Workspace, area: Area) -> None:
     draw_heading("Begin")
     for name in _FIRST_ACTIONS:
         if name in workspace.actions:
-            action_button(workspace, name, column)
+            draw_action_button(workspace, name, column)
     imgui.end_group()
     if not is_narrow:
         imgui.same_line(0.0, _COLUMN_GAP)
     imgui.begin_group()
     draw_heading("Samples")
     for name in SAMPLES:
-        action_button(workspace, f"sample.{name}", column)
+        draw_action_button(workspace, f"sample.{name}", column)
     _draw_recent_files(workspace, column)
     imgui.end_group()
     imgui.pop_font()
     imgui.dummy(ImVec2(0, 4))
     low, size = imgui.get_window_pos(), imgui.get_window_size()
-    workspace.drawn.note("start page", (low.x, low.y, low.x + size.x, low.y + size.y))
+    workspace.drawn.record("start page", (low.x, low.y, low.x + size.x, low.y + size.y))
     imgui.end()
 
 

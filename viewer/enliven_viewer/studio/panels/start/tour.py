@@ -67,7 +67,7 @@ def draw_tour(workspace: Workspace, places: PanelLayout) -> None:
     area = places.viewport
     tour = workspace.tour
     workspace.drawn.picture += 1
-    workspace.drawn.left_alone |= bool(imgui.get_io().mouse_wheel)
+    workspace.drawn.is_user_scrolling |= bool(imgui.get_io().mouse_wheel)
     workspace.widgets.pop("tour outline", None)
     if tour is None:
         return
@@ -140,8 +140,8 @@ def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rec
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
     # Move the card only when its sentence changes. Otherwise its buttons must stay under the pointer.
-    key = tour.number, tour.text, tour.ticked > 0.0, width, height, size.x, size.y, shape is None
-    before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
+    key = tour.number, tour.text, tour.done_display_s > 0.0, width, height, size.x, size.y, shape is None
+    before = tour.card if tour.card_key == key or tour.done_display_s > 0.0 else None
     target = _add_drag_path(tour, area, shape)
     x, y = place_card((width, height), window, target, others, picture, before)
     tour.card, tour.card_key = (x, y), key
@@ -170,7 +170,7 @@ def _add_drag_path(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle
 
 
 def _get_sentence(tour: Tour) -> str:
-    if tour.ticked > 0.0:
+    if tour.done_display_s > 0.0:
         return tr(_DONE_TEXT)
     return tr(tour.text or _REVIEWED_TEXT)
 
@@ -189,7 +189,7 @@ def _find_height(tour: Tour, width: float) -> float:
 
 
 def _draw_sentence(tour: Tour) -> None:
-    done = tour.ticked > 0.0 or tour.step is None
+    done = tour.done_display_s > 0.0 or tour.step is None
     tint = GOOD if done else ACCENT
     icon = "\uf00c" if done or tour.step is None else tour.step.icon
     draw_list, position = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
@@ -216,7 +216,7 @@ def _draw_dots(tour: Tour) -> None:
     draw_list, position = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     for number in range(len(TOUR_STEPS)):
         middle = ImVec2(position.x + _DOT_RADIUS + number * 4 * _DOT_RADIUS, position.y + _DOT_RADIUS + 2)
-        if number < tour.number or (number == tour.number and tour.ticked > 0.0):
+        if number < tour.number or (number == tour.number and tour.done_display_s > 0.0):
             draw_list.add_circle_filled(middle, _DOT_RADIUS, pack_colour(GOOD))
         elif number == tour.number:
             draw_list.add_circle_filled(middle, _DOT_RADIUS + 1, pack_colour(ACCENT))
@@ -237,7 +237,7 @@ def _draw_buttons(workspace: Workspace, tour: Tour) -> None:
         workspace.remember("tour close")
         return
     part = tour.part
-    imgui.begin_disabled(part is None or tour.shows or part.waits)
+    imgui.begin_disabled(part is None or tour.is_demonstrating or part.waits)
     with push_fill(ACCENT):
         if imgui.button(labelled(tr(_SHOW_LABEL), _SHOW_LABEL), size):
             mouse = imgui.get_io().mouse_pos
