@@ -21,7 +21,7 @@ TOES_UP, TOES_DOWN = np.radians(15.0), np.radians(45.0)
 
 
 def gait(speed: float, stance_s: float, swing_s: float, rounds: int = 3) -> tuple[Clip, np.ndarray]:
-    """A man who goes along +Z at a speed (m/s), and (F, 2) when his left and right foot stand.
+    """Returns a take of a man walking along +Z (m/s), and when his left and right foot stand, (F, 2).
 
     While a foot stands, it rolls about its heel, lies flat, and rolls about its toes, without sliding.
     Feet that stand for less than half of the time make flights: a run.
@@ -46,7 +46,7 @@ def gait(speed: float, stance_s: float, swing_s: float, rounds: int = 3) -> tupl
 
 
 def sway(roll: float, yaw: float, seconds: float = 2.0) -> Clip:
-    """A man who stands on both feet and rotates his pelvis by up to ``roll`` and ``yaw`` radians."""
+    """Returns a take: a standing man rotates his pelvis by up to ``roll`` and ``yaw`` radians."""
     skeleton, times = man(), np.arange(round(seconds / STEP)) * STEP
     root = np.tile(skeleton.positions[0] - [0, 0.05, 0], (len(times), 1))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), len(skeleton), 1))

@@ -22,7 +22,7 @@ class ObjectModel:
 
     Attributes:
         volumes: the TSDF volumes in the object's frame, from the finest to the coarsest.
-        full: True if the memory is full. No more images are then added.
+        is_full: True if the memory is full. No more images are then added.
     """
 
     def __init__(self, settings: ScanSettings) -> None:
