@@ -179,8 +179,12 @@ class CharacterUploads:
         key = peer, part.id, part.digest
         upload = self._waiting.get(key)
         if upload is None or part.offset != upload.received:
-            remedy = "Ask for its progress with PutCharacter."
-            raise InputError("this part was not expected", where=f"character {part.id!r}", remedy=remedy)
+            expected = "no upload was announced" if upload is None else f"byte {upload.received} is next"
+            raise InputError(
+                f"the part at byte {part.offset} was not expected: {expected}",
+                where=f"character {part.id!r}",
+                remedy="Ask for its progress with PutCharacter.",
+            )
         upload.received += len(part.data)
         upload.last_part_at = time.monotonic()
         if upload.received > upload.order.size:

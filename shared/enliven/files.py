@@ -567,7 +567,8 @@ def _create_part(target: Path, mode: int) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Removes temporary files and folders next to a file that killed programs left more than a day ago."""
+    """Removes the temporary files and folders of ``target`` that are over a day old: their program was
+    killed."""
     oldest = time.time() - _MAX_WRITE_S
     for part in target.parent.glob(f".{glob.escape(target.name[:_MAX_PART_NAME_LENGTH])}.*{PART_SUFFIX}"):
         with contextlib.suppress(OSError):

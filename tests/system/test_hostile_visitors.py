@@ -209,7 +209,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     used: list[float] = []
     for number in range(VISITORS):
         name = f"guest {number}"
-        house.stage.put(box_actor(graph, box, name))
+        house.stage.place_actor(box_actor(graph, box, name))
         house.frame()
         house.edge.carry_out(Resize("set", name, size=1.5))
         if number % 10 == 0:  # attaching and network requests take longer than everything else
@@ -234,7 +234,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     house.until(lambda: viewer.edges[0].complete, viewer.poll)
     kept = {key for name in about for key in viewer.edges[0].latest.get(name, ())}
     assert kept <= {f"guest {VISITORS - 1}"}, "the viewer forgets them, too"
-    house.stage.put(box_actor(graph, box, "last"))
+    house.stage.place_actor(box_actor(graph, box, "last"))
     newcomer = EdgeClient([house.outlet.publisher.endpoint])
     house.until(lambda: "last" in newcomer.characters, newcomer.poll, viewer.poll)
     assert isinstance(house.visitor().ask(GetState("guest 1")), Refused)

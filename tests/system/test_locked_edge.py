@@ -328,7 +328,7 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     assert "paired with stage as watch" in output and fingerprint(locked.own.public) in output
     locked.house.until(lambda: state_of(client) == "connected", client.poll)
     locked.house.until(lambda: client.edges[0].role == "watch", client.poll)
-    own = viewer_config.key_pair()
+    own = viewer_config.own()
     assert own is not None and locked.store.viewers()[own.public].role == "watch"
     answers: list[Any] = []
     client.ask(RemoveCharacter(SECRET))
@@ -361,7 +361,7 @@ def test_a_failed_pairing_stores_nothing(
     locked.access.begin()
     with pytest.raises(InputError):
         run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
-    assert viewer_config.key_pair() is None and viewer_config.edges() == []
+    assert viewer_config.own() is None and viewer_config.edges() == []
 
 
 def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_config: KeyStore) -> None:

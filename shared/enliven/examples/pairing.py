@@ -368,8 +368,11 @@ def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
 
 
 def _stands_on_feet(points: Float, sides: Float) -> bool:
-    """Returns True if the lowest of the points (N, 3), normalized, are on both sides (N,), or if no point is
-    low.
+    """Returns True if points of both sides are close to the ground, or if no point is.
+
+    Args:
+        points: (N, 3) positions as fractions of the body's height.
+        sides: (N,) 1 and -1 for the two sides, 0 for the middle.
     """
     low = sides[points[:, 1] < _BASE_HEIGHT_FRACTION]
     return not len(low) or {1.0, -1.0} <= set(low.tolist())

@@ -103,7 +103,8 @@ def terminate_program(name: str, pid: int) -> None:
             descriptor = os.pidfd_open(pid)
         if _PROC.is_dir() and _PROGRAM_WORD not in (_PROC / str(pid) / "cmdline").read_bytes():
             raise InputError(
-                f"process {pid} is not a program of enliven", remedy=f"Start {name} again by its supervisor."
+                f"process {pid} is not a program of enliven",
+                remedy=f"Restart {name} with its supervisor: systemd or enliven kiosk.",
             )
         if descriptor >= 0:
             signal.pidfd_send_signal(descriptor, signal.SIGTERM)

@@ -218,7 +218,7 @@ class Spot:
                 self._apply(Event.OFF_SPOT, frame.now)
 
     def _request_character(self, frame: Surroundings) -> None:
-        """Asks for the character if the ring is full, and waits for the edge's answer."""
+        """Requests the character when the ring of the waiting time is full, and handles the edge's answer."""
         served = frame.attendance.find(self.visit)
         if self._requested_s is None:
             if self.ring >= 1.0 and served is not None and served.seen:

@@ -282,10 +282,10 @@ class PerformerGait:
         return foot_joints[int(np.percentile(vertical_motion, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
 
     def home(self, foot: int, heading: Float) -> Float:
-        """Returns the mean position (3,) of a foot in metres from the root, for a body that faces +Z.
+        """Returns the neutral position (3,) of a foot in metres from the root, for a body that faces +Z.
 
-        The position is that of the motion's reference pose if the mapping defines a pose at one time.
-        Otherwise it is the median over the take.
+        If the mapping names a reference frame of the take, it is the position in this frame. Otherwise it is
+        the median over the take, with the height of the standing foot.
 
         Args:
             foot: a joint of the performer.

@@ -125,7 +125,11 @@ def _legalise_all(points, cells, beside):
 @njit(cache=True, nogil=True)
 def _refine_triangles(points, sizes, cells, beside, count, some, growth):
     """Adds the centre of each oversized triangle and flips edges, repeatedly. Returns the numbers of points
-    and triangles."""
+    and triangles.
+
+    The arrays have room for more points and triangles, and are changed in place. ``count`` and ``some`` are
+    the numbers of points and triangles at the start.
+    """
     for _ in range(60):
         before, first = count, some
         for t in range(first):

@@ -35,8 +35,8 @@ def write_human(joints, orientations, begins, ends, hanging, bones, positions, t
         turns[b, 2] = w * hy - x * hz + y * hw + z * hx
         turns[b, 3] = w * hz + x * hy - y * hx + z * hw
         positions[b] = joints[begins[b]]
-    # The tracker's trunk has two parts and the humanoid's has three, and the same holds for neck and head.
-    # The bone between shares the rotation of its neighbours equally.
+    # The humanoid has one bone more than the tracker in the trunk, and one more between chest and head. The
+    # additional bone gets the rotation halfway between its neighbours.
     _write_middle_turn(turns[bones[0]], turns[bones[2]], turns[bones[1]])
     _write_middle_turn(turns[bones[2]], turns[bones[4]], turns[bones[3]])
     for k in range(3):

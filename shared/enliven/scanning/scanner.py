@@ -378,5 +378,6 @@ def _without_pixels(frame: DepthFrame, excluded: Bool) -> DepthFrame:
 
 
 def _fit_score(alignment: Alignment) -> float:
-    """Returns a score of the fit of an image, to choose among several poses."""
+    """Returns how well an image fits at a pose: the agreeing share of its overlap with the surface, times the
+    overlap. The pose with the highest score is chosen."""
     return alignment.agreeing * alignment.overlap

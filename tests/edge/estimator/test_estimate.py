@@ -93,15 +93,15 @@ def test_the_surer_a_joint_the_more_it_weighs(seed):
 
 
 def test_joints_of_usual_confidence_have_total_weight_one():
-    estimate = dataclasses.replace(made_up(0), spread=np.full(20, 0.05))
+    estimate = dataclasses.replace(made_up(0), expected_errors=np.full(20, 0.05))
     assert estimate.landmarks[:, 3].sum() == pytest.approx(JOINT_TRUST.mean())
     assert JOINT_TRUST[12:].max() < JOINT_TRUST[:12].min(), "legs weigh less than trunk and arms"
 
 
 @pytest.mark.parametrize("spread", [0.01, 0.03, 0.05, 0.2])
 def test_guide_weights_are_capped_at_the_usual_confidence(spread):
-    estimate = dataclasses.replace(made_up(0), spread=np.full(20, spread))
-    capped = dataclasses.replace(estimate, spread=np.full(20, max(spread, 0.05)))
+    estimate = dataclasses.replace(made_up(0), expected_errors=np.full(20, spread))
+    capped = dataclasses.replace(estimate, expected_errors=np.full(20, max(spread, 0.05)))
     np.testing.assert_allclose(estimate.weak_landmarks, capped.landmarks)
     np.testing.assert_array_equal(estimate.weak_landmarks[:, :3], estimate.landmarks[:, :3])
     assert (estimate.weak_landmarks[:, 3] <= estimate.landmarks[:, 3]).all()

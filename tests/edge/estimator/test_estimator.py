@@ -152,7 +152,7 @@ def test_batched_facings_equal_single_ones():
         at_once = shipped_estimator().estimates(crop, pose, facings)
         for facing, estimate in zip(facings, at_once, strict=True):
             alone = shipped_estimator().estimate(case.z, case.mask, case.picture.camera, pose, facing)
-            for name in ("joints", "spread", "facing", "parts"):
+            for name in ("joints", "expected_errors", "facing", "parts"):
                 np.testing.assert_allclose(getattr(estimate, name), getattr(alone, name), atol=2e-3)
 
 

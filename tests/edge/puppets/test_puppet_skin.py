@@ -26,7 +26,7 @@ def test_arms_are_nearly_where_they_are_solved_to_be() -> None:
     rigid = near = 0.0
     for key in PUPPET.poses[1:5]:
         surface = PuppetSurface(PUPPET.mesh, [p.vertex for p in PUPPET.points], None, PUPPET.surface)
-        solved = surface.settle(key.places)
+        solved = surface.solve_from_rest(key.places)
         linear = np.tile(np.eye(3, dtype=np.float32), (len(CHARACTER.pivots), 1, 1))
         pose = Pose("cactus", 0, linear, np.vstack([np.zeros(3), key.places]).astype(np.float32))
         rigid += np.linalg.norm(CHARACTER.vertices - solved, axis=1).mean()

@@ -136,7 +136,7 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
         missing = GIZMO_PARTS.index(part) - 3
         handle = PLACE + (1 - axes[missing]) * 33 * tool.pixel
     start = pixel_of(editor, handle)
-    assert tool.at(start) == part
+    assert tool.find_part(start) == part
     way = tool.drag_offset(part, start, (start[0] + 31.0, start[1] - 23.0), snap=False)
     seen = pixel_of(editor, handle + way)
     if part == "view":
@@ -197,7 +197,7 @@ def test_gizmo_has_constant_size_on_screen() -> None:
 def test_behind_the_eye_there_is_nothing_to_take() -> None:
     editor = editor_with()
     tool = Gizmo(editor.lens.view.eye - editor.lens.forward, editor.lens)
-    assert tool.at((320.0, 240.0)) == "" and tool.marks("") == ()
+    assert tool.find_part((320.0, 240.0)) == "" and tool.marks("") == ()
 
 
 @settings(max_examples=30, deadline=None)

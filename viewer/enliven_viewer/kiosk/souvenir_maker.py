@@ -123,7 +123,7 @@ class SouvenirMaker:
         self._collect(frame.now)
 
     def draw(self, pen: Pen, size: tuple[int, int]) -> None:
-        """Draws the codes into an area with a width and height in pixels."""
+        """Draws the QR codes of the souvenirs. ``size``: width and height of the area in pixels."""
         for side, code in enumerate(self.codes):
             if code is not None:
                 code.draw(pen, size, at_left=side == 1)

@@ -52,8 +52,8 @@ def blend(x, w, predicted, known, before, d, share, out):
                 before[s, j] = False
             continue
         for k in range(width):
-            # Compute the weighted mean of all sensors. ``base`` is the value with which the previous sensors
-            # alone continue the last result.
+            # Compute the weighted mean of all sensors. ``base`` is the mean of only the sensors that also had
+            # a value last time, without their offsets: it continues the last result without a jump.
             mean, base = 0.0, 0.0
             for s in range(count):
                 mean += w[s, j] * x[s, j, k]

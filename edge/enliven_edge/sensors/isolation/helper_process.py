@@ -177,8 +177,8 @@ class HelperProcess:
                 case ("attached",):
                     pass
                 case ("frame", *about):
-                    # Keep a reference to the memory of the image in the message, because other memory may be
-                    # in use when the message is read.
+                    # Store the current shared memory with the message, because ``self._slots`` may have been
+                    # replaced before the message is read.
                     self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)

@@ -94,7 +94,8 @@ def _logistic(evidence, weights):
 
 @cache
 def _weights_of_joints(table_name: str) -> Float:
-    """Returns the weights (20, 17) of each joint's group."""
+    """Returns the weight of each of the 17 kinds of evidence for each joint, (20, 17). The joints of a group
+    have equal rows."""
     return np.ascontiguousarray(_evidence_weights(table_name)[GROUP_OF_JOINT])
 
 

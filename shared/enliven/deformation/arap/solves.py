@@ -33,7 +33,7 @@ def forward(factor, z, room):
             continue
         for r in range(height):
             storeq(room, 4 * r, splatq(np.float32(0.0)))
-        # Multiply by the inverted triangle on the diagonal.
+        # Multiply by the inverse of the triangular diagonal block of the supernode.
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)

@@ -53,7 +53,7 @@ class GraphShape(RigBase):
     ends: Float = field(default_factory=lambda: np.empty((0, 3)))
     joints: Float = field(default_factory=lambda: np.empty((0, 3)))
 
-    possessable = True
+    is_possessable = True
 
     def __post_init__(self) -> None:
         freeze(self, "positions", "ends", "joints")

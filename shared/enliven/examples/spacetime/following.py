@@ -57,10 +57,10 @@ class PathFollower:
         self.held = [0j] * feet
 
     def next(self, off: complex, stands: Sequence[bool] = ()) -> complex:
-        """Returns the pull of one frame on the root, metres, and updates ``held``.
+        """Returns the correction x + iz of the root in one frame, metres, and updates ``held``.
 
         Args:
-            off: displacement from the mesh's position to its position on the path, metres.
+            off: displacement x + iz from the mesh's position to its position on the path, metres.
             stands: for each foot, True if it stands.
         """
         slowly = self._share * _part_beyond_circle(off, self._leash)

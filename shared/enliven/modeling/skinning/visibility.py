@@ -153,7 +153,7 @@ def _nearest_seen_kernel(vertices, normals, faces, segments, offsets, inside, lo
                 distance[v] = far
             chosen[v, chosen_count] = who[i]
             chosen_count += 1
-        # If the nearest segments are occluded, increase the distance.
+        # If nearer segments are occluded, increase the distance. Otherwise the factor is 1.
         if chosen_count:
             distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE_EXPONENT
     return chosen, distance

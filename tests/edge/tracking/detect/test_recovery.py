@@ -145,7 +145,7 @@ def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypat
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
     posture, report = fitter.fit(observation, arm_out())
     sighting = seen_of(standing(), observation)
-    sure = replace(sighting, estimate=replace(sighting.estimate, spread=np.full(20, 0.01)))
+    sure = replace(sighting, estimate=replace(sighting.estimate, expected_errors=np.full(20, 0.01)))
     misled = replace(observation, landmarks=sure.estimate.landmarks)
     recovered, _ = PoseRecovery(fitter).reconsider(misled, posture, report, SURE, sure)
     assert (off(recovered, arm_out(), LEFT_ARM) < 0.1) == kept

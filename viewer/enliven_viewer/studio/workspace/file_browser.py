@@ -157,8 +157,8 @@ class FileBrowser:
         """Returns the chosen path.
 
         Raises:
-            InputError: if no name is given or the file does not exist; also the first time that an existing
-                file would be replaced.
+            InputError: if no name is given, if the file does not exist, or if an existing file would be
+                replaced. A second call for the same file confirms that it is replaced.
         """
         name = self.name.strip()
         if not name:

@@ -205,7 +205,7 @@ def _unwrap_rotations(turns: Float) -> Float:
 def _find_speed(layer: LayerBase, time: float, length: float, width: float = 1e-4) -> float:
     """Returns the playback speed at a time: seconds of the take per second of the project.
 
-    The speed is 0 if the take stands still.
+    It is 0 while the layer holds one frame of the take, and NaN where a loop restarts.
     """
     before, after = layer.moment(time, length), layer.moment(time + width, length)
     if before.rounds != after.rounds:

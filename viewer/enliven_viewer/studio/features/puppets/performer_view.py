@@ -147,7 +147,8 @@ class PerformerView:
             self.camera.advance(10.0)
 
     def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
-        """Returns the performer at a given moment, or at the shown one."""
+        """Returns the performer at a moment (name of the take, seconds), by default the shown one. Returns
+        None if no moment is shown."""
         moment = moment or self.moment
         if moment is None:
             return None
