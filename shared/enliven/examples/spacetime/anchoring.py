@@ -7,6 +7,10 @@ import numpy as np
 
 from enliven.kernels import njit
 
+_EQUAL_HEIGHT_M = 1e-6
+"""Feet with a smaller difference in height, metres, count as equally low: the first one becomes the anchor.
+Otherwise, rounding would choose between two feet that stand flat on the floor."""
+
 
 @njit(cache=True, nogil=True)
 def stand(turned, feet, stands, grip, first, last, root, anchors):
@@ -43,8 +47,8 @@ def _choose_anchor(places, feet, stands, before, highest):
     """Chooses the anchor of a frame; ``before`` is the anchor of the previous frame (-1 for none).
 
     The previous anchor stays the anchor while the performer stands on it. Otherwise the lowest standing foot
-    becomes the anchor. If ``stands`` is unknown, the previous anchor stays while it is not above ``highest``,
-    and otherwise the lowest foot becomes the anchor.
+    becomes the anchor, the first one of several. If ``stands`` is unknown, the previous anchor stays while it
+    is not above ``highest``, and otherwise the lowest foot becomes the anchor.
     """
     has_standing = stands.any()
     best, height = -1, np.inf
@@ -52,6 +56,6 @@ def _choose_anchor(places, feet, stands, before, highest):
         stays = feet[k] == before and (stands[k] if has_standing else places[before, 1] <= highest)
         if stays:
             return before
-        if (stands[k] or not has_standing) and places[feet[k], 1] < height:
+        if (stands[k] or not has_standing) and places[feet[k], 1] < height - _EQUAL_HEIGHT_M:
             best, height = feet[k], places[feet[k], 1]
     return best
