@@ -50,7 +50,7 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
         ["head", "left hand", "right hand"],
     )
     assert not points[3].foot, "what follows the hips does not step"
-    coverage = workspace.state(CoverageCache).of(editor.project, editor.project.puppets[name], take)
+    coverage = workspace.state(CoverageCache).find_coverage(editor.project, editor.project.puppets[name], take)
     assert coverage is not None and 2 <= coverage.needed <= 12
     for number, second in enumerate(coverage.times[:3]):
         workspace.state(KeyPoseNavigator).begin(take, second)
@@ -65,5 +65,5 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
         shown_places = evaluate_state(project, puppet, second).places
         assert np.abs(shown_places - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
-    after = workspace.state(CoverageCache).of(project, puppet, take)
+    after = workspace.state(CoverageCache).find_coverage(project, puppet, take)
     assert after is not None and after.remaining_distance < coverage.remaining_distance

@@ -91,7 +91,7 @@ def scanned(tmp_path_factory):
         scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
-        scan.done()
+        scan.finish()
         edge.until(lambda: "chair" in window.editor.project.characters, "the character")
     truth = [invert_pose(take.object_pose(index)) @ take.pose(index) for index in indices]
     mesh = window.editor.project.characters["chair"].mesh
