@@ -50,7 +50,9 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
         ["head", "left hand", "right hand"],
     )
     assert not points[3].foot, "what follows the hips does not step"
-    coverage = workspace.state(CoverageCache).find_coverage(editor.project, editor.project.puppets[name], take)
+    coverage = workspace.state(CoverageCache).find_coverage(
+        editor.project, editor.project.puppets[name], take
+    )
     assert coverage is not None and 2 <= coverage.needed <= 12
     for number, second in enumerate(coverage.times[:3]):
         workspace.state(KeyPoseNavigator).begin(take, second)
