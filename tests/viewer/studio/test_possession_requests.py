@@ -118,15 +118,23 @@ def test_a_waiting_press_outlasts_a_silent_edge(sitting, monkeypatch, is_local) 
     session.perform.live.is_local = is_local
     session.until(lambda: len(session.perform.live.document.timeline))
     requests = session.perform.possession_requests
-    requests.press()
-    assert requests.words.startswith("No one is in view")
+
+    def press() -> bool:
+        if not requests.waits:
+            requests.press()
+        return requests.waits
+
+    # On a busy machine, the edge may be silent at the moment of a press, which is then refused.
+    session.until(press)
+    refused = list(session.toasts)
+    session.until(lambda: requests.words.startswith("No one is in view"))
     with monkeypatch.context() as silent:
         silent.setattr(PerformSession, "connected", property(lambda _: False))
         session.pictures(5)
         assert requests.words == "The stage is silent. Check that its camera's program runs"
     session.present = [person()]
     session.until(lambda: session.held == {"chair"})
-    assert not session.toasts
+    assert session.toasts == refused
 
 
 def test_a_new_press_on_a_silent_stage_is_refused(sitting, monkeypatch) -> None:
