@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from enliven.kernels import njit
 
 
@@ -22,3 +24,19 @@ def join(parent, i, j):
         parent[b] = a
     else:
         parent[a] = b
+
+
+@njit(cache=True, nogil=True)
+def number_sets(parent):
+    """Returns (N,) int32 the number of each item's set, in the order of the items, and the number of sets."""
+    label = np.empty(parent.shape[0], np.int32)
+    count = 0
+    for i in range(parent.shape[0]):
+        # The root is the first item of its set, so it has a number before any other item needs it.
+        root = root_of(parent, i)
+        if root == i:
+            label[i] = count
+            count += 1
+        else:
+            label[i] = label[root]
+    return label, count

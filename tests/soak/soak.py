@@ -13,7 +13,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -36,6 +35,7 @@ from soak_programs import Program, ProgramGroup  # noqa: E402
 from enliven.kiosk.profile import CareSettings  # noqa: E402
 from enliven.supervision.causes import exit_cause  # noqa: E402
 from enliven.supervision.records import RUNTIME_VARIABLE  # noqa: E402
+from enliven.wire import free_ports  # noqa: E402
 
 OUT = Path("out/soak")
 ROUND_S = 30.0
@@ -55,9 +55,6 @@ VIEWER_SETTINGS = "[playback]\nminutes = 1.0\n"
 """Settings of the window. It keeps the last minute instead of ten, so that its memory stops growing early."""
 PART_MINUTES = "1.0"
 """Minutes of one file of the take. In one file, the long last life of an edge would fill the small disk."""
-FIRST_PORT, PORT_COUNT = 20_000, 10_000
-"""Ports for the programs. They are below those that the system gives to clients: while an edge restarts, a
-viewer that connects again must not get the edge's own port."""
 QUIET_S = 2.0
 """Seconds without a frame after which the end of a soak is delayed, until frames are published again."""
 ENDS = (0, 130, -signal.SIGTERM)
@@ -86,7 +83,7 @@ class Soak:
             print("soak: drawing the crowd", flush=True)
             draw_crowd(crowd, round_s, seed=1)
         self.disk = TakeDisk(folder / "takes")
-        ports = lasting_ports(3)
+        ports = free_ports(3)
         self.ports, health_port = (ports[0], ports[1]), ports[2]
         edge = ["edge", "--sensor", "soak", "--set", f"crowd={crowd.resolve()}"]
         edge += ["--set", f"commands={self._commands.resolve()}", "--mesh", "chair", "--possess-at", "1"]
@@ -248,24 +245,6 @@ class Soak:
             "faults": faults,
             "events": self.events,
         }
-
-
-def lasting_ports(count: int) -> list[int]:
-    """Returns free ports that stay free while a program restarts.
-
-    Raises:
-        SystemExit: if there are too few.
-    """
-    begin = os.getpid() * 16  # Soaks at the same time look for ports at different places.
-    ports: list[int] = []
-    for number in range(PORT_COUNT):
-        port = FIRST_PORT + (begin + number) % PORT_COUNT
-        with contextlib.suppress(OSError), socket.socket() as listener:
-            listener.bind(("127.0.0.1", port))
-            ports.append(port)
-        if len(ports) == count:
-            return ports
-    raise SystemExit("soak: too few ports are free")
 
 
 @contextlib.contextmanager

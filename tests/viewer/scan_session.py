@@ -114,14 +114,18 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
             return len(views) > 4 and bool((views[-1] == views[-4]).all())
 
         until(still, "the end of the view's way")
-        before, eye = scan.box.corners.copy(), views[-1]
+        eye = views[-1]
         shot("box")
         area = window.places.viewport
-        for _ in range(2):  # First the top's dot, then the dot of the box that resulted.
+        before: np.ndarray | None = None
+        for drag in range(2):  # First the top's dot, then the dot of the box that resulted.
             top = scan.box.corners[1, 1]
             for _ in range(3):  # A busy window may miss a press.
                 if scan.box.corners[1, 1] == top:
+                    # Until a press, the box follows the growing surface.
+                    before = scan.box.corners.copy() if drag == 0 else before
                     drag_the_top(area)
+        assert before is not None
         report["dragged"] = [before.tolist(), scan.box.corners.tolist()]
         report["view kept"] = bool((eye == editor.lens.view.camera_from_world).all())
         shot("dragged")

@@ -129,7 +129,7 @@ class PerformerAttachment:
         return self._targets, self._pulls
 
     def strengths(self, count: int) -> Float:
-        """Returns the strength (N,), from 0 to 1, with which each of ``count`` nodes is held."""
+        """Returns how strongly each of ``count`` nodes is held, (N,) from 0 to 1."""
         firm = np.zeros(count)
         for grip in self.attachments:
             nodes, strengths = grip.attachment.nodes

@@ -6,30 +6,21 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
-from enliven.union_find import join, root_of
+from enliven.union_find import join, number_sets
 
 
 def components(count: int, edges: Int32 | Int) -> Int:
     """Returns the number (N,) of the connected component of each node, in the order of the nodes."""
-    return np.asarray(_number_components(count, np.ascontiguousarray(edges, np.int64)))
+    return np.asarray(_number_components(count, np.ascontiguousarray(edges, np.int64)), np.int64)
 
 
 @njit(cache=True, nogil=True)
 def _number_components(count, edges):
     """Numbers the components of ``count`` nodes that (E, 2) ``edges`` connect."""
-    parent, label = np.arange(count), np.empty(count, np.int64)
+    parent = np.arange(count).astype(np.int32)
     for e in range(edges.shape[0]):
         join(parent, edges[e, 0], edges[e, 1])
-    component_count = 0
-    for i in range(count):
-        root = root_of(parent, i)
-        # The root of a component is its first node, so it has a number already.
-        if root == i:
-            label[i] = component_count
-            component_count += 1
-        else:
-            label[i] = label[root]
-    return label
+    return number_sets(parent)[0]
 
 
 def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:

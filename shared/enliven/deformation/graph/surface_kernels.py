@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.kernels import njit
-from enliven.union_find import join, root_of
+from enliven.union_find import join, number_sets
 
 
 @njit(cache=True, nogil=True)
@@ -46,17 +46,7 @@ def cluster_vertices(faces, cells):
             join(parent, b, c)
         if cells[c] == cells[a]:
             join(parent, c, a)
-    label = np.empty(cells.shape[0], np.int32)
-    count = 0
-    for v in range(cells.shape[0]):
-        # The root is the smallest vertex of its group, so its label is set before any other vertex needs it.
-        r = root_of(parent, v)
-        if r == v:
-            label[v] = count
-            count += 1
-        else:
-            label[v] = label[r]
-    return label, count
+    return number_sets(parent)
 
 
 @njit(cache=True, nogil=True)
