@@ -20,7 +20,8 @@ def free_ports(count: int = 2, host: str = "127.0.0.1") -> tuple[int, ...]:
         ResourceError: if fewer are free.
     """
     ports: list[int] = []
-    for port in random.sample(PORTS, len(PORTS)):
+    # A program that seeds Python's random numbers must not choose the same ports as its copy.
+    for port in random.SystemRandom().sample(PORTS, len(PORTS)):
         if len(ports) == count:
             break
         with (
