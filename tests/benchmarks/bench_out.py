@@ -1,10 +1,11 @@
 """Measures the cost of live outputs: the packets of a frame, and the time that the edge loses.
 
 The frame has four human characters with 22 bones each. The peer encodes the same VMC messages one by one with
-python-osc. The loss compares an edge without outputs and one with all five, in turn on the same depth images:
-at the rate of a camera, and at full speed ("unpaced"). The share is the processor time of the handover,
-divided by that of the whole frame. One performer possesses the chair. The receivers are sockets of this
-machine that are not read. That of Foxglove has subscribed to everything.
+python-osc. The loss compares an edge without outputs and one with all five, in turn on the same depth
+images. At the rates of cameras, it is the share of the camera's frames that the edge skips because it is
+late. At full speed ("unpaced"), it is the share of the edge's frame rate. The share is the processor time of
+the handover, divided by that of the whole frame. One performer possesses the chair. The receivers are sockets
+of this machine that are not read. That of Foxglove has subscribed to everything.
 """
 
 from __future__ import annotations
@@ -55,8 +56,8 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 FRAMES, ROUNDS = 120, 3
 """Frames of each run of the edge, and runs with and without outputs."""
-CAMERA_FPS = 30.0
-"""Frames per second of a camera."""
+CAMERA_FPS = (30.0, 60.0)
+"""Frames per second of the usual cameras, and of their fast modes."""
 SCHEMES = ("vmc", "vrchat", "rokoko", "osc", "foxglove")
 REPEATS = 200
 """Frames that each output converts."""
@@ -76,18 +77,24 @@ def figures() -> Iterator[Figure]:
     with SyntheticSensor(width=640, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(FRAMES)]
     warm_up_tracking()
-    for name, rate in (("", CAMERA_FPS), ("unpaced_", math.inf)):
-        without, with_all = [], []
-        for _ in range(ROUNDS):
-            without.append(_step_seconds(frames, (), rate))
-            with_all.append(_step_seconds(frames, SCHEMES, rate))
-        before, after = (np.concatenate(rounds) for rounds in (without, with_all))
-        yield Figure(f"out.edge_{name}share_percent", _share_percent(frames, rate), "%")
-        yield Figure(f"out.edge_{name}step_ms", 1e3 * float(np.median(after)), "ms")
-        yield Figure(f"out.edge_{name}step_p99_ms", 1e3 * float(np.percentile(after, 99)), "ms")
-        # The frames that an edge could process in the same time.
-        loss = 1.0 - before.mean() / after.mean()
-        yield Figure(f"out.edge_{name}loss_percent", 100.0 * float(loss), "%")
+    for rate in (*CAMERA_FPS, math.inf):
+        yield from _edge_figures(frames, rate)
+
+
+def _edge_figures(frames: list[DepthFrame], rate: float) -> Iterator[Figure]:
+    """Yields the cost of all outputs for an edge with a camera of this rate."""
+    without, with_all = [], []
+    for _ in range(ROUNDS):
+        without.append(_step_seconds(frames, (), rate))
+        with_all.append(_step_seconds(frames, SCHEMES, rate))
+    before, after = (np.concatenate(rounds) for rounds in (without, with_all))
+    name = "unpaced" if math.isinf(rate) else f"{rate:.0f}hz"
+    yield Figure(f"out.edge_{name}_share_percent", _share_percent(frames, rate), "%")
+    yield Figure(f"out.edge_{name}_step_ms", 1e3 * float(np.median(after)), "ms")
+    yield Figure(f"out.edge_{name}_step_p99_ms", 1e3 * float(np.percentile(after, 99)), "ms")
+    # At full speed, the edge skips no frames, so compare the numbers of frames in the same time.
+    kept = before.mean() / after.mean() if math.isinf(rate) else len(after) / len(before)
+    yield Figure(f"out.edge_{name}_loss_percent", 100.0 * (1.0 - float(kept)), "%")
 
 
 def four_humans() -> LiveFrame:
@@ -170,7 +177,8 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
     """Returns the seconds that an edge with these outputs needs for each frame with the performer.
 
     Args:
-        rate: frames per second of the camera. Infinite: each frame comes when the edge is ready.
+        rate: frames per second of the camera. The edge skips a frame if it is not ready before the next one,
+            as with a real camera. If the rate is infinite, each frame comes when the edge is ready.
     """
     actor = create_actor("chair", nodes=NODES)
     actor.warm_up()
@@ -195,12 +203,20 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
         for number, frame in enumerate(frames):
             if number == FRAMES // 4:
                 edge.stage.possess("chair")
-            time.sleep(max(start + number / rate - time.perf_counter(), 0.0))
-            begin = time.perf_counter()
+            begin = _wait_until(start + number / rate)
+            if begin > start + (number + 1) / rate and math.isfinite(rate):
+                continue
             edge.step(frame)
             edge._poll_requests()
-            seconds.append(time.perf_counter() - begin)
-        return seconds[FRAMES // 4 :]
+            if number >= FRAMES // 4:
+                seconds.append(time.perf_counter() - begin)
+        return seconds
+
+
+def _wait_until(moment: float) -> float:
+    """Waits until a moment of the performance counter, in seconds. Returns the time afterwards."""
+    time.sleep(max(moment - time.perf_counter(), 0.0))
+    return time.perf_counter()
 
 
 def _share_percent(frames: list[DepthFrame], rate: float) -> float:

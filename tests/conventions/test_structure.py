@@ -165,6 +165,25 @@ def test_test_files_make_contexts_of_zeromq_by_the_helper():
             )
 
 
+def test_decoding_errors_are_caught_completely():
+    """Damaged JSON also raises UnicodeDecodeError and RecursionError, which are no errors of msgspec."""
+    complete = {"ValueError", "DAMAGE"}
+    for folder in PACKAGES.values():
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ExceptHandler) and node.type is not None:
+                    caught = {n.attr if isinstance(n, ast.Attribute) else n.id for n in _names(node.type)}
+                    is_partial = caught & {"DecodeError", "MsgspecError"} and not caught & complete
+                    assert not is_partial, f"{path}:{node.lineno}: catch enliven.files.DECODE_ERRORS"
+
+
+def _names(expression: ast.expr) -> list[ast.Name | ast.Attribute]:
+    """Returns the exceptions that an except clause names."""
+    parts = expression.elts if isinstance(expression, ast.Tuple) else [expression]
+    values = [part.value if isinstance(part, ast.Starred) else part for part in parts]
+    return [value for value in values if isinstance(value, (ast.Name, ast.Attribute))]
+
+
 def test_architecture_page_is_current():
     sys.path.insert(0, str(ROOT / "scripts"))
     import architecture

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import fuzz_models as models
 import fuzz_seeds as seeds
+import fuzz_skeletons as skeletons
 import fuzz_texts as texts
 import numpy as np
 from fuzz_law import Target
@@ -31,6 +32,8 @@ from enliven.space.space_file import load_space
 from enliven.takes.capture_upright import turn_upright
 from enliven.takes.possessed import read_possessed
 from enliven_edge.importing.bags.reader import BagReader
+from enliven_edge.importing.base import ImportOptions, Reader
+from enliven_edge.importing.registry import readers
 from enliven_edge.settings import EdgeSettings
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
@@ -85,6 +88,14 @@ def _bag(name: str) -> Callable[[bytes, Path], None]:
     def read(data: bytes, folder: Path) -> None:
         for frame in BagReader().read([_file(folder, name, data)]):
             assert frame.depth.shape == (frame.intrinsics.height, frame.intrinsics.width)
+
+    return read
+
+
+def _skeletons(reader: Reader, suffix: str) -> Callable[[bytes, Path], None]:
+    def read(data: bytes, folder: Path) -> None:
+        for frame in reader.read([_file(folder, f"a{suffix}", data)], ImportOptions()):
+            assert all(body.joints.shape == (20, 3) for body in frame.bodies)
 
     return read
 
@@ -148,6 +159,11 @@ def targets() -> list[Target]:
         Target("edge settings", 100, (texts.EDGE,), _edge_settings),
         Target("kiosk profile", 100, (texts.KIOSK,), lambda d, f: load_profile(_file(f, "a.toml", d))),
         Target("session", 100, (texts.SESSION,), _session),
+    ]
+    known = readers()
+    listed += [
+        Target(f"skeletons {name}", 60, (data,), _skeletons(known[name], suffix))
+        for name, (suffix, data) in skeletons.skeleton_files().items()
     ]
     listed += [
         Target(f"mesh {s[1:]}", 100 if s == ".gltf" else 150, all_of, _mesh(s))

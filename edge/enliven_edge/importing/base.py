@@ -178,13 +178,7 @@ def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, f
     """
     if len(rows) > 1 and len(rows[-1]) != columns:
         rows = rows[:-1]
-    for line, row in enumerate(rows, first_line):
-        if len(row) != columns:
-            raise InputError(
-                f"line {line} has {len(row)} values, expected {columns}",
-                where=str(path),
-                remedy="Remove the line, or copy the file again.",
-            )
+    check_row_lengths(rows, path, columns, first_line)
     try:
         return np.array([[float(cell) if cell.strip() else np.nan for cell in row] for row in rows])
     except ValueError:
@@ -195,6 +189,17 @@ def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, f
             if cell.strip() and not are_numbers([cell])
         )
         raise InputError(f"line {line}: {invalid_text[:40]!r} is not a number", where=str(path)) from None
+
+
+def check_row_lengths(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int) -> None:
+    """Raises InputError for the first row that does not have the expected number of columns."""
+    for line, row in enumerate(rows, first_line):
+        if len(row) != columns:
+            raise InputError(
+                f"line {line} has {len(row)} values, expected {columns}",
+                where=str(path),
+                remedy="Remove the line, or copy the file again.",
+            )
 
 
 def read_floats(path: Path) -> Float:

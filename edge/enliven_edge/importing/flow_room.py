@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
-from enliven.files import read_file
+from enliven.files import DECODE_ERRORS, read_file
 from enliven.person import PARENTS, Body, Joint
 from enliven_edge.importing.base import ImportOptions, read_head
 from enliven_edge.importing.skeletons import (
@@ -93,7 +93,7 @@ class FlowRoomReader(SkeletonReader):
 def _read_frames(path: Path) -> list[list[_Skeleton]]:
     try:
         frames = _decoder.decode(read_file(path))
-    except (msgspec.MsgspecError, RecursionError) as error:
+    except DECODE_ERRORS as error:
         log.debug("%s", path, exc_info=error)
         remedy = "Choose a file that the Flow Room recorded."
         problem = "its JSON is cut short, damaged or of another kind"

@@ -16,6 +16,7 @@ from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
     FileReader,
     ImportOptions,
+    check_row_lengths,
     first_lines,
     numbers_from_rows,
     read_head,
@@ -35,6 +36,8 @@ _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
 own clock.
 """
 _KEYS = ("Tracker_Time", "Person_Id", "Kinect_Id")
+_FIRST_ROW = 2
+"""The line of the first row, for messages. The header is line 1."""
 
 
 class MultiTrackReader(FileReader):
@@ -67,11 +70,14 @@ class MultiTrackReader(FileReader):
         if missing_columns:
             raise InputError(f"the column {missing_columns[0]} is missing", where=str(path))
         rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
+        check_row_lengths(rows, path, len(header), _FIRST_ROW)
         device = _choose_device(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
         if self.clock != _KEYS[0]:
             rows = [row for row in rows if row[column["Kinect_Id"]] == device]
         chosen_rows = [[row[column[name]] for name in columns if name != "Kinect_Id"] for row in rows]
-        values = numbers_from_rows(chosen_rows, path, len(columns) - 1, 2)
+        values = numbers_from_rows(chosen_rows, path, len(columns) - 1, _FIRST_ROW)
+        if not np.isfinite(values[:, :2]).all():
+            raise InputError("a row has no time or no person", where=str(path), remedy="Remove the row.")
         is_chosen = np.array([row[column["Kinect_Id"]] == device for row in rows])
         moments = _group_moments(values, is_chosen, _TICKS[self.clock])
         return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA, Intrinsics
 from enliven.errors import InputError
+from enliven.files import DECODE_ERRORS, read_file
 from enliven.frames import DepthFrame
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
@@ -19,12 +20,34 @@ from enliven_edge.importing.base import (
     Reader,
     natural_order,
     read_floats,
-    read_text,
 )
 from enliven_edge.importing.depth_sequences import DepthUnit, detect_unit, read_millimetres, timed_images
 from enliven_edge.importing.images import is_depth_png, png_size, read_colour
 
 _REPOSITORY = "device_repository.json"
+_IMAGE_SIZE = re.compile(r"([1-9]\d{0,4})x([1-9]\d{0,4})")
+"""Width and height of an image in pixels, as text."""
+
+
+class _Device(msgspec.Struct):
+    """An entry of the list of devices.
+
+    Attributes:
+        Device: the identifier in the names of its images.
+        Type: the model, such as "Intel RealSense D415".
+        Serial: its serial number.
+        depth_intrinsics: groups of camera matrices, each with 9 numbers row by row, by the size of the image.
+    """
+
+    Device: str | int
+    Type: str = "RealSense"
+    Serial: str | int | None = None
+    depth_intrinsics: list[dict[str, list[float]]] = msgspec.field(
+        name="Depth Intrinsics", default_factory=list
+    )
+
+
+_decoder = msgspec.json.Decoder(list[_Device], strict=False)
 
 
 class RealSenseReader(Reader):
@@ -51,7 +74,8 @@ class RealSenseReader(Reader):
             camera = _find_camera(
                 entry, *png_size(path), where=f"{path.parent / _REPOSITORY}, device {device}"
             )
-            sensor = options.device or f"{_sensor_name(entry)}-{entry.get('Serial', device)}"
+            serial = device if entry.Serial is None else entry.Serial
+            sensor = options.device or f"{_sensor_name(entry)}-{serial}"
             unit = units.setdefault(device, detect_unit(path, options, _sensor_name(entry)))
             yield DepthFrame(read_millimetres(path, unit), camera, time_ns, sensor)
 
@@ -61,16 +85,15 @@ def _find_images(paths: Sequence[Path]) -> list[Path]:
     return sorted((path for path in image_paths if path.stem.split("_")[2] == "depth"), key=natural_order)
 
 
-def _sensor_name(entry: dict[str, Any]) -> str:
+def _sensor_name(entry: _Device) -> str:
     """Returns the sensor name of a model, such as "realsense-d415" for "Intel RealSense D415"."""
-    return "-".join(str(entry.get("Type", "RealSense")).lower().split()[-2:])
+    return "-".join(entry.Type.lower().split()[-2:])
 
 
-def _find_device(repository: Path, device: str) -> dict[str, Any]:
+def _find_device(repository: Path, device: str) -> _Device:
     try:
-        entries = json.loads(read_text(repository))
-        devices = {str(entry["Device"]): entry for entry in entries}
-    except (ValueError, TypeError, KeyError, RecursionError):
+        devices = {str(entry.Device): entry for entry in _decoder.decode(read_file(repository))}
+    except DECODE_ERRORS:
         remedy = "Copy it again from the recording computer."
         raise InputError("the list of devices is damaged", where=str(repository), remedy=remedy) from None
     if device not in devices:
@@ -82,15 +105,18 @@ def _find_device(repository: Path, device: str) -> dict[str, Any]:
     return devices[device]
 
 
-def _find_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:
+def _find_camera(entry: _Device, width: int, height: int, *, where: str) -> Intrinsics:
     """Returns the depth camera for this image size: as listed, or scaled from a listed size of the same
     aspect ratio.
     """
     listed_cameras: dict[str, list[float]] = {}
-    for group in entry.get("Depth Intrinsics", []):
+    for group in entry.depth_intrinsics:
         listed_cameras.update(group)
     for size, matrix in listed_cameras.items():
-        full_width, full_height = (int(number) for number in size.split("x"))
+        match = _IMAGE_SIZE.fullmatch(size)
+        if match is None:
+            continue
+        full_width, full_height = int(match[1]), int(match[2])
         if full_width * height == width * full_height and len(matrix) == 9:
             full_camera = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
             return full_camera if full_width == width else full_camera.scaled(width / full_width)

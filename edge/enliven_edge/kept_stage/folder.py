@@ -14,7 +14,7 @@ from typing import TypeVar
 import msgspec
 
 from enliven.errors import EnlivenError, InputError
-from enliven.files import read_file, write_file
+from enliven.files import DECODE_ERRORS, read_file, write_file
 from enliven.wire import MAX_UPLOAD_BYTES
 from enliven_edge.kept_stage.state import VERSION, StageState, StartJournal
 
@@ -82,7 +82,7 @@ class StageFolder:
                 self._set_aside(path, f"a later version of enliven wrote it (format {version})")
                 return StageState()
             return msgspec.json.decode(data, type=StageState)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        except DECODE_ERRORS as error:
             self._set_aside(path, f"it is damaged ({error})")
             return StageState()
 
@@ -96,7 +96,7 @@ class StageFolder:
 
     def read_journal(self) -> StartJournal:
         """Returns the journal of the last start. Empty if it is missing or damaged."""
-        with contextlib.suppress(EnlivenError, msgspec.DecodeError, UnicodeDecodeError):
+        with contextlib.suppress(EnlivenError, *DECODE_ERRORS):
             return msgspec.json.decode(read_file(self.path / _JOURNAL, _MAX_STATE_BYTES), type=StartJournal)
         return StartJournal()
 

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, Literal, TypeVar
 import msgspec
 
 from enliven.errors import EnlivenError, InputError
+from enliven.files import DECODE_ERRORS
 from enliven.frames import Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, frame_from_message
 from enliven_edge.sensors.base import Condition, SensorFault
@@ -162,7 +163,7 @@ def _decode(kind: type[T], data: bytes) -> T | None:
     """Returns the message, or None if it is damaged: a damaged log must not cost a frame."""
     try:
         return msgspec.json.decode(data, type=kind)
-    except (msgspec.MsgspecError, RecursionError) as error:
+    except DECODE_ERRORS as error:
         log.warning("the sensor information in a recording cannot be read: %s", error)
         return None
 

@@ -22,7 +22,7 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.exporters import find_sheet_function
-from enliven.files import INVALID_NAME_REASON, file_fault, read_file, write_file
+from enliven.files import DECODE_ERRORS, INVALID_NAME_REASON, file_fault, read_file, write_file
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import Rig
 from enliven.oneshot.retargeting import RetargetedFile, RetargetOptions, retarget_file
@@ -164,7 +164,7 @@ def find_finished_result(job: BatchJob) -> JobResult | None:
         lacks_sheet = job.sheet and not job.sheet_path.is_file()
         if lacks_sheet or result.output_digest != _hash_file(Path(job.output)):
             return None
-    except (InputError, OSError, msgspec.DecodeError, UnicodeDecodeError):
+    except (InputError, OSError, *DECODE_ERRORS):
         return None
     return msgspec.structs.replace(result, job=job, is_new=False)
 

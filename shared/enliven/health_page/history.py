@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from enliven.errors import InputError
-from enliven.files import read_file, write_file
+from enliven.files import DECODE_ERRORS, read_file, write_file
 
 INTERVAL_S = 60.0
 """Time between two stored values, in seconds."""
@@ -98,7 +98,7 @@ class DayHistory:
         """Reads the values of a file. A missing, damaged or later file changes nothing."""
         try:
             content = msgspec.msgpack.decode(read_file(path, _MAX_FILE_BYTES), type=_HistoryFile)
-        except (InputError, msgspec.DecodeError):
+        except (InputError, *DECODE_ERRORS):
             return
         sizes = {len(data) for data in content.series.values()} | {CAPACITY * _VALUE_BYTES}
         if content.version != _VERSION or len(content.minutes) != CAPACITY * _MINUTE_BYTES or len(sizes) != 1:

@@ -13,6 +13,7 @@ import msgspec
 
 from enliven import __version__
 from enliven.errors import InputError, ResourceError
+from enliven.files import DECODE_ERRORS
 from enliven.health_page.snapshot import STATUS_WORDS, HealthSnapshot, WatchedEdge
 from enliven.keys.key_files import is_loopback
 from enliven.web_server.access import PASSWORD_VARIABLE
@@ -179,7 +180,7 @@ def fetch_report(url: str, password: str = "", authority: Path | None = None) ->
         if len(data) > _MAX_REPORT_BYTES:
             raise msgspec.ValidationError("it is too large")
         return msgspec.json.decode(data, type=HealthReport)
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except DECODE_ERRORS:
         raise ResourceError(
             "the answer is not a health report",
             where=url,

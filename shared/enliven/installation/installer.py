@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from enliven.errors import InputError, ResourceError
-from enliven.files import read_file, write_file
+from enliven.files import DECODE_ERRORS, read_file, write_file
 
 from .install_plan import CONFIGURATION, STATE, InstallPlan, PlannedFile, command_line
 
@@ -331,7 +331,7 @@ class Installer:
             return _Manifest()
         try:
             return msgspec.json.decode(read_file(path, _MAX_RECORD_FILE_BYTES), type=_Manifest)
-        except msgspec.DecodeError:
+        except DECODE_ERRORS:
             raise InputError(
                 "the record of the installation is damaged",
                 where=str(path),

@@ -21,7 +21,7 @@ from typing import TypeVar
 import msgspec
 
 from enliven.errors import InputError
-from enliven.files import read_file, user_data_folder, write_file
+from enliven.files import DECODE_ERRORS, read_file, user_data_folder, write_file
 
 RUNTIME_VARIABLE = "ENLIVEN_RUNTIME"
 """Environment variable with the runtime folder. All programs of a kiosk must agree on it."""
@@ -156,5 +156,5 @@ def _decode(data: bytes, kind: type[T]) -> T | None:
     """Returns a record, or None if the data is damaged."""
     try:
         return msgspec.json.decode(data, type=kind)
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except DECODE_ERRORS:
         return None

@@ -19,6 +19,7 @@ import msgspec
 
 from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
+from enliven.files import DECODE_ERRORS
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.convert_characters import character_to_message, message_to_character
 from enliven.wire.requests import REQUESTS, Request
@@ -204,7 +205,7 @@ def reply_number(data: bytes) -> int:
         raise MalformedMessageError(REPLY.name, "it has no number")
     try:
         return msgspec.msgpack.decode(number, type=int)
-    except msgspec.MsgspecError:
+    except DECODE_ERRORS:
         raise MalformedMessageError(REPLY.name, "its number cannot be read") from None
 
 

@@ -104,6 +104,27 @@ def test_a_size_without_calibration_is_refused(tmp_path):
         read(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b'["A"]', "list of devices is damaged"),
+        (b'[{"Device": "A", "Depth Intrinsics": [[1]]}]', "list of devices is damaged"),
+        (b'[{"Device": "A", "Depth Intrinsics": [{"64x48": 1}]}]', "list of devices is damaged"),
+        (b'[{"Device": "\xff"}]', "list of devices is damaged"),
+        (
+            b'[{"Device": "A", "Depth Intrinsics": [{"wide": [1, 0, 0, 0, 1, 0, 0, 0, 1]}]}]',
+            "Known sizes: wide",
+        ),
+        (b'[{"Device": "A", "Depth Intrinsics": [{"0x0": [1, 0, 0, 0, 1, 0, 0, 0, 1]}]}]', "no depth calib"),
+    ],
+)
+def test_a_damaged_list_of_devices_is_refused(tmp_path, content, expected):
+    (tmp_path / "device_repository.json").write_bytes(content)
+    save(tmp_path / "0_A_depth_0.png", depth_image(0))
+    with pytest.raises(InputError, match=expected):
+        read(tmp_path)
+
+
 def test_posed_depth_turns_the_world_upright(tmp_path):
     pose = np.eye(4)
     pose[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]

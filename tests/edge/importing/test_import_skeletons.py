@@ -329,6 +329,29 @@ def test_damaged_skeleton_files_are_reported_with_the_place(tmp_path):
         assert str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (", a, ", ", ", "line 3 has 66 values, expected 67"),
+        ("1, 40, 0, 0, a", "1, , 0, 0, a", "no time or no person"),
+        ("1, 40, 0, 0, a", "1, 40, nan, 0, a", "no time or no person"),
+    ],
+)
+def test_multitrack_with_an_incomplete_row_is_refused(tmp_path, old, new, expected):
+    path = multitrack_file(tmp_path / "a.csv", [(40 * k, 0, "a", person()) for k in range(3)])
+    header, first, second, last = path.read_text().splitlines()
+    path.write_text("\n".join([header, first, second.replace(old, new, 1), last]) + "\n")
+    with pytest.raises(InputError, match=expected):
+        read(path)
+
+
+def test_flow_room_text_that_is_not_utf_8_is_refused(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_bytes(b'[[{"trackingId":"\xff","joints":[]}]]')
+    with pytest.raises(InputError, match="damaged or of another kind"):
+        list(find_reader([path], "flow-room").read([path]))
+
+
 def test_recording_without_upright_person_is_reported(tmp_path):
     path = tmp_path / "a.json"
     joints = ",".join(['{"x":-500,"y":-500,"z":-500}'] * 21)

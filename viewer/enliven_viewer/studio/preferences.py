@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
-from enliven.files import read_file, user_data_folder, write_file
+from enliven.files import DECODE_ERRORS, read_file, user_data_folder, write_file
 from enliven_viewer.language import language_in_use, set_language, tr
 from enliven_viewer.theme import get_theme, use_theme
 
@@ -152,7 +152,7 @@ class Preferences:
             if self.refusal is not None:
                 return _StoredPreferences()
             kept = msgspec.json.decode(data, type=_StoredPreferences)
-        except (InputError, msgspec.MsgspecError, OSError, RecursionError) as error:
+        except (InputError, OSError, *DECODE_ERRORS) as error:
             log.warning("preferences cannot be read, so the file is renamed: %s", error)
             self._put_aside()
             return _StoredPreferences()

@@ -129,7 +129,7 @@ def _read_contents(path: Path) -> _BagContents:
             number = fields.count()
             contents.properties[number] = fields.block()
     version = _read_property(contents, _VERSION, "d", 1.0)
-    if int(version) != 2:
+    if not 2.0 <= version < 3.0:  # Also false for NaN, which a damaged file may contain.
         remedy = "Record it again with OrbbecSDK 2.4 or later."
         raise InputError(
             f"it is of version {version}, only version 2 is known", where=str(path), remedy=remedy

@@ -12,6 +12,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.doctor import need
 from enliven.errors import InputError
+from enliven.files import DECODE_ERRORS
 from enliven.person import (
     ROKOKO_BONES,
     ROKOKO_JOINTS,
@@ -181,7 +182,7 @@ def unpack_rokoko(data: bytes) -> list[HumanPose]:
     try:
         _check_version(_READ_HEAD.decode(text))
         packet = _READ_PACKET.decode(text)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except DECODE_ERRORS as error:
         raise InputError(f"the packet cannot be read ({error})", where="a Rokoko port") from None
     humans, names = list[HumanPose](), set[str]()
     for actor in packet.scene.actors[:_MAX_ACTORS]:

@@ -15,6 +15,7 @@ from PIL import Image
 
 from enliven.arrays import UInt8
 from enliven.commands.processes import start_process
+from enliven.files import DECODE_ERRORS
 from enliven_viewer.language import later, tr
 
 log = logging.getLogger(__name__)
@@ -149,7 +150,7 @@ class CameraSearch:
         try:
             self.cameras = tuple(msgspec.json.decode(text.strip().splitlines()[-1], type=list[Camera]))
             self.problem = ""
-        except (msgspec.MsgspecError, IndexError, RecursionError):
+        except (IndexError, *DECODE_ERRORS):
             log.debug("cameras: %r", text[-400:])
             self.cameras = ()
             self.problem = (
