@@ -1,4 +1,4 @@
-"""The interface for the parts of edits that each kind of rig implements in its own way."""
+"""The interface that each kind of rig implements for the edits of whole characters."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class CharacterState(NamedTuple):
 
 
 Player = Callable[[float], CharacterState]
-"""A function for frequent evaluation of a character: maps a time of the project, in seconds, to the
-character's state."""
+"""A function that maps a time of the project, in seconds, to a character's state. It is fast enough to be
+called for every frame."""
 
 
 HandleMotion = Callable[[float], tuple[Float, Float]]
@@ -63,7 +63,7 @@ class Merge:
 
 
 class RigEdits(ABC):
-    """The parts of edits that depend on the kind of rig. Characters are immutable, so edits return new
+    """The operations of edits that depend on the kind of rig. Characters are immutable, so edits return new
     characters.
 
     Edits of the placement have the same effect at every time. Let c be the ``centre``, and x the vertices
@@ -97,23 +97,22 @@ class RigEdits(ABC):
 
     @abstractmethod
     def player(self, project: Project, character: Any, /) -> Player:
-        """Returns a function that returns the transforms of the pivots, and the handles, at any time of the
-        project."""
+        """Returns a function from a time of the project to the transforms of the pivots, and the handles."""
 
     def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
-        """Returns a function for frequent use that returns the vertices (V, 3) in metres in the world, at any
-        time."""
+        """Returns a function from a time to the vertices (V, 3), in metres in the world. It is fast enough to
+        be called for every frame."""
         player, drawn = self.player(project, character), self.drawn(character)
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
-        """Returns sentences about the data that the character still needs before it can move. Empty if it can
+        """Returns sentences about the data that the character still needs before it can move, or () if it can
         move.
         """
         return ()
 
     def check_layers(self, project: Project, character: Any, numbers: set[int], /) -> None:
-        """Raises an error if the changed layers cannot be played."""
+        """Raises an error if the changed layers ``numbers`` cannot be played."""
         return
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float, /) -> Project:
@@ -135,8 +134,8 @@ class RigEdits(ABC):
     def handle_motion(
         self, character: Any, player: Player, handle: int | None, layer: int | None, /
     ) -> HandleMotion | None:
-        """Returns the function for the curves of a handle. They are relative to the handle's parent bone, if
-        a parent bone exists.
+        """Returns the motion that the window shows as curves of a handle. It is relative to the handle's
+        parent bone, if a parent bone exists.
 
         Args:
             player: the character's player; see :meth:`player`.
@@ -158,7 +157,7 @@ class RigEdits(ABC):
 
     @abstractmethod
     def moved(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:
-        """Returns the character, moved as one rigid piece."""
+        """Returns the character, moved rigidly: x becomes turn (x - about) + about + offset."""
 
     @abstractmethod
     def scaled(self, character: Any, factor: float, /) -> Any:
@@ -191,7 +190,7 @@ class RigEdits(ABC):
 
 
 def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
-    """Raises an error for names that are not attributes of the dataclass ``kind``."""
+    """Raises InputError if a name in ``changes`` is not an attribute of the dataclass ``kind``."""
     names = [field.name for field in fields(kind)]
     for name in changes:
         if name not in names:

@@ -1,11 +1,11 @@
-"""Edits of the clips of a lane, for the layers of all rigs.
+"""Edits of the clips in a lane of the timeline, for the layers of all rigs.
 
     split_clip(project, "squid", [0], time)                   # the motion stays the same
     trim_clip(project, "squid", [0], 1, begin=2.0)            # the remaining part plays as before
     slip_clip(project, "squid", [0], 1, 0.5)                  # another part of the take, at the same time
     blend_clips(project, "squid", [0], 0, 0.4)                # cross-fades a clip into the next
 
-A lane is a row of the timeline with the layers of a character that have the same clips. Its clips are
+A lane is a row of the timeline. It shows all layers of a character that have the same clips. Clips are
 numbered in the order of time, and times are in seconds of the project. An invalid edit raises InputError and
 changes nothing.
 """
@@ -42,7 +42,8 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """Splits the clip at a time in two. The motion stays the same.
 
     Raises:
-        InputError: if there is no clip at that time, or the time is at its end.
+        InputError: if no clip plays at that time, the time is at the start or end of a clip, or two clips are
+            blended there.
     """
 
     numbers = tuple(numbers)
@@ -81,7 +82,7 @@ def trim_clip(
     begin: float | None = None,
     end: float | None = None,
 ) -> Project:
-    """Changes the start or end time of a clip. The remaining part of it plays as before.
+    """Changes the start or end time of a clip. The remaining part of the clip plays as before.
 
     The clip cannot extend beyond its take's first or last frame.
     """
@@ -97,8 +98,8 @@ def trim_clip(
                 segment.begin + (length - segment.first) / segment.speed,
             )
         )
-        # A clip cannot be extended beyond its take. If it already extends beyond its take, it may keep that
-        # length and holds the first or last frame.
+        # A clip cannot be extended beyond its take. A clip that already extends beyond its take may keep that
+        # length. It repeats the first or last frame there.
         low, high = min(ends[0], segment.begin), max(ends[1], segment.end)
         start = segment.begin if begin is None else min(max(begin, low), segment.end - _MIN_CLIP_S)
         stop = segment.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
@@ -110,8 +111,8 @@ def trim_clip(
 def slip_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """Makes a clip play a part of its take that is ``seconds`` later, at the same time of the project (slip
-    edit)."""
+    """Slips a clip (slip edit): its start and end stay the same, but it plays a part of its take that is
+    ``seconds`` later."""
     return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.first + seconds)
     )
@@ -186,13 +187,14 @@ def remove_clip(project: Project, character_id: str, numbers: Iterable[int], cli
 def blend_clips(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """Cross-fades a clip into the next over ``seconds``, half of them on each side of the boundary.
+    """Cross-fades a clip into the next clip. The fade takes ``seconds``, half of them on each side of the
+    boundary.
 
-    If a take has no more frames there, its last pose is held. With 0 seconds, the clips meet in the middle of
-    their overlap.
+    If a take has no more frames there, its last pose is repeated. With 0 seconds, an existing overlap is
+    removed, and the clips meet in its middle.
 
     Raises:
-        InputError: if it is the last clip, or if the next clip does not begin at its end.
+        InputError: if the clip is the last one, or if the next clip does not begin at the end of the clip.
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
@@ -221,7 +223,8 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     """Toggles whether layers play the mirror image of their take (left and right swapped).
 
     Raises:
-        InputError: if the character is a possessed mesh, because its recording describes its own nodes.
+        InputError: if the character is a possessed mesh. Its recording contains poses of the mesh's own
+            nodes, which cannot be mirrored.
     """
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _find_layer(character, numbers[0])

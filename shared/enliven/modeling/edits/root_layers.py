@@ -36,7 +36,8 @@ class RigidMotion(NamedTuple):
     move: Float
 
     def __call__(self, points: AnyArray) -> Float:
-        """Transforms points (..., N, 3) to (..., N, 3) metres, with one row of points for each moment."""
+        """Transforms points (..., N, 3) in metres. The leading axes are those of the motion: one set of N
+        points for each time."""
         points = np.asarray(points, np.float64)
         return rotate(self.turn[..., None, :], points) + self.move[..., None, :]
 
@@ -87,8 +88,8 @@ def root_motions(project: Project, character: RigBase, times: AnyArray | Sequenc
 def root_values(
     project: Project, character: RigBase, number: int, motion: RigidMotion, time: float
 ) -> tuple[Float, Float]:
-    """Computes the values of one root layer's clip at a time, for a required motion of all root layers
-    together.
+    """Computes the values that the clip of one root layer needs at a time, so that all root layers together
+    result in ``motion``.
 
     Args:
         number: index of the layer among the root layers.
@@ -117,7 +118,7 @@ def root_values(
 
 
 def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[RigidMotion, float]:
-    """Returns the motion of one layer at a time, and its weight."""
+    """Returns the motion of one layer at a time in seconds of the project, and the layer's weight."""
     clip = project.take_of(layer)
     assert isinstance(clip, Clip)
     at = layer.moment(time, clip.duration)

@@ -60,7 +60,7 @@ def refuse_locked(old_project: Project, new_project: Project) -> None:
 
 
 def order_characters(project: Project, name: str, place: int) -> Project:
-    """Moves a character to another position in the order of the project. Position 0 is the first.
+    """Moves a character to position ``place`` in the project's list of characters. Position 0 is the first.
 
     Raises:
         InputError: if the character does not exist.

@@ -1,4 +1,4 @@
-"""Caps: triangulations that close the loops of a cut. Their inner points get interpolated values of the
+"""Caps: triangulations that close the loops of a cut. Values at their inner points are interpolated from the
 rim."""
 
 from __future__ import annotations

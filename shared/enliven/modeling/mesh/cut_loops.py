@@ -30,8 +30,8 @@ class Crossings:
 
 
 def find_crossings(faces: Int, is_far: Bool) -> Crossings:
-    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices on the far side
-    (``is_far`` (V,))."""
+    """Finds the crossed faces among ``faces`` (F, 3). A face is crossed if one or two of its vertices are on
+    the far side (``is_far`` (V,))."""
     side = is_far[faces]
     far_count = side.sum(1)
     crossed = np.flatnonzero((far_count == 1) | (far_count == 2))
@@ -59,7 +59,7 @@ def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
         pairs: (K, 2) links between edges; some may have the wrong direction.
 
     Returns:
-        The chains: for each, its edges in order, and True if it is closed.
+        A pair for each chain: its edges in order, and True if it is closed.
     """
     beside: dict[int, list[int]] = {}
     for k, (a, b) in enumerate(pairs.tolist()):

@@ -14,13 +14,13 @@ from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, close_su
 
 @dataclass(frozen=True)
 class Solid:
-    """A closed mesh for manifold3d, with the origin of its parts.
+    """A closed mesh for manifold3d, with the origin of its vertices and faces.
 
     Attributes:
         manifold: the manifold3d object. Each of its vertices has its number in ``mesh`` as a property.
         mesh: the given vertices, then the vertices that close the surface. Unusable faces are excluded.
-        closing: for the vertices that close the surface, in their order: the vertices that they depend on,
-            and the interpolation.
+        closing: one pair for each group of vertices that close the surface, in order: the vertices that the
+            group depends on, and the function that interpolates values at the group's vertices.
         leaves: a mesh of the given faces that do not enclose a volume (open sheets), with the vertices of
             ``mesh``.
         id: number of the solid in manifold3d's results.

@@ -85,7 +85,7 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 @dataclass(frozen=True)
 class _LayerMotion:
-    """The motion by one layer of the nodes of a shape at rest.
+    """The motion that one layer adds to the nodes of a shape in the rest pose.
 
     Attributes:
         moves: (N,) True for nodes that the layer moves.
@@ -149,7 +149,7 @@ def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Flo
 
 
 def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
-    """Returns the recorded maps and positions at a second of the stream."""
+    """Returns the recorded maps and positions of nodes at the time ``second`` of the stream, in seconds."""
     last = len(stream.positions) - 1
     frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))

@@ -39,7 +39,8 @@ _GRID_SIZE_M = 1e-5
 """Grid size in metres to which coordinates are rounded for comparing meshes. Scaling a mesh and back causes
 rounding errors of 1e-15."""
 _GRID_OFFSET = 0.31830988618
-"""Offset of the grid as a fraction of its size, so that round numbers do not fall on a boundary."""
+"""Offset of the grid as a fraction of its size. It keeps round numbers away from the boundaries between grid
+cells."""
 
 
 def stale(project: Project, shape: GraphShape) -> bool:

@@ -23,12 +23,13 @@ def add_point(
     foot: bool = False,
     places: AnyArray | None = None,
 ) -> Project:
-    """Adds a control point at the end of the list. In each key pose it lies on the surface.
+    """Adds a control point at the end of the puppet's list. In each key pose, the control point is on the
+    surface.
 
     Args:
-        vertex: the vertex of the mesh at which the control point lies.
+        vertex: the vertex of the mesh that the control point moves.
         name: name that is unique on the puppet. If empty, a name is generated.
-        joint: the performer's joint that the control point follows. Empty for none.
+        joint: the performer's joint that the control point follows, or "" if there is none.
         foot: True if the puppet can stand on the control point.
         places: (n, 3) metres, the control point's position in each key pose; None to solve the surface for
         it.
@@ -103,7 +104,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
 
 
 def checked_vertex(puppet: Puppet, vertex: int) -> int:
-    """Returns a vertex after checking that a control point can be on it.
+    """Returns a vertex after checking that a control point can be placed on it.
 
     Raises:
         InputError: if it does not exist, no face uses it, or another control point is on it.

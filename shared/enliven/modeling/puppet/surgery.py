@@ -1,8 +1,8 @@
 """Cuts puppets in two. Both halves continue to move by their examples.
 
 Nothing is baked. Each half of a cut keeps its control points. It gets new control points along the cut, and
-at other places where its surface would deviate. In every key pose, these points lie on the old surface. So in
-its key poses, a half has the same shape as before the cut.
+wherever else its surface would deviate. In every key pose, these points lie on the old surface. So in its key
+poses, a half has the same shape as before the cut.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MAX_HALF_DEVIATION = 0.02
 size. Smaller deviations are not visible.
 """
 _FIRST_CUT_POINTS = 4
-"""Initial number of new control points along the cut. This number is enough to hold the border of a round
+"""Initial number of new control points along the cut. Four points are enough to fix the border of a round
 limb.
 """
 _MAX_CUT_POINTS = 12
@@ -55,8 +55,8 @@ def cut_puppet(
     """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
 
     The pose of the whole puppet at ``time`` becomes a key pose, so that the halves keep this pose. A half
-    with all of the feet continues to travel through the world. Any other half no longer travels: it moves at
-    its position at ``time``.
+    with all of the feet continues to travel through the world. Any other half no longer travels, and moves
+    about its position at ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
@@ -66,7 +66,8 @@ def cut_puppet(
 
     Returns:
         The project, and the ids of both halves. The half with more feet keeps ``puppet_id``, and the other
-        half gets a new id. With equal numbers it is the larger half (of two equal halves the near half).
+            half gets a new id. If both have the same number of feet, the larger half keeps it. If both also
+            have the same size, the near half keeps it.
 
     Raises:
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
@@ -161,8 +162,8 @@ class _Half:
         return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
     def _puppet_with_points(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
-        """Returns a puppet with this side's mesh and these control points, at their old positions in each key
-        pose."""
+        """Returns a puppet with this side's mesh and the control points ``points``. In each key pose, the
+        points are on the old surface."""
         vertices = [point.vertex for point in points]
         poses = zip(self._puppet.poses, self._was[:, vertices], strict=True)
         return puppet.with_changes(
@@ -186,8 +187,8 @@ class _Half:
         return np.unique(near[self._old[near]])
 
     def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
-        """Returns the layers, limited to the existing control points. A new control point is in the layers of
-        the control point that it follows."""
+        """Returns the layers with only the control points that still exist. A new control point is added to
+        the layers of the control point that it follows."""
         feet = {point.name for point in self._puppet.points if point.foot}
         out = []
         for layer in self._puppet.layers:

@@ -42,10 +42,10 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
 
 
 def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
-    """Returns the spans of a bone that continues a bone with ``spans`` in line, and is stretched by these
-    layers.
+    """Returns the spans of a bone that stays in line with the bone before it, which has ``spans``. The new
+    bone is stretched by ``layers``.
 
-    The references to the layers have equal start and end, so that they cause no rotation.
+    Each reference to a layer has equal start and end, so that it causes no rotation.
     """
     refs = tuple(replace(ref, start=ref.end) for ref in spans[-1].refs if ref.layer in layers)
     return (Span(refs=refs),)
@@ -106,7 +106,7 @@ def _scale_shares(spans: Sequence[Span], target_sum: float) -> Spans:
     motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
-        # All rotations are at the joint itself. Add a span for the whole bone, which does not move.
+        # All rotations are at the joint itself. So add one span without motion for the whole bone.
         return (*spans, Span(target_sum))
     return tuple(replace(span, share=span.share * target_sum / total) for span in spans)
 

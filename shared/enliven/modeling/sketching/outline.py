@@ -82,8 +82,8 @@ def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
 
 
 def _crossing_segments(points: Float, closed: bool) -> Float:
-    """Returns (K, 2) pairs of crossing segments as ``segment + position along it``, the earlier segment
-    first."""
+    """Returns (K, 2) pairs of crossing segments, the earlier segment first. Each value is the number of the
+    segment plus the position along it (0 to 1)."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
     starts = points if closed else points[:-1]
     return np.array(
@@ -115,7 +115,7 @@ def _crossing_kernel(starts, ends, closed):
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:
-    """Returns the part of the stroke between its two passages through the point at which its ends cross."""
+    """Returns the part of the stroke between its two passages through the point where its ends cross."""
     count = len(points) - 1
     near_ends = (crossings[:, 0] < _MAX_OVERSHOOT_FRACTION * count) & (
         crossings[:, 1] > (1 - _MAX_OVERSHOOT_FRACTION) * count

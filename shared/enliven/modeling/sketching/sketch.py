@@ -27,15 +27,16 @@ from enliven.modeling.sketching.outline import trace_outline
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 _MAX_OUTLINE_POINTS = 200
-"""Maximum number of points along the outline: enough for fingers of a drawn hand."""
+"""Maximum number of points along the outline. It is enough for the fingers of a drawn hand."""
 _MAX_VERTICES = 4000
 """Approximate maximum number of vertices of the mesh, so that drawing feels immediate."""
 _MAX_AXIS_DEVIATION_RADII = 0.45
-"""Maximum distance of the axis from its bone, relative to the radius. A smaller value gives more bones."""
+"""Maximum distance between the axis and its bone, as a multiple of the radius. A smaller value gives more
+bones."""
 _MAX_BONE_DIAMETERS = 8.0
 """Maximum length of a bone in diameters, so that long straight parts can bend."""
 _SMOOTHING_PASSES = 6
-"""Number of smoothing passes over the surface: they remove the ridge along the outline."""
+"""Number of smoothing passes over the surface. They remove the ridge along the outline."""
 
 
 @dataclass(frozen=True)

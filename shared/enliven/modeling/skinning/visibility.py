@@ -12,7 +12,7 @@ _MAX_OUTWARD_COSINE = 0.2
 a larger cosine the bone is outside."""
 _FADE_EXPONENT = 4
 """If a bone replaces an occluded bone, its heat falls with this power of the distance. Of the tested
-exponents, this exponent gave the weights nearest to the weights that artists painted on ten rigs.
+exponents, this one gave the weights closest to those that artists painted on ten rigs.
 """
 MOST = 6
 """Maximum number of bones tested per vertex, the nearest first."""
@@ -175,8 +175,8 @@ def nearest_seen(
 
     Returns:
         (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, increased to
-        d (d / d_0)^4 with d_0 the distance to the nearest bone, occluded or not. Infinite if no bone is
-        visible.
+            d (d / d_0)^4 with d_0 the distance to the nearest bone, even if it is occluded. They are infinite
+            if no bone is visible.
     """
     low, high = vertices.min(0), vertices.max(0)
     extent = float((high - low).max()) or 1.0
