@@ -1,8 +1,8 @@
 """Skinning on the CPU: applies the deformation map of KinÊtre, eq. 2, to vertices.
 
-The viewer does the same in its vertex shader. This module is for export, tests and collision. It uses one
-thread, because without OpenMP, parallel loops of Numba abort the process if two threads enter them at the
-same time.
+The viewer computes the same in its vertex shader. This module is used for export, tests and collision. It
+uses one thread, because without OpenMP, parallel loops of Numba abort the process if two threads enter them
+at the same time.
 
 Three variants were 25 to 50 % slower than the plain loop: blending the four matrices before applying them to
 the vertex, rows padded to four floats, and sums over a fixed array.

@@ -32,7 +32,7 @@ spheres."""
 
 @dataclass(frozen=True)
 class SphereSettings:
-    """Settings for covering a mesh with spheres; metres are those of the mesh at rest."""
+    """Settings for covering a mesh with spheres. Lengths are in metres of the mesh at rest."""
 
     edges: float = parameter(
         4.0, "Sphere radius in mean edge lengths of the mesh. The paper uses 4.", low=0.1, high=1000.0
@@ -132,8 +132,8 @@ def pack_spheres(
 
 
 def _sphere_radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
-    """Returns the paper's radius within the settings' limits. It is larger if the area would need too many
-    spheres."""
+    """Returns the radius of the paper, clamped to the settings' limits. The radius is larger if covering the
+    area would need too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
     # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2. So smaller spheres would

@@ -42,8 +42,8 @@ class Merge:
     Attributes:
         host, graft: ids of the two characters. The host keeps its id.
         time: seconds of the project's time.
-        node: the part of the host that carries the graft: a handle (by number or name), or a node of the
-            host's deformation graph. None selects the nearest.
+        node: what the graft follows: a handle of the host (by number or name), or a node of its deformation
+            graph. None selects the nearest.
         at: position along the host's bone that ends at ``node``, if both characters have bones. 1 is the end
             of the bone.
         loose: if the boolean union of the meshes fails, put both shells into one mesh instead of raising an

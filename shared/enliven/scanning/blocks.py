@@ -55,7 +55,7 @@ class BlockTable:
             self._rebuild_hash_table(2 * len(self.keys))
 
     def retain(self, numbers: Int) -> None:
-        """Keeps only the blocks (K,) with these numbers, and renumbers them from 0 to K - 1."""
+        """Keeps only the blocks with these ``numbers`` (K,), and renumbers them from 0 to K - 1."""
         self.places[: len(numbers)] = self.places[numbers]
         self.count = len(numbers)
         self._rebuild_hash_table(len(self.keys))
@@ -74,7 +74,7 @@ class BlockTable:
 
 
 def grow_array(array: np.ndarray, length: int, fill: float) -> np.ndarray:
-    """Returns an array with more rows; the new ones hold ``fill``."""
+    """Returns the array with ``length`` rows. New rows are filled with ``fill``."""
     larger = np.full((length, *array.shape[1:]), fill, array.dtype)
     larger[: len(array)] = array
     return larger
@@ -101,7 +101,7 @@ def _home_slot(key, size):
 
 @njit(cache=True, nogil=True)
 def find(keys, slots, key):
-    """Returns the number of the block with a key, or -1."""
+    """Returns the number of the block with a key, or -1 if there is no such block."""
     at = _home_slot(key, len(keys))
     while keys[at] != -1:
         if keys[at] == key:
@@ -121,7 +121,8 @@ def insert(keys, slots, key, number):
 
 @njit(cache=True, nogil=True)
 def link(keys, slots, places, beside, first, last):
-    """Links the blocks ``first`` to ``last`` with their neighbours, in both directions."""
+    """Stores the neighbours of the blocks ``first`` to ``last``, and these blocks as the neighbours of their
+    neighbours."""
     for b in range(first, last):
         x, y, z = places[b, 0], places[b, 1], places[b, 2]
         for k in range(8):

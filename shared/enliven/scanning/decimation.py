@@ -1,4 +1,4 @@
-"""Mesh decimation of a scan, and the deviation from the original surface."""
+"""Decimates the mesh of a scan, and measures its deviation from the original surface."""
 
 from __future__ import annotations
 

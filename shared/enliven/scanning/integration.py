@@ -14,11 +14,11 @@ _MAX_BANDS_BEHIND = 2.0
 """Maximum distance of a voxel behind a surface along the ray, in truncation bands, for any slant of the
 surface. A deeper voxel may be behind the other side of a thin part."""
 _FREE_SPACE_BANDS = 8.0
-"""Distance in front of a surface along the ray, in truncation bands, beyond which a voxel is free space for
-any slant of the surface. It is the inverse of the smallest trusted cosine between ray and normal."""
+"""Minimum distance in front of a surface along the ray, in truncation bands, at which a voxel is free space
+for any slant of the surface. It is the inverse of the smallest trusted cosine between ray and normal."""
 _MIN_BAND_WEIGHT = 0.1
-"""Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
-constrains the surface least."""
+"""Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. An
+observation constrains the surface least at these edges."""
 _VOXEL_X = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
 _VOXEL_Y = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
@@ -29,8 +29,8 @@ _COLOUR_RANGE_VOXELS = 1.8
 """Distance from a surface, in voxels, within which a voxel stores a colour. It includes the corners of all
 cells that the surface crosses."""
 _MAX_COLOUR_WEIGHT = 8.0
-"""Maximum weight in the running average of a voxel's colour, so that the light of the first observation
-fades."""
+"""Maximum weight in the running average of a voxel's colour. It lets the lighting of the first observations
+fade."""
 UNSEEN = 0
 """State of a block that is not visible in an image."""
 FREE = 1
@@ -45,9 +45,9 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
 
     Args:
         points: :class:`PointArrays`.
-        stride: every how many pixels a point is used, in each direction.
+        stride: step in pixels between the points that are used, in each direction.
         phase: index of the first used point, 0 to stride^2 - 1.
-        reach: metres; farther points are left out.
+        reach: maximum depth of the points, metres. Farther points are left out.
         turn, place: world_from_camera, (3, 3) and (3,).
 
     Returns:
@@ -189,8 +189,8 @@ def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
     """
     turn, lens, size = camera.turn, camera.lens, np.float32(band.voxel * SIDE)
     voxel = np.float32(band.voxel)
-    # Copy the values into local scalars, because array elements are loaded again after every write to another
-    # array.
+    # Copy the values into local scalars, because the compiler loads array elements again after every write to
+    # another array.
     xx, xy, xz = voxel * turn[0, 0], voxel * turn[0, 1], voxel * turn[0, 2]
     yx, yy, yz = voxel * turn[1, 0], voxel * turn[1, 1], voxel * turn[1, 2]
     zx, zy, zz = voxel * turn[2, 0], voxel * turn[2, 1], voxel * turn[2, 2]
@@ -221,15 +221,15 @@ def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _measure_voxels(pixel, local, planes, weights, behind, before, along, worth):
-    """Computes three values per voxel: its distance (m) in front of the plane of its pixel, normal . voxel
-    (along the normal), and the weight of the plane.
+    """Computes three values for each voxel. ``before`` is its distance (m) in front of its pixel's plane,
+    ``along`` is normal . voxel (m), and ``worth`` is the plane's weight.
 
     Args:
         planes: (4, H W), weights: (H W,) as in a view.
         behind: metres, truncation distance behind a surface.
 
     Returns:
-        The number of voxels that are observed. The others are occluded in the image.
+        The number of voxels that are observed. The other voxels are occluded in the image.
     """
     observed = np.int32(0)
     for i in range(VOXELS):
@@ -280,12 +280,12 @@ def _average_distances(sizes, local, shown, before, along, worth, distance, weig
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_colours(pixel, shown, before, worth, near, picture, weight, hue):
-    """Updates the running averages of colour in those voxels of a block that lie next to the surface."""
+    """Updates the running averages of colour in the voxels of a block that are near the surface."""
     for i in range(VOXELS):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue
         share = worth[i] / (min(weight[i], np.float32(_MAX_COLOUR_WEIGHT)) + worth[i])
-        # If the earlier observations had no colour, take the new colour alone. 0 means no colour, and black
+        # If the earlier observations had no colour, store only the new colour. 0 means no colour, and black
         # is stored as 1.
         share = np.float32(1.0) if hue[i, 0] == 0 else share
         for c in range(3):

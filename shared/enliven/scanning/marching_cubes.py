@@ -15,12 +15,13 @@ from enliven.scanning.tsdf_volume import TsdfVolume
 _EDGE_STARTS = np.array(STARTS, np.int32)
 """(3, 4) for each axis, the corners at which the four edges along it begin."""
 _MIN_VOXEL_WEIGHT = 0.1
-"""Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
+"""Minimum sum of weights of a voxel that counts as observed: one observation from nearby, or two from two
+metres away."""
 
 
 def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
     """Returns the surface as a mesh (metres, world). The mesh is open at unobserved voxels, and has colours
-    if the volume has.
+    if the volume has colours.
 
     Args:
         support: minimum sum of weights of a voxel.
@@ -61,8 +62,8 @@ def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def _gather_distances(b, beside, distance, weight, support, cells):
-    """Gathers (9, 9, 9) distances: those of a block, and of the adjacent layer of its neighbours. Voxels with
-    too little support get NaN.
+    """Gathers (9, 9, 9) signed distances into ``cells``: those of block ``b``, and of the adjacent layer of
+    its neighbours. Voxels with a weight below ``support`` get NaN.
     """
     for z in range(SIDE + 1):
         for y in range(SIDE + 1):
@@ -75,7 +76,7 @@ def _gather_distances(b, beside, distance, weight, support, cells):
 
 @njit(cache=True, nogil=True)
 def _cell_case(cells, x, y, z):
-    """Returns the configuration of a cell; 0 if a corner is unknown."""
+    """Returns the case of a cell (its row in the triangle table), or 0 if a corner is unknown."""
     case = 0
     for k in range(8):
         d = cells[z + (k >> 2), y + ((k >> 1) & 1), x + (k & 1)]
@@ -152,7 +153,7 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
 
 @njit(cache=True, nogil=True)
 def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers, faces):
-    """Fills the faces of all cells."""
+    """Writes the faces of all cells into ``faces`` (F, 3)."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     face = 0
     for b in blocks:

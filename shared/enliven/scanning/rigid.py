@@ -25,7 +25,7 @@ def move_pose(pose: Float, step: Float) -> Float:
 
 
 def invert_pose(pose: Float) -> Float:
-    """Returns the inverse of a pose."""
+    """Returns the inverse (4, 4) of a rigid pose (4, 4)."""
     inverse = np.eye(4)
     inverse[:3, :3] = pose[:3, :3].T
     inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]

@@ -5,7 +5,8 @@
     vertices = surface.solve_from_rest(places)       # independent of earlier frames, for scrubbing and export
 
 A mesh of more than ``coarse_above`` vertices is solved on an evenly distributed subset of its vertices
-(:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells near them, with all detail.
+(:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells of this subset near them, so all
+surface detail is kept.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ from enliven.meshes import Mesh
 
 _ERROR_CONTEXT = "puppet surface"
 _MIN_GUIDE_VERTEX_RATIO = 3
-"""Minimum ratio of the solver's number of vertices to the guide's. With a smaller ratio, a guide costs more
-time than it saves."""
+"""Minimum ratio of the solver's number of vertices to that of the guide (a coarse proxy). With a smaller
+ratio, a guide costs more time than it saves."""
 _DETAIL_SETTLING_FRAMES = 6
-"""Number of frames after the guide in which local details converge."""
+"""Number of frames that are solved after the guide has moved the surface. Local details converge in these
+frames."""
 
 
 class PuppetSurface:
@@ -72,7 +74,7 @@ class PuppetSurface:
         """Replaces the control points, and resets the mesh to rest.
 
         Raises:
-            InputError: as in the constructor. In that case nothing has changed.
+            InputError: as for the constructor. In that case the control points stay unchanged.
         """
         vertices = np.array(held, np.int64).reshape(-1)
         soft_weights = [None] * len(vertices) if weights is None else list(weights)

@@ -17,8 +17,9 @@ _MAX_DUST_SIZE_SPACINGS = 2.0
 def select_followed_samples(points, samples, start, near, way, reach, detour):
     """Returns the samples that each vertex follows, with weights, as CSR.
 
-    ``start``, ``near`` and ``way`` are the samples near each vertex, and their distances along the surface in
-    metres.
+    ``start``, ``near`` and ``way`` are the samples near each vertex (CSR), and their distances along the
+    surface in metres. Samples within ``reach`` metres are followed. A path up to ``detour`` times longer than
+    the straight distance counts as straight.
     """
     count = points.shape[0]
     offsets, kept, weights = (

@@ -135,8 +135,7 @@ class ArapSolver:
 
         Args:
             targets: (K, 3) metres for each handle that moves, one row per vertex of the handle. The other
-            handles
-                keep their targets.
+                handles keep their targets.
 
         Returns:
             (V, 3) metres, the mesh's vertices. Hard handles are exactly at their targets.

@@ -1,5 +1,5 @@
-"""Triangular solves with the Cholesky factor of :mod:`enliven.deformation.arap.factor`. One register has x,
-y, z."""
+"""Triangular solves with the Cholesky factor of :mod:`enliven.deformation.arap.factor`. One vector register
+contains x, y and z."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class PreparedSurface(NamedTuple):
 
     Attributes:
         place_of: (V,) the place of each vertex of the mesh in the solver's order. Welded vertices share a
-        place.
+            place.
         rest: (P, 3) metres relative to ``centre``, the positions at rest in the solver's order.
         centre: (3,) the centre of the mesh's box, so that a mesh far from the origin loses no precision.
         extent: length of the diagonal of the mesh's box in metres.
@@ -56,7 +56,7 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
 
     Args:
         links: (L, 2) pairs of vertices that are connected without a face. With links, no vertex counts as
-        loose.
+            loose.
 
     Raises:
         InputError: if the mesh has no faces, positions that are not finite, or too many vertices.

@@ -39,7 +39,7 @@ class Volume(NamedTuple):
     Attributes:
         faces: (F, 3) the corners of the faces, as places in the solver's order.
         border: (B,) places at open edges; empty for a closed surface. The volume is computed about their
-        centre.
+            centre.
         rest: volume at rest in cubic metres, above 0.
         ease: growth of the volume under a pressure of 1 on the whole surface, at rest.
     """
@@ -109,7 +109,7 @@ def add_pressure(volume, frames, eliminated, pose, forces, pressure, kept, z):
         pose: (V, 3) metres, the positions shown last, in the solver's order.
         forces: (V, 3) scratch space.
         pressure: the pressure of the last frame.
-        kept: 0 to 1, the fraction of the change of volume that is corrected.
+        kept: the fraction of the change of volume that the pressure corrects, from 0 to 1.
     """
     missing = volume.rest - gradient(pose, volume.faces, volume.border, forces)
     whole = pressed = 0.0

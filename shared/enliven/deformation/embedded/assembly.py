@@ -227,8 +227,7 @@ def _add_planes(planes, s):
 
 @njit(cache=True, nogil=True)
 def _add_lines(s, i, j, u, v, w):
-    """Adds w u vᵀ to the block of the nodes i >= j, or the bound of it if the pattern does not couple
-    them."""
+    """Adds w u vᵀ to the block of the nodes i >= j, or its bound if the pattern does not couple them."""
     low, high = s.start[j], s.start[j + 1] - 1
     while low < high:
         middle = (low + high) // 2

@@ -47,8 +47,7 @@ class Terms(NamedTuple):
         nodes: (L, 4) int32 the nodes of each constraint, ascending. Nodes with weight 0 are skipped.
         rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
         held_start: (N + 1,) int32 the index at which the holds of each node start. A hold is a constraint
-        with a
-            weight on the node.
+            with a weight on the node.
         held_by: (H,) int32 the constraint of each hold.
         arms: (4 H,) the coefficients of each hold, copied from ``rows``.
         forces: (4 L,) scratch space for the derivative by each phi(p).

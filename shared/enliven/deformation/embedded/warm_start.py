@@ -1,5 +1,4 @@
-"""The choice of the state that a frame starts from: the extrapolated last frame, or a state with lower
-energy."""
+"""Chooses the initial state of a frame: the extrapolated last frame, or another state with lower energy."""
 
 from __future__ import annotations
 
@@ -25,7 +24,8 @@ def choose_start(x, rest, t, planes, work):
     The rigid motion is the motion that best moves the points to their targets. It does not change E_rot and
     E_reg, so a leap of the whole body does not increase the energy. If the state was distorted by wrong
     targets, the rest pose soon becomes the better start. The rigidly moved candidates are tried only if the
-    others are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen start.
+    other candidates are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen
+    start.
     """
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]

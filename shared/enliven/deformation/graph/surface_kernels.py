@@ -184,7 +184,7 @@ def link_near_points(points, normals, shell, order, starts, around, reach):
     Args:
         order, starts, around: the result of :func:`grid`, with cells at least as large as every reach.
         reach: (3,) metres, the maximum length of links through a part, across a seam, and between touching
-        shells.
+            shells.
     """
     thin, seam, touch = reach[0], reach[1], reach[2]
     farthest = max(thin, seam, touch) ** 2

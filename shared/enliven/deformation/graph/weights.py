@@ -6,16 +6,15 @@ follow the other leg. If five nodes are about equally far away, the weights shif
 millimetres, and the surface creases. This module differs in three steps:
 
 1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g is the geodesic distance along
-the
-   surface, and s is the node spacing. d equals e until the path along the surface is a detour; from there it
-   grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes. The
-   paths of g also go through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the
-   surface, and so are the weights, even when nodes enter and leave the four: a node enters with weight zero.
+the surface, and s is the node spacing. d equals e until the path along the surface is a detour. From there, d
+grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes. The paths
+of g also go through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface,
+and so are the weights, even if the set of four nodes changes, because a node enters the set with weight zero.
    d_max is at most two spacings, so that the tip of an arm does not follow the other arms.
 2. Only *carriers* are followed: nodes that are not too near to each other along the surface. Eq. 6 clusters
    nodes where the surface bends. The other nodes act on the carriers through the graph.
-3. A vertex takes the mean of these weights over the surface around it. The four largest are kept, minus the
-   fifth, which keeps them continuous; they are scaled to sum to one.
+3. A vertex takes the mean of these weights over the surface around it. The four largest weights are kept. The
+  fifth is subtracted from them, so that they stay continuous, and they are scaled to sum to one.
 
 (R. W. Sumner et al., "Embedded deformation for shape manipulation", 2007, eq. 4, squares the fall-off.)
 """

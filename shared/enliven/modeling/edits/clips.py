@@ -241,7 +241,8 @@ def _with_changed_clip(
     clip: int,
     change: Callable[[Segment], Segment],
 ) -> Project:
-    """Changes one clip of some layers. The other clips stay unchanged."""
+    """Returns the project with ``change`` applied to one clip of some layers. The other clips stay
+    unchanged."""
 
     def lane(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _check_clip(clips, clip, character_id)
@@ -251,7 +252,8 @@ def _with_changed_clip(
 
 
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
-    """Changes the clips of some layers. All of these layers get the same clips."""
+    """Applies ``change`` to the clips of the first of the layers ``numbers``, and gives the resulting clips
+    to all of these layers."""
     character, layer_numbers = project.character(character_id), tuple(numbers)
     first = _find_layer(character, layer_numbers[0])
     length = project.length_of(first)

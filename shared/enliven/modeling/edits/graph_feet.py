@@ -243,6 +243,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
 
 
 def _mean_displacement(shape: GraphShape, foot: StandingFoot, node_weights: Float) -> float:
-    """Returns the mean displacement of a foot's vertices if each node moves by its fraction (N,)."""
+    """Returns the fraction of a displacement by which a foot moves on average, if each node moves by its
+    fraction ``node_weights`` (N,)."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
     return float((np.asarray(weights, np.float64) * node_weights[indices]).sum(1).mean())

@@ -18,8 +18,7 @@ class Crossings:
         faces: (K,) the crossed faces, ascending.
         edges: (E, 2) the crossed edges, with the smaller vertex number first.
         pairs: (K, 2) the two crossed edges of each crossed face. Their order is the direction of the border
-        of the
-            cap that closes the near side.
+            of the cap that closes the near side.
         loops: (K,) the loop that each crossed face belongs to.
     """
 

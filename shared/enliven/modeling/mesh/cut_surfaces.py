@@ -73,8 +73,7 @@ class StrokeCut(CutSurface):
 
     Attributes:
         stroke: (S, 2) points in any units of the image (pixels, or -1..1), with the y axis up. The far side
-        is on the
-            left in the direction of the stroke.
+            is on the left in the direction of the stroke.
         picture_from_world: (4, 4) the projection: x and y in the units of the stroke, after division by w.
     """
 

@@ -90,7 +90,7 @@ class _LayerMotion:
     Attributes:
         moves: (N,) True for nodes that the layer moves.
         linear, apart: (N, 3, 3) linear maps, and (N, 3) metres, displacements: a node moves from r to r +
-        apart.
+            apart.
     """
 
     moves: Bool

@@ -188,8 +188,8 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints that differ between key poses. If no joint differs,
-    returns all paired control points.
+    """Returns the control points whose joints have different positions in different key poses. If there are
+    none, returns all control points that have a joint.
 
     The performer's root never moves in the body frame, so its control point is left out.
     """
@@ -204,8 +204,8 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """Removes key poses with the same joint positions as an earlier one. Returns the puppet and the number of
-    removed poses."""
+    """Removes key poses with the same joint positions as an earlier key pose. Returns the puppet and the
+    number of removed poses."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
@@ -239,8 +239,8 @@ def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
 def nearest_paired(
     mesh: Mesh, points: Sequence[ControlPoint], vertices: Sequence[int]
 ) -> list[ControlPoint | None]:
-    """Returns for each vertex the nearest paired control point along the surface, or None if no point is
-    paired."""
+    """Returns for each vertex the control point with a joint that is nearest along the surface, or None if no
+    control point has a joint."""
     paired = [point for point in points if point.joint]
     if not paired or not vertices:
         return [None] * len(vertices)
@@ -285,7 +285,8 @@ _MIN_MOTION_FRACTION = 0.02
 
 
 def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
-    """Returns the layer that positions all control points without other layers, or None if there is none."""
+    """Returns the layer that alone determines the positions of all control points, or None if there is no
+    such layer."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

@@ -32,7 +32,7 @@ def add_point(
         joint: the performer's joint that the control point follows, or "" if there is none.
         foot: True if the puppet can stand on the control point.
         places: (n, 3) metres, the control point's position in each key pose; None to solve the surface for
-        it.
+            it.
 
     Raises:
         InputError: if the vertex does not exist, has a control point or belongs to no face, or if the name is

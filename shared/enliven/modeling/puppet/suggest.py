@@ -141,8 +141,8 @@ def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> 
 
 
 def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
-    """Pairs all control points, and names them after their joints. Keeps only one point at each hand or
-    foot."""
+    """Pairs all control points with joints, and names them after these joints. Only one control point is kept
+    for each hand or foot."""
     for pair in suggested_pairs(project, puppet_id, take):
         points_by_name = {point.name: point for point in project.puppet(puppet_id).points}
         named = {"name": unused(pair.joint, points_by_name), "joint": pair.joint, "foot": pair.foot}

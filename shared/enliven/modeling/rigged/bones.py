@@ -20,7 +20,8 @@ class Bone(NamedTuple):
         name: name of the joint.
         parent: name of the parent joint; "" for the root.
         rest: (3,) metres, the rest position.
-        modeling: (4,) the modeling rotation.
+        modeling: (4,) the modeling rotation m, which is set by hand. With the animated rotation a, the world
+            rotation is D = D_parent m a.
         spans: the parts of the bone, each with the layers that rotate it.
     """
 

@@ -102,8 +102,8 @@ def _split_span(span: Span, at: float) -> tuple[Span, Span]:
 
 
 def _scale_shares(spans: Sequence[Span], target_sum: float) -> Spans:
-    """Scales the shares of the spans to the sum ``target_sum``. A bone without spans gets a span without
-    motion."""
+    """Scales the spans' shares (fractions of the bone's length) to the sum ``target_sum``. A bone without
+    spans gets a span without motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
         # All rotations are at the joint itself. So add one span without motion for the whole bone.

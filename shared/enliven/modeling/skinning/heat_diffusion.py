@@ -70,8 +70,7 @@ def heat_weights(
         segments: (S, 2, 3) metres, the ends of each segment. A bone may have several segments.
         owners: (S,) the bone of each segment.
         known: (V, bones) weights of the vertices with ``free`` (V,) False. They do not change, and the other
-        weights
-            continue them smoothly.
+            weights continue them smoothly.
     """
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)

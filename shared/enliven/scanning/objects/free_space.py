@@ -17,7 +17,7 @@ _SUBSAMPLING = 4
 _MIN_SENSOR_DISTANCE_M = 0.2
 """A camera cannot measure surfaces nearer than this, metres."""
 _MIN_IMAGES = 2
-"""Minimum number of images that must see through a point, because one may be wrong."""
+"""Minimum number of images that must see through a point, because a single image may be wrong."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class SeenDepth:
 
 
 def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
-    """Returns the reduced depth of a view. Depth of all surfaces is included, hands too, because the space in
-    front of a hand is also free.
+    """Returns the reduced depth of a view. It includes all surfaces, even hands, because the space in front
+    of a hand is also free.
     """
     z = np.where(view.worth > 0, view.points[..., 2], 0.0)
     height, width = (side // _SUBSAMPLING for side in z.shape)

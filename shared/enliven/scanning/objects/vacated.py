@@ -12,8 +12,8 @@ from enliven.scanning.rigid import invert_pose
 _MIN_SENSOR_DISTANCE_M = 0.2
 """A camera cannot measure surfaces nearer than this, metres."""
 _DEPTH_WINDOW_PX = 3
-"""Side of the window, half-size pixels, in which the minimum depth is used. At an edge, a point may be
-projected next to its own pixel."""
+"""Side of the window around a pixel, in half-size pixels, over which the minimum depth is taken. At an edge,
+a point may be projected to a neighbouring pixel."""
 _MIN_POINTS = 50
 """Minimum number of visible points for a decision."""
 
