@@ -1,4 +1,4 @@
-"""Reads and writes mesh files. All errors of a damaged file are reported as one clear message."""
+"""Reads and writes mesh files. Any error in a damaged file raises InputError with a message for the user."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from enliven.meshes.tokens import DamagedMeshError
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _MAX_REASON_LETTERS = 200
-"""Maximum number of characters of a reader's reason that an error message shows."""
+"""Maximum number of characters of a reader's own message that an error message includes."""
 _TABLE_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 """Readers of formats that contain vertices and faces only."""
 
 
 class LoadedMesh(NamedTuple):
-    """A usable mesh, and one sentence for each repair and each unusual property."""
+    """A repaired mesh, and notes: one sentence for each repair and each unusual property."""
 
     mesh: Mesh
     notes: list[str]
@@ -69,7 +69,8 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     """Reads a mesh as :func:`load_mesh` does, and turns it upright.
 
     Args:
-        up: the axis of the mesh that points up. If None, it is guessed; glTF always has +Y up.
+        up: the axis of the mesh that points up. If None, the axis is guessed, except for glTF, which always
+            has +Y up.
     """
     mesh, notes = load_mesh(path)
     if up is None and Path(path).suffix.lower() not in GLTF_SUFFIXES:

@@ -1,7 +1,7 @@
 """The materials of a mesh with encoded textures, in the form of glTF 2.0, and its texture coordinates.
 
-Nothing is decoded: an image is stored as the bytes of its file, and a material as its JSON. Texture
-coordinates are stored per face corner, not per vertex, so vertices can be welded safely.
+Images and materials are not decoded: an image is stored as the bytes of its file, and a material as its JSON
+text. Texture coordinates are stored per face corner, not per vertex, so vertices can be welded safely.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from enliven.arrays import AnyArray, Bool, Float, Float32, Int, Int32, UInt8
 from enliven.errors import InputError
 
 _EXPORT_ADVICE = "Export the model again."
-"""The advice for a damaged material."""
+"""The remedy that the error message for a damaged material suggests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Texture:
 
     Attributes:
         image: (N,) the bytes of a PNG or JPEG file.
-        sampler: the JSON of a glTF sampler. Empty if there is none.
+        sampler: the JSON text of a glTF sampler, or "" if there is none.
     """
 
     image: UInt8
@@ -40,8 +40,7 @@ class Texture:
 
     @property
     def kind(self) -> str:
-        """The image's media type, determined from its first bytes. Empty for a type that glTF does not
-        allow.
+        """The image's media type, determined from its first bytes, or "" for a type that glTF does not allow.
         """
         head = np.asarray(self.image, np.uint8)[:8].tobytes()
         return "image/png" if head == b"\x89PNG\r\n\x1a\n" else "image/jpeg" * (head[:3] == b"\xff\xd8\xff")
@@ -49,7 +48,7 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class MeshMaterials:
-    """The materials of a mesh by face, and its texture coordinates.
+    """The materials and the texture coordinates of a mesh, for each face.
 
     Attributes:
         definitions: JSON objects of glTF materials. They refer to textures by their number in ``textures``.
@@ -92,12 +91,13 @@ class MeshMaterials:
             raise InputError(problem, where="materials", remedy=_EXPORT_ADVICE)
 
     def taken(self, faces: Int | Bool) -> MeshMaterials:
-        """Returns the materials of some faces, which are selected by number or by mask."""
+        """Returns the materials of the selected ``faces`` (numbers or mask)."""
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
     def turned(self, which: Bool) -> MeshMaterials:
-        """Returns the materials with reversed corners for the faces in ``which`` (F,)."""
+        """Returns the materials for a mesh in which the faces of the mask ``which`` (F,) are flipped: their
+        corners are in reverse order."""
         uvs = np.where(which[:, None, None, None], self.uvs[:, ::-1], self.uvs)
         tints = self.tints
         if tints is not None:
@@ -127,8 +127,8 @@ class MeshMaterials:
 
 
 def join_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
-    """Joins the materials of consecutive groups of faces. Each group is given as its materials and its number
-    of faces.
+    """Joins the materials of consecutive groups of faces. Each group is a pair of its materials and its
+    number of faces.
 
     Equal materials and textures are merged. Returns None if no group has materials.
     """
@@ -172,7 +172,7 @@ def textures_in(material: Any) -> list[int]:
 
 
 def renumber_textures(material: str, number: Callable[[int], int]) -> str:
-    """Returns the JSON of a material with each texture's number changed."""
+    """Returns the JSON text of a material, with each texture number replaced by ``number`` of it."""
     value = _material_object(material)
     _replace_texture_numbers(value, number)
     return json.dumps(value, sort_keys=True, allow_nan=False)
@@ -196,7 +196,7 @@ def _refuse_constant(constant: str) -> None:
 
 
 def _material_object(material: str) -> dict[str, Any]:
-    """Returns the object of a material's JSON."""
+    """Parses a material's JSON text. Raises InputError if it is not a JSON object."""
     try:
         value = json.loads(material, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
@@ -207,8 +207,8 @@ def _material_object(material: str) -> dict[str, Any]:
 
 
 def barycentric(points: Float, corners: Float) -> Float:
-    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3). They lie within 0..1,
-    and their sum is one.
+    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3). They are clamped to
+    0..1, and their sum is one.
     """
     u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)

@@ -23,15 +23,15 @@ _UP_ROTATIONS: dict[Axis, Float] = {
 
 
 _MAX_STANDING_OFFSET = 0.02
-"""Maximum distance of the lowest point from zero, as a fraction of the mesh's extent, for a mesh that was
-modelled to stand on zero."""
+"""Maximum distance of the lowest point from height 0, as a fraction of the mesh's extent, for a mesh that was
+modelled to stand on height 0."""
 _LYING_RATIO = 4.0
 """If length divided by height is above this ratio, the mesh may lie on its side. A horse has a ratio of 1.5.
-(A crocodile has a larger ratio although it stands upright.)"""
+(A crocodile has a larger ratio, although it stands on its feet.)"""
 
 
 _UNCOLOURED_SRGB = 204
-"""sRGB grey value for the vertices of a mesh without colours that is joined with a coloured mesh."""
+"""sRGB grey value of the vertices of a mesh without colours, if it is joined with a coloured mesh."""
 Paint = tuple[UInt8 | None, Float32 | None]
 """The vertex paint: (V, 3) sRGB colours and (V,) stiffness. Each is None if it is missing."""
 
@@ -81,14 +81,13 @@ class Mesh:
             raise InputError(problem, where=f"mesh {self.name!r}", remedy="Export the mesh again.")
 
     def with_faces(self, keep: Bool | Int) -> Mesh:
-        """Returns the mesh with all its vertices, but only some of its faces, which are selected by mask or
-        by number.
+        """Returns the mesh with all its vertices, but only the faces in ``keep`` (mask or numbers).
         """
         materials = None if self.materials is None else self.materials.taken(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
     def turned(self, which: Bool | None = None) -> Mesh:
-        """Returns the mesh with flipped faces: all of them, or those in ``which`` (F,)."""
+        """Returns the mesh with flipped faces: all faces, or only the faces in the mask ``which`` (F,)."""
         if which is None:
             which = np.ones(len(self.faces), bool)
         materials = None if self.materials is None else self.materials.turned(which)
@@ -115,8 +114,8 @@ class Mesh:
         return rows
 
     def paint_at(self, kept: Bool | Int) -> Paint:
-        """Returns colours and stiffness of some vertices, which are selected by mask or by number. None for
-        missing paint.
+        """Returns colours and stiffness of the vertices in ``kept`` (mask or numbers). Each is None if the
+        mesh does not have it.
         """
         colours = None if self.colours is None else self.colours[kept]
         return colours, None if self.stiffness is None else self.stiffness[kept]
@@ -135,7 +134,8 @@ class Mesh:
 
 
 def split_paint(rows: Float, *meshes: Mesh) -> Paint:
-    """Converts ``rows`` (V, 4) of :attr:`Mesh.paint` to the kinds of paint that one of the meshes has."""
+    """Converts ``rows`` (V, 4) in the form of :attr:`Mesh.paint` to colours and stiffness. Each is None if
+    none of the meshes has it."""
     coloured = any(mesh.colours is not None for mesh in meshes)
     stiff = any(mesh.stiffness is not None for mesh in meshes)
     colours = np.clip(np.rint(rows[:, :3]), 0, 255).astype(np.uint8) if coloured else None
@@ -143,7 +143,8 @@ def split_paint(rows: Float, *meshes: Mesh) -> Paint:
 
 
 def stiffness_error(stiffness: Float32, count: int) -> str:
-    """Describes the error in the stiffness of ``count`` vertices. Returns an empty text if it is valid."""
+    """Checks the stiffness of ``count`` vertices. Returns a description of the error, or "" if the stiffness
+    is valid."""
     if stiffness.shape != (count,):
         return f"the stiffness is {stiffness.shape}, expected ({count},)"
     return "" if (np.isfinite(stiffness) & (stiffness > 0)).all() else "a stiffness is not above 0"
@@ -180,9 +181,9 @@ def extract_submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
 def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
     """Subdivides a surface until no edge is longer than ``longest`` metres, so that it can bend smoothly.
 
-    Long edges are split repeatedly. Both sides of an edge are split at the same point, also if its vertices
-    are duplicated, so no cracks open. The first V vertices are those of ``mesh``. The subdivision stops early
-    if the next pass would exceed ``most_vertices``.
+    Long edges are split repeatedly. An edge is split at the same point in both of its faces, even if its
+    vertices are duplicated, so no cracks open. The first V vertices are those of ``mesh``. The subdivision
+    stops early if the next pass would exceed ``most_vertices``.
     """
     if not longest > 0:
         raise InputError(f"the longest edge is {longest} m", where="refine", remedy="Give a length above 0.")
@@ -210,8 +211,8 @@ def rotate_upright(mesh: Mesh, up: Axis) -> Mesh:
 
 
 def guess_up(mesh: Mesh) -> tuple[Axis, str]:
-    """Guesses the upward axis of a mesh from its lowest points. Returns the axis, and a note if another axis
-    is possible.
+    """Guesses the up axis of a mesh from its lowest points. Returns the axis, and a note if another axis is
+    possible (otherwise "").
     """
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low

@@ -2,8 +2,8 @@
 outline.
 
 manifold3d triangulates by ear clipping. Then inner edges are flipped until all are locally Delaunay, which
-gives the constrained Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than
-the edges of the outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
+gives the constrained Delaunay triangulation (Lawson 1977). Points are added in triangles that are larger than
+the edges of the outline around them (P. Liepa, "Filling holes in meshes", 2003, section 4).
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ def refine_triangulation(
         triangles: (T, 3) constrained Delaunay.
         sizes: (P,) target edge length around each point.
         smooth: number of smoothing passes. Each pass moves new points to the mean of their neighbours.
-        growth: growth factor of the target edge length for each added point, away from the outline.
+        growth: ratio of the target edge length at an added point to the mean of its triangle's corners. Above
+            1, triangles grow away from the outline.
 
     Returns:
         (Q, 2) points, the first P unchanged, and (U, 3) triangles.
@@ -127,8 +128,8 @@ def _refine_triangles(points, sizes, cells, beside, count, some, growth):
     """Adds the centre of each oversized triangle and flips edges, repeatedly. Returns the numbers of points
     and triangles.
 
-    The arrays have room for more points and triangles, and are changed in place. ``count`` and ``some`` are
-    the numbers of points and triangles at the start.
+    The arrays must have free rows for more points and triangles, and are changed in place. ``count`` and
+    ``some`` are the numbers of points and triangles at the start.
     """
     for _ in range(60):
         before, first = count, some
@@ -191,7 +192,7 @@ def _relax_points(points, cells, fixed):
         if counts[i] > 0.0:
             for a in range(2):
                 wanted[i, a] = total[i, a] / counts[i]
-    # Move the corners of triangles that would flip or collapse back to their old positions, and check again.
+    # If a triangle would flip or collapse, move its corners back to their old positions. Then check again.
     for _ in range(10):
         wrong = False
         for t in range(cells.shape[0]):

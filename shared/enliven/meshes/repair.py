@@ -14,8 +14,8 @@ from enliven.meshes.winding import repair_winding
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
-    """Removes defects that would break a deformation. Returns the repaired mesh, and one sentence for each
-    repair.
+    """Removes defects of a mesh that would prevent its deformation. Returns the repaired mesh, and one
+    sentence for each repair.
 
     It removes non-finite vertices and their faces, faces without area, duplicate faces, and unused vertices.
     It flips faces that are wound against their neighbours, and closed parts that are inside out. Separate
@@ -88,7 +88,7 @@ def _repeated_faces(mesh: Mesh) -> Bool:
 
 
 def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
-    """Reports unusual properties that are not repaired."""
+    """Adds sentences to ``notes`` about unusual properties that are not repaired."""
     welded, _ = weld(mesh)
     duplicate_count = len(mesh.vertices) - len(welded.vertices)
     if duplicate_count:

@@ -1,5 +1,5 @@
-"""Builds a surface through the points of a scan that was made from one position. Parts that the sensor did
-not see stay open.
+"""Builds a surface through the points of a scan from a single position. Parts that the sensor did not see
+stay open.
 
 Visible points are connected by a Delaunay triangulation of their directions from the sensor. Triangles that
 span a gap, or a depth step between an object and its background, are left out.
@@ -21,8 +21,8 @@ from enliven.meshes.mesh import Mesh, extract_submesh
 _MAX_EDGE_IN_SPACINGS = 4.0
 """Maximum edge length, as a multiple of the point spacing."""
 _MIN_FACING_COSINE = 0.13
-"""Minimum cosine between a triangle's normal and the ray to the sensor. Steeper triangles are depth steps,
-not surfaces."""
+"""Minimum cosine between a triangle's normal and the ray to the sensor. Triangles with a smaller cosine are
+depth steps, not surfaces."""
 _OCCLUSION_SPACINGS = 4.0
 """Minimum depth difference between an occluded point and the point in front of it, as a multiple of the point
 spacing."""
@@ -121,7 +121,8 @@ def _too_few_points_error(count: int, name: str) -> InputError:
 
 
 def _unoccluded_points(seen: Float, spacing: float) -> Float:
-    """Returns the points that no nearer point occludes, in an image with one pixel per ``spacing``."""
+    """Returns the points that no nearer point occludes. Occlusion is tested in an image with one pixel per
+    ``spacing`` metres."""
     if len(seen) == 0:
         return seen
     pixel = spacing / float(np.median(seen[:, 2]))
@@ -141,7 +142,8 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
 
 
 def _thin_points(seen: Float, spacing: float) -> Float:
-    """Returns one point for each occupied cube with side ``spacing``: the mean of the points in the cube."""
+    """Returns one point for each occupied cube with sides of ``spacing`` metres: the mean of the points in
+    the cube."""
     cells = np.floor(seen / spacing).astype(np.int64)
     _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = np.stack([np.bincount(of.reshape(-1), seen[:, a]) for a in range(3)], -1)

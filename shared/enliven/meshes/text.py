@@ -19,8 +19,8 @@ _OFF_HEADER = re.compile(
     rb"(?=\s))?",
     re.IGNORECASE,
 )
-"""Pattern of a header. The word OFF is optional. The count of edges is optional if the counts are on one
-line."""
+"""Pattern of the header of an OFF file. The word OFF is optional. The count of edges is optional if the
+counts are on one line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
 """Number of additional values per vertex (normal, colour, texture coordinates), by the letters before OFF."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -32,8 +32,8 @@ number."""
 def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     """Reads an OFF file (also COFF, NOFF, STOFF). Returns (V, 3) vertices, (F, 3) triangles, and notes.
 
-    A vertex or face may extend over several lines, and several may share a line. Normals and texture
-    coordinates are skipped. Colours are skipped with a note.
+    A vertex or face may extend over several lines, and a line may contain several vertices or faces. Normals
+    and texture coordinates are skipped. Colours are skipped with a note.
 
     Raises:
         DamagedMeshError: if the file contradicts its header.
@@ -152,13 +152,14 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
 
 
 def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
-    """Returns an invalid vertex number, or None if all are valid."""
+    """Returns the first vertex number in ``corners`` that is outside of 0..``vertex_count`` - 1, or None if
+    all are valid."""
     invalid = corners[(corners < 0) | (corners >= vertex_count)]
     return int(invalid[0]) if len(invalid) else None
 
 
 def _parse_integer(word: bytes) -> int:
-    """Parses an integer. Returns -1 for any other word, such as a colour with a fraction."""
+    """Parses an integer. Returns -1 for any other word, such as a colour value with a decimal point."""
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 

@@ -233,7 +233,7 @@ def _denoised_matrix(sums: Float) -> Float:
 
 def _denoised_close_matrix(sums: Float, independent: float) -> Float:
     """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in its sums.
-    ``independent`` is the number of independent points.
+    ``independent`` is the fraction of the points that have independent noise.
     """
     matrix, noise_free = _normal_matrix(sums), _normal_matrix(sums[SQUARES + 1 :])
     count = sums[28] ** 2 / max(sums[SQUARES], 1e-12)

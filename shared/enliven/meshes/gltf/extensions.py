@@ -17,11 +17,11 @@ DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 """Buffer views compressed by meshoptimizer, which are decoded."""
 INSTANCING = "EXT_mesh_gpu_instancing"
-"""One mesh that is instanced by a table of transforms."""
+"""Several instances of one mesh, given by a table of transforms."""
 VISIBILITY = "KHR_node_visibility"
 """Nodes that are hidden with their whole subtree."""
 POINTER = "KHR_animation_pointer"
-"""Channels that animate any value of the file. A JSON pointer names the value."""
+"""Channels that can animate any value of the file. A JSON pointer refers to the value."""
 _SUPPORTED_EXTENSIONS = {
     "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -104,7 +104,8 @@ def follow_pointers(document: Entry) -> list[str]:
 
 
 def _show_node(document: Entry, pointer: Any) -> None:
-    """Makes a node visible if its visibility is animated, because its surface is needed."""
+    """Makes a node visible if the animation target ``pointer`` is its visibility, because its surface is then
+    needed."""
     match = _VISIBILITY_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
     if match is not None and int(match[1]) < len(document.nodes):
         node = document.nodes[int(match[1])]

@@ -1,4 +1,5 @@
-"""A glTF or GLB file: its node tree and its checked accessors, in every packing that glTF 2.0 allows."""
+"""A glTF or GLB file: its node tree and its checked accessors. It supports all layouts of accessors that glTF
+2.0 allows."""
 
 from __future__ import annotations
 
@@ -30,14 +31,14 @@ _COMPONENT_DTYPES: dict[int, Any] = {
 }
 """NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
 _EXPORT_ADVICE = "Export the model again."
-"""The advice for a damaged model."""
+"""The remedy that the error message for a damaged model suggests."""
 
 
 class GltfFile:
     """A parsed file with its buffers.
 
     Attributes:
-        path: the path of the file, which errors mention.
+        path: the path of the file. Error messages contain it.
         document: the JSON of the file. Missing entries are None.
         parents: parent of each node, -1 at a root.
         hidden: the nodes that the file hides.
@@ -76,8 +77,8 @@ class GltfFile:
         return self.wrong(f"it is damaged: {plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
-        """Returns the values of a sampler (K, C). For cubic interpolation, returns values and tangents (3 K,
-        C).
+        """Returns the values (K, C) of a sampler at its K keys. For cubic interpolation, returns values and
+        tangents (3 K, C).
 
         Raises:
             InputError: if the number or the width of the values is wrong, or a value is not finite.
@@ -94,7 +95,8 @@ class GltfFile:
 
     @cached_property
     def scale_keys(self) -> dict[int, dict[int, Float]]:
-        """The scales (K, 3) at the keys of each scaled node, by the number of the animation."""
+        """Returns the scales (K, 3) at the keys of each node whose scale is animated: a dictionary by node,
+        then by the number of the animation."""
         keys_by_node: dict[int, dict[int, Float]] = {}
         for number, animation in enumerate(self.document.animations):
             for channel in animation.channels or []:
@@ -130,8 +132,8 @@ class GltfFile:
     def name(self, node: int) -> str:
         """Returns a node's name. A nameless node gets its number.
 
-        A human bone of a VRM gets its name in VRM's humanoid map, which every tool knows, whatever the node's
-        name is.
+        A human bone of a VRM file gets its name from VRM's humanoid map instead of the node's name, because
+        every tool knows these names.
         """
         return self._human.get(node) or str(self.document.nodes[node].name or f"joint {node}")
 
@@ -147,7 +149,8 @@ class GltfFile:
         return bytes(self._read_guarded(self._view_bytes, view, f"buffer view {view}"))
 
     def _read_guarded(self, read: Callable[[int], Any], index: int, what: str) -> Any:
-        """Returns the result of ``read``. Its exceptions become an error that names the file."""
+        """Returns ``read(index)``. Converts any exception into an InputError that contains the name of the
+        file and ``what`` was read."""
         try:
             return read(index)
         except EnlivenError:
@@ -260,8 +263,8 @@ def compose_matrices(translation: AnyArray, rotation: AnyArray, scale: AnyArray)
 
 
 def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
-    """Parses the file. Returns the document, the parent of each node, and the binary chunk of a GLB. Errors
-    become one clear message.
+    """Parses the file. Returns the document, the parent of each node, and the binary chunk of a GLB. Any
+    error becomes an InputError with a message for the user.
     """
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
         raise InputError("it is not a glTF file", where=str(path), remedy="Give a .glb, .gltf or .vrm file.")
@@ -310,5 +313,5 @@ def _check_references(document: Entry) -> None:
 
 
 def _is_number(value: Any, count: int) -> bool:
-    """Returns True if a value is a valid index into a list of ``count`` entries."""
+    """Returns True if a JSON value is a valid index into a list of ``count`` entries."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count

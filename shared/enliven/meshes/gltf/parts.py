@@ -31,7 +31,7 @@ _INSTANCE_COLUMNS = {
 
 @dataclass
 class GltfPart:
-    """A primitive of a mesh, with the values of the file.
+    """A primitive of a mesh, with values as in the file.
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
@@ -39,8 +39,8 @@ class GltfPart:
         nodes: (V, 4) the nodes that each vertex follows, the strongest first.
         weights: (V, 4) float64, each row sums to one.
         colours: (V, 3) sRGB, or None if the file has no colour.
-        skin: the number of its skin, or -1: it is rigidly attached to the node ``carrier``.
-        carrier: the node to which the file attaches the mesh.
+        skin: the number of its skin. -1 if the primitive is rigidly attached to the node ``carrier``.
+        carrier: the node in the file that contains the mesh.
         material: the number of its material among the stored materials, or -1.
         corners: texture coordinates and colours of its vertices.
     """
@@ -99,8 +99,8 @@ def visible_nodes(file: GltfFile) -> list[int]:
 
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
-    """Returns the visible nodes of the scene and then those of joint trees outside of the scene, parents
-    first.
+    """Returns the visible nodes of the scene, and then the nodes of joint trees outside of the scene. Parents
+    come before their children.
     """
     shown = visible_nodes(file)
     listed, roots = set(shown), list[int]()
@@ -115,7 +115,7 @@ def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
 
 
 def _nodes_with_subtrees(file: GltfFile, roots: list[int]) -> list[int]:
-    """Returns nodes with their whole subtrees, parents first."""
+    """Returns the nodes ``roots`` and all their descendants, parents first."""
     document = file.document
     nodes, waiting = list[int](), roots[::-1]
     while waiting:

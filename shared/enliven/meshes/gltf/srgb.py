@@ -14,7 +14,7 @@ def linear_from_srgb(srgb: UInt8) -> Float:
 
 
 def srgb_from_linear(linear: Float) -> UInt8:
-    """Returns sRGB bytes from linear light. Light outside of 0..1 is clipped, NaN is black."""
+    """Returns sRGB bytes from linear light. Values outside of 0..1 are clamped, and NaN becomes black."""
     linear = np.clip(np.nan_to_num(linear), 0.0, 1.0)
     coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(coded * 255).astype(np.uint8)
