@@ -46,7 +46,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     known_formats = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
     if suffix not in READABLE and path.is_file():
         raise InputError(
-            f"{suffix or 'a file without an ending'} is not a known mesh format",
+            f"{suffix or 'a file without an extension'} is not a known mesh format",
             where=str(path),
             remedy=known_formats,
         )
@@ -105,7 +105,7 @@ def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[st
         raise InputError(
             problem,
             where=str(path),
-            remedy="Check that it is complete and that its ending is right. " + known,
+            remedy="Check that it is complete and that its file extension is correct. " + known,
         ) from None
 
 

@@ -40,8 +40,7 @@ class Texture:
 
     @property
     def kind(self) -> str:
-        """The image's media type, determined from its first bytes, or "" for a type that glTF does not allow.
-        """
+        """The image's media type, from its first bytes, or "" for a type that glTF does not allow."""
         head = np.asarray(self.image, np.uint8)[:8].tobytes()
         return "image/png" if head == b"\x89PNG\r\n\x1a\n" else "image/jpeg" * (head[:3] == b"\xff\xd8\xff")
 
@@ -78,15 +77,15 @@ class MeshMaterials:
         for material in self.definitions:
             texture_numbers = textures_in(_material_object(material))
             if texture_numbers and not 0 <= min(texture_numbers) <= max(texture_numbers) < len(self.textures):
-                problem = f"a material names texture {max(texture_numbers)} of {len(self.textures)}"
+                problem = f"a material refers to texture {max(texture_numbers)} of {len(self.textures)}"
         if self.uvs.ndim != 4 or self.uvs.shape[:2] != (faces, 3) or self.uvs.shape[3] != 2:
             problem = f"the texture coordinates are {self.uvs.shape}, expected ({faces}, 3, S, 2)"
         elif self.tints is not None and self.tints.shape != (faces, 3, 4):
             problem = f"the tints are {self.tints.shape}, expected ({faces}, 3, 4)"
         elif faces and not -1 <= self.of.min() <= self.of.max() < len(self.definitions):
-            problem = f"a face has a material outside of {len(self.definitions)}"
+            problem = f"a face refers to a material outside 0..{len(self.definitions) - 1}"
         elif not (np.isfinite(self.uvs).all() and (self.tints is None or np.isfinite(self.tints).all())):
-            problem = "a corner's place in a texture, or its tint, is not finite"
+            problem = "a texture coordinate or a tint is not finite"
         if problem:
             raise InputError(problem, where="materials", remedy=_EXPORT_ADVICE)
 
@@ -184,7 +183,7 @@ def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
         if isinstance(key, str) and key.endswith("Texture") and isinstance(item, dict):
             texture_number = item.get("index")
             if not isinstance(texture_number, int) or isinstance(texture_number, bool):
-                raise InputError(f"a material's {key} names no texture", where="materials")
+                raise InputError(f"a material's {key} refers to no texture", where="materials")
             item["index"] = number(texture_number)
         if isinstance(item, (dict, list)):
             _replace_texture_numbers(item, number)

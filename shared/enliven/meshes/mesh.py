@@ -70,7 +70,7 @@ class Mesh:
         elif self.faces.ndim != 2 or self.faces.shape[1] != 3:
             problem = f"the faces are {self.faces.shape}, expected (F, 3)"
         elif self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
-            problem = f"a face names a vertex outside 0..{len(self.vertices) - 1}"
+            problem = f"a face refers to a vertex outside 0..{len(self.vertices) - 1}"
         elif self.colours is not None and self.colours.shape != (len(self.vertices), 3):
             problem = f"the colours are {self.colours.shape}, expected ({len(self.vertices)}, 3)"
         elif self.materials is not None and len(self.materials.of) != len(self.faces):
@@ -81,8 +81,7 @@ class Mesh:
             raise InputError(problem, where=f"mesh {self.name!r}", remedy="Export the mesh again.")
 
     def with_faces(self, keep: Bool | Int) -> Mesh:
-        """Returns the mesh with all its vertices, but only the faces in ``keep`` (mask or numbers).
-        """
+        """Returns the mesh with all its vertices, but only the faces in ``keep`` (mask or numbers)."""
         materials = None if self.materials is None else self.materials.taken(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
@@ -218,10 +217,10 @@ def guess_up(mesh: Mesh) -> tuple[Axis, str]:
     size = high - low
     stands = (np.abs(low) <= _MAX_STANDING_OFFSET * size) & (size > 0)
     if stands[2] and not stands[1]:
-        return "z", "it stands on z = 0, so it is turned with z up; --up y leaves it unchanged"
+        return "z", "it stands on z = 0, so z is taken as up; use --up y to leave it unchanged"
     if max(size[0], size[2]) > _LYING_RATIO * size[1]:
         times = max(size[0], size[2]) / max(size[1], 1e-9)
-        return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, say --up z"
+        return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, use --up z"
     return "y", ""
 
 
@@ -246,7 +245,7 @@ def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
         raise InputError(
             f"the mesh is flat along {up}, it has no height to fit",
             where=mesh.name,
-            remedy="Name another axis as up.",
+            remedy="Choose another up axis.",
         )
     base = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     return replace(mesh, vertices=(rotated_vertices - base) * (height / (high[1] - low[1])))

@@ -111,7 +111,7 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     invalid_corners = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
     if len(invalid_corners):
         polygon = np.searchsorted(np.cumsum(sizes), invalid_corners[0], "right")
-        problem = f"a face names vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
+        problem = f"a face refers to vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
         raise _WrongLine(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
@@ -235,10 +235,10 @@ def _read_polygons(chunk: bytes, offsets: Int, element_counts: Int) -> tuple[Int
         wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
         if wrong.any():
             wrong_corner = int(np.argmax(wrong))
-            problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices come before it"
+            problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices precede it"
             raise _WrongLine(
                 int(offsets[polygon[wrong_corner]]),
-                f"a face names vertex {indices[wrong_corner]}, and {problem}",
+                f"a face refers to vertex {indices[wrong_corner]}, and {problem}",
             )
     return corners, np.bincount(polygon, minlength=len(offsets))
 

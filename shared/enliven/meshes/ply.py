@@ -75,7 +75,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
         bad_corner = int(np.argmax((corners < 0) | (corners >= len(vertices))))
         polygon = int(np.searchsorted(np.cumsum(sizes), bad_corner, "right"))
         raise DamagedMeshError(
-            f"face {polygon} names vertex {corners[bad_corner]}, and there are 0..{len(vertices) - 1}"
+            f"face {polygon} refers to vertex {corners[bad_corner]}, but there are 0..{len(vertices) - 1}"
         )
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _vertex_colours(vertex)), notes
@@ -109,12 +109,12 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case _:
                 pass  # The line is "ply", a comment, or the object information of a scanner.
     if not kind:
-        raise DamagedMeshError("its header does not state a format")
+        raise DamagedMeshError("its header declares no format")
     return kind, elements, data[end.end() :]
 
 
 def _early_end_error(element: _Element) -> DamagedMeshError:
-    return DamagedMeshError(f"it ends early: its header states {element.count} rows of {element.name!r}")
+    return DamagedMeshError(f"it ends early: its header declares {element.count} rows of {element.name!r}")
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
@@ -184,7 +184,7 @@ def _list_length(count: float) -> int:
         DamagedMeshError: if it is not an integer, negative or too large for a polygon.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
-        raise DamagedMeshError(f"a list of it has {count:g} entries")
+        raise DamagedMeshError(f"a list has {count:g} entries")
     return int(count)
 
 

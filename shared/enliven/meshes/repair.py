@@ -30,7 +30,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     mesh = _remove_useless_faces(mesh, notes)
     if len(mesh.faces) == 0:
         problem = "no usable face is left" if notes else "it has no faces"
-        advice = "Give a triangle mesh; a point cloud must be meshed first."
+        advice = "Give a triangle mesh. A point cloud must be meshed first."
         raise InputError("; ".join([problem, *notes]), where=mesh.name, remedy=advice)
     mesh, winding_notes = repair_winding(mesh)
     notes += winding_notes
@@ -70,7 +70,7 @@ def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
         mesh = mesh.with_faces(~flat)
     repeated = _repeated_faces(mesh)
     if repeated.any():
-        notes.append(f"dropped {int(repeated.sum())} faces that repeat another one")
+        notes.append(f"dropped {int(repeated.sum())} duplicate faces")
         mesh = mesh.with_faces(~repeated)
     return mesh
 
@@ -93,7 +93,7 @@ def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
     duplicate_count = len(mesh.vertices) - len(welded.vertices)
     if duplicate_count:
         notes.append(
-            f"{duplicate_count} vertices repeat a position: kept for shading, welded for deformation"
+            f"{duplicate_count} vertices have duplicate positions: kept for shading, welded for deformation"
         )
     shell_count = int(shells(welded.faces, len(welded.vertices)).max()) + 1
     if shell_count > 1:

@@ -110,9 +110,7 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError):
-        raise InputError(
-            "its header and its points do not agree", where=where, remedy="Copy it again."
-        ) from None
+        raise InputError("its points do not match its header", where=where, remedy="Copy it again.") from None
     return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 

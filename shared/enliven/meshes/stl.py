@@ -37,7 +37,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
         raise DamagedMeshError(f"it has {len(data)} bytes, and its header alone has {_BINARY_HEADER_BYTES}")
     elif len(data) < expected or triangle_count == 0:
         raise DamagedMeshError(
-            f"its header says {triangle_count} triangles, which are {expected} bytes; it has {len(data)}"
+            f"its header says {triangle_count} triangles, which need {expected} bytes, but it has {len(data)}"
         )
     else:
         corners = (

@@ -60,7 +60,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
             corners, sizes, rest = walked
             notes = [f"ignored {rest} words after its last face"] if rest else []
             if b"C" in kind.removesuffix(b"OFF"):
-                notes.append("the colours of its vertices are left out: PLY and OBJ keep them")
+                notes.append("the colours of its vertices are left out; PLY and OBJ files keep them")
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{stated}, and {walked}"
     raise DamagedMeshError(problem)
@@ -145,9 +145,9 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
         wrong = _invalid_corner(np.array(corners, np.int64), vertex_count)
         if len(sizes) == count and wrong is None:
             return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - offset
-        problem = f"face {len(sizes)} is cut short or wrong"
+        problem = f"face {len(sizes)} is truncated or invalid"
         if wrong is not None:
-            problem = f"a face names vertex {wrong} of 0..{vertex_count - 1}"
+            problem = f"a face refers to vertex {wrong} of 0..{vertex_count - 1}"
     return problem
 
 
@@ -191,7 +191,7 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1
         vertices = tables["Vertices"]
         if len(quads) and not 0 <= quads.min() <= quads.max() < len(vertices):
-            raise DamagedMeshError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
+            raise DamagedMeshError(f"a quadrilateral refers to a vertex outside 1..{len(vertices)}")
         triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
         triangles = [_boundary_triangles(tables["Tetrahedra"].astype(np.int64) - 1)]

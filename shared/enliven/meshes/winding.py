@@ -77,7 +77,9 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     turned_parts, turned_faces = int(is_turned_whole.sum()), int((flip & ~is_turned_whole[part]).sum())
     notes = list[str]()
     if turned_faces:
-        notes.append(f"turned {turned_faces} of {len(faces)} faces that were wound against their neighbours")
+        notes.append(
+            f"turned {turned_faces} of {len(faces)} faces whose winding differed from that of neighbours"
+        )
     if turned_parts:
         subject = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
         notes.append(f"{subject} inside out: turned to face outwards")

@@ -143,12 +143,12 @@ def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSetti
     s = settings or CutOutSettings()
     parts = find_parts(mesh, ground, focus, s)
     if not parts:
-        problem = "nothing that stands on the floor was scanned"
+        problem = "no object on the floor was scanned"
         raise InputError(
-            problem, where="scan", remedy="Carry the camera round the object, and look at it all the time."
+            problem, where="scan", remedy="Carry the camera around the object, and keep the object in view."
         )
     if s.number > len(parts):
-        problem = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
+        problem = f"object number {s.number} does not exist; the camera looked at {len(parts)} objects"
         raise InputError(problem, where="scan", remedy="Choose one of them, or look at it while you scan.")
     chosen_part = parts[s.number - 1]
     vertices = level_mesh(chosen_part, ground).vertices

@@ -291,8 +291,8 @@ class Scanner:
             v = self.settings.volume
             self._camera = frame.intrinsics, DepthPreparation(frame.intrinsics, v.noise, v.near, v.far)
         if frame.intrinsics != self._camera[0]:
-            problem = "the camera of this frame is not that of the first"
-            raise InputError(problem, where=frame.sensor, remedy="Scan with one camera, of one image size.")
+            problem = "this frame is from another camera than the first frame"
+            raise InputError(problem, where=frame.sensor, remedy="Scan with one camera and one image size.")
         colour = frame.colour if self.settings.volume.colour else None
         self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
         return self._prepared[1]

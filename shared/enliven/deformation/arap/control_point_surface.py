@@ -195,7 +195,7 @@ class PuppetSurface:
         targets = np.array(places, np.float64)
         if targets.shape != (len(self._held), 3):
             raise InputError(
-                f"the places have shape {targets.shape} instead of ({len(self._held)}, 3)",
+                f"the positions have shape {targets.shape} instead of ({len(self._held)}, 3)",
                 where=_ERROR_CONTEXT,
                 remedy="Give one row of three numbers for each control point.",
             )

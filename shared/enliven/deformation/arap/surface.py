@@ -79,7 +79,7 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
     extra_links = np.empty((0, 2), np.int64) if links is None else welded_of[links]
     is_used |= links is not None
     if not is_used.all():
-        notes.append(f"{(~is_used).sum()} vertices belong to no face; they follow the nearest surface.")
+        notes.append(f"{(~is_used).sum()} vertices belong to no face. They follow the nearest surface.")
     edges, weights = surface_edges(points, welded.faces)
     edges = np.concatenate([edges, extra_links])
     weights = np.concatenate([weights, np.full(len(extra_links), VIRTUAL_EDGE_WEIGHT)])
@@ -133,7 +133,7 @@ def check_mesh(mesh: Mesh, most_vertices: int) -> None:
         raise InputError(
             f"{len(mesh.vertices):,} vertices are too many to drag; at most {most_vertices:,} are allowed",
             where=mesh.name,
-            remedy="Give a mesh with fewer vertices, or raise most_vertices and wait.",
+            remedy="Give a mesh with fewer vertices, or raise most_vertices (slower).",
         )
     wrong_vertices = np.flatnonzero(~np.isfinite(mesh.vertices).all(1))
     if len(wrong_vertices):

@@ -69,7 +69,7 @@ def check_meshopt(packed: Entry) -> int:
     filtered = "NONE" if packed.filter is None else packed.filter
     whole = all(isinstance(value, int) and not isinstance(value, bool) for value in (count, size))
     if not whole or mode not in _MODES or filtered not in _FILTERS or count < 1:
-        raise InputError("it states no count, size, mode or filter that is known")
+        raise InputError("its count, size, mode or filter is missing or unknown")
     if mode == "ATTRIBUTES":
         fits = 0 < size <= _MAX_ROW_BYTES and size % 4 == 0
         fits &= filtered not in ("OCTAHEDRAL", "COLOR") or size in (4, 8)
@@ -115,6 +115,6 @@ def _load_decoder(module: str, where: str) -> Any:
     except ImportError as error:
         is_missing = isinstance(error, ModuleNotFoundError) and error.name == module
         state = "is not installed" if is_missing else "does not load"
-        problem = f"it is compressed, and the library {module} that unpacks it {state}"
+        problem = f"it is compressed, and the library {module} for its decompression {state}"
         advice = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
         raise ResourceError(problem, where=where, remedy=advice) from None

@@ -70,7 +70,7 @@ def extension_notes(document: Entry) -> list[str]:
     for name in required:
         if _is_harmless(name):
             content = _PICTURE_EXTENSIONS.get(name, "no part of the shape or its motion")
-            notes.append(f"it requires {name}, which is left out: it holds {content}")
+            notes.append(f"it requires {name}, which is left out: it contains {content}")
     for name in used:
         if name not in required and name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name):
             notes.append(f"it uses {name}, which is not supported: its content is left out")
@@ -100,7 +100,7 @@ def follow_pointers(document: Entry) -> list[str]:
     if not skipped_targets:
         return []
     shown = ", ".join(name[:80] for name in list(dict.fromkeys(skipped_targets))[:5])
-    return [f"animations of values other than a node's place, turn and size are left out: {shown}"]
+    return [f"only animations of a node's position, rotation and scale are read, not of: {shown}"]
 
 
 def _show_node(document: Entry, pointer: Any) -> None:

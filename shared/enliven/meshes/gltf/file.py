@@ -89,7 +89,7 @@ class GltfFile:
         fits = values.shape == (values_per_key * count, 4 if path == "rotation" else 3) and count > 0
         if not fits or not np.isfinite(values).all():
             raise self.wrong(
-                f"an animation of {path} has {len(values)} values for {count} times, or bad ones"
+                f"an animation of {path} has {len(values)} values for {count} times, or invalid values"
             )
         return values
 
@@ -191,7 +191,7 @@ class GltfFile:
         size = kind.itemsize * width
         stride = view_entry.byteStride or size
         if count and offset + (count - 1) * stride + size > len(data):
-            raise self.wrong("an accessor reaches beyond its buffer: the file is cut short or damaged")
+            raise self.wrong("an accessor reaches beyond its buffer: the file is truncated or damaged")
         if not count:
             return np.zeros((0, width), kind)
         shape, steps = (count, width), (stride, kind.itemsize)
@@ -212,7 +212,7 @@ class GltfFile:
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
-            raise self.wrong("a buffer is shorter than the file says: it is cut short or damaged")
+            raise self.wrong("a buffer is shorter than declared: the file is truncated or damaged")
         return data
 
     def _decompress_view(self, view: int, packed: Entry, extension: str) -> bytes:
@@ -237,7 +237,7 @@ class GltfFile:
             uri = self.document.buffers[index].uri
             data = self._blob if uri is None else self.data_of_uri(uri)
             if data is None:
-                raise self.wrong("the bytes that belong into the file are missing")
+                raise self.wrong("the binary chunk is missing")
             self._buffers[index] = bytes(data)
         return self._buffers[index]
 
@@ -275,12 +275,14 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
         parsed = gltf_document(data)
         version = None if parsed[0].asset is None else parsed[0].asset.version
         if not str(version).startswith("2."):
-            raise InputError("it states another version" if version else "it states no version")
+            raise InputError("it declares another version" if version else "it declares no version")
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         problem = f"it cannot be read as glTF 2: {plain_reason(error)}"
         raise InputError(
-            problem, where=str(path), remedy="Check that it is complete and that its ending is right."
+            problem,
+            where=str(path),
+            remedy="Check that it is complete and that its file extension is correct.",
         ) from None
     return parsed
 

@@ -122,7 +122,7 @@ def _error_position(error: Exception) -> str:
     """Returns the position at which a parser stopped, as a suffix for a message, or "" if the position is
     unknown."""
     if isinstance(error, RecursionError):
-        return ": it is nested too deep"
+        return ": it is nested too deeply"
     return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
@@ -132,7 +132,7 @@ def _json_text(data: bytes) -> str:
     if data[:4] == b"glTF":
         chunk = _first_chunk(data, b"JSON")
         if chunk is None:
-            raise InputError("it is cut short or damaged: it has no JSON")
+            raise InputError("it is truncated or damaged: it has no JSON")
         text = chunk
     return text.decode("utf-8-sig")
 
@@ -213,7 +213,7 @@ def _element_count(accessor: dict[str, Any]) -> int:
     """Returns the declared number of elements of an accessor."""
     count = accessor.get("count")
     if not isinstance(count, int) or not 0 <= count <= MAX_ELEMENTS:
-        raise InputError(f"an accessor states {count} elements, and no more than {MAX_ELEMENTS} are read")
+        raise InputError(f"an accessor declares {count} elements, and no more than {MAX_ELEMENTS} are read")
     return count
 
 

@@ -97,7 +97,7 @@ class Materials:
             self.definitions.append(json.dumps(self._renumbered_json(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
             self.notes.append(
-                f"material {at} cannot be read ({plain_reason(error)}): only its colour is kept"
+                f"material {at} cannot be read ({plain_reason(error)}): only its colour is used"
             )
             return -1
         return len(self.definitions) - 1
@@ -133,7 +133,7 @@ class Materials:
             texture = _find_entry(self._file.document.textures, number)
             packed = [name for name in vars(texture.extensions or Entry({})) if name.partition("_")[2]]
             if texture.source is None and packed:
-                raise InputError(f"its picture is in {packed[0][:60]}")
+                raise InputError(f"its image is stored by {packed[0][:60]}")
             image = _find_entry(self._file.document.images, texture.source)
             if image.bufferView is not None:
                 data = self._file.data_of_view(image.bufferView)
@@ -141,7 +141,7 @@ class Materials:
                 data = self._file.data_of_uri(image.uri)
             self._bytes += len(data)
             if self._bytes > _MAX_IMAGE_BYTES:
-                raise InputError(f"with the others it has more than {_MAX_IMAGE_BYTES} bytes")
+                raise InputError(f"the images have more than {_MAX_IMAGE_BYTES} bytes in total")
             sampler = texture.sampler
             sampler_text = (
                 ""
@@ -150,7 +150,7 @@ class Materials:
             )
             kept_texture = Texture(np.frombuffer(data, np.uint8), sampler_text)
         except (InputError, *DAMAGE) as error:
-            self.notes.append(f"texture {number} is not kept ({plain_reason(error)})")
+            self.notes.append(f"texture {number} is left out ({plain_reason(error)})")
             return None
         self.textures.append(kept_texture)
         return len(self.textures) - 1
@@ -167,7 +167,7 @@ def _find_entry(entries: list[Any] | None, number: int) -> Any:
         LookupError: if it is missing.
     """
     if not entries or not 0 <= number < len(entries):
-        raise LookupError(f"entry {number} is not there")
+        raise LookupError(f"entry {number} does not exist")
     return entries[number]
 
 

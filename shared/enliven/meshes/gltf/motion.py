@@ -144,7 +144,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
         np.isfinite(values).all()
         for values in (transforms.translation, transforms.rotation, transforms.scale)
     ):
-        raise file.wrong("a node's place, turn or size is not finite")
+        raise file.wrong("a node's position, rotation or scale is not finite")
     return transforms
 
 
@@ -283,7 +283,7 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
 def _key_times(file: GltfFile, accessor: int) -> Float:
     keys = np.asarray(file.accessor(accessor)[:, 0], np.float64)
     if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
-        raise file.wrong("the times of an animation do not rise")
+        raise file.wrong("the times of an animation are not in ascending order")
     return keys
 
 

@@ -70,7 +70,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
         if node.mesh is None:
             continue
         if number in hidden or (number in zero_nodes and node.skin is None):
-            reason = "hidden by the file" if number in hidden else "of size 0 at all times"
+            reason = "hidden by the file" if number in hidden else "always of size 0"
             notes.append(f"{file.name(number)!r} is {reason} and left out")
             continue
         for primitive in file.document.meshes[node.mesh].primitives:
@@ -79,7 +79,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
                 notes.append(f"lines or points of {file.name(number)!r} are left out")
                 continue
             if primitive.targets:
-                notes.append(f"the morph targets of {file.name(number)!r} are left out over time")
+                notes.append(f"the morph targets of {file.name(number)!r} are not animated")
             parts.append(_read_part(file, colours, materials, primitive, mode, number))
     notes.extend(colours.notes + materials.notes)
     return [part for part in parts if len(part.faces)], materials
@@ -139,7 +139,9 @@ def _read_part(
     else:
         order = file.accessor(primitive.indices)[:, 0].astype(np.int64)
     if len(order) and order.max() >= len(vertices):
-        raise file.wrong(f"a face of {file.name(carrier)!r} names vertex {order.max()} of {len(vertices)}")
+        raise file.wrong(
+            f"a face of {file.name(carrier)!r} refers to vertex {order.max()} of {len(vertices)}"
+        )
     faces = _list_triangles(order, mode)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])]
     joints, weights = _joint_influences(file, primitive.attributes, len(vertices))
@@ -202,7 +204,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         for column, usual in zip(filled, _INSTANCE_COLUMNS.values(), strict=True)
     )
     if not fits or not all(np.isfinite(values).all() for values in filled):
-        raise file.wrong("the places of its instances do not fit together")
+        raise file.wrong("the columns of its instance table do not match")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)
     filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
     return compose_matrices(*filled)

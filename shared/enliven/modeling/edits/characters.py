@@ -62,7 +62,7 @@ def paste_character(
     character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
     if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
-        problem = f"a copy cannot be {offset} m away and {delay} s late"
+        problem = f"a copy cannot have the offset {offset} m and the delay {delay} s"
         raise InputError(problem, where=character.where, remedy="Give three metres and seconds.")
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))

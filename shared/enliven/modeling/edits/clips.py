@@ -55,7 +55,7 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
         ]
         if not clips_there:
             problem, remedy = (
-                f"no clip is there at {project_time:.2f} s",
+                f"no clip plays at {project_time:.2f} s",
                 "Put the playhead over a clip, away from its ends.",
             )
             raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)

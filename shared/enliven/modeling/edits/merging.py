@@ -61,7 +61,7 @@ def merge_characters(
     for character in (host, graft):
         project = remove_root_layers(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
-        messages.append(f"The motion of {graft.where} as a whole was removed: it now rides on {host.where}.")
+        messages.append(f"The motion of {graft.where} as a whole was removed: it now follows {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:

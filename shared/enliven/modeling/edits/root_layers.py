@@ -70,7 +70,7 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=character.where, remedy="Give seconds.")
+        raise InputError(f"the time {time} is not finite", where=character.where, remedy="Give seconds.")
     motion = IDENTITY_MOTION
     for layer in character.root_layers:
         motion = _layer_motion(project, layer, time)[0].after(motion)

@@ -108,7 +108,7 @@ def delete_take(project: Project, name: str) -> Project:
     """
     users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
     if name not in project.takes or users:
-        problem = f"{users[0]} plays it" if users else "it is not there"
+        problem = f"{users[0]} plays it" if users else "it does not exist"
         remedy = "Remove its clips from the timeline first." if users else ""
         raise InputError(problem, where=f"take {name!r}", remedy=remedy)
     return replace(project, takes={k: take for k, take in project.takes.items() if k != name})

@@ -154,7 +154,7 @@ def _build_pieces(work: CutPlan) -> Cut:
     """Builds both sides of a cut, after its loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():
-        raise InputError("the cut separates nothing", where="cut", remedy="Cut at another place.")
+        raise InputError("the cut does not separate any part", where="cut", remedy="Cut at another place.")
     caps = work.caps()
     near, far = (
         round_caps(build_piece(work, side == half, caps, half), work.settings.rounding)

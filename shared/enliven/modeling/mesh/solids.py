@@ -47,11 +47,11 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
     used = mesh.with_faces(use)
     closed = close_surface(used, of)
     if not len(closed.faces):
-        return "the surface is open, and too much of it is missing to close it"
+        return "the surface is open, and its holes are too large to close"
     if closed.caps:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
-        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing and stay unchanged")
+        notes.append(f"{int(closed.leaf.sum())} of its faces do not enclose a volume and stay unchanged")
     closed_mesh = _closed_mesh(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),

@@ -38,7 +38,9 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", remedy="Give seconds.")
+        raise InputError(
+            f"the time {time} is not finite", where=f"puppet {puppet.id!r}", remedy="Give seconds."
+        )
     try:
         return evaluate_state(project, puppet, time)
     except InputError:

@@ -111,7 +111,7 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
     """
     count = len(puppet.mesh.vertices)
     if not 0 <= vertex < count:
-        remedy = f"It has 0..{count - 1}."
+        remedy = f"Its vertices are 0..{count - 1}."
         raise InputError(f"the mesh has no vertex {vertex}", where=_error_place(puppet), remedy=remedy)
     if not (puppet.mesh.faces == vertex).any():
         problem = f"vertex {vertex} belongs to no face, so no surface would follow it"

@@ -108,7 +108,7 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
 
 def _find_key_pose(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
-        remedy = f"It has {len(puppet.poses)}."
+        remedy = f"Number of key poses: {len(puppet.poses)}."
         raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)
     return puppet.poses[number]
 
@@ -126,14 +126,16 @@ def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int |
         raise InputError(f"the take {pose.take!r} does not exist", where=location, remedy=remedy)
     frame = find_nearest_frame(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
-        problem = f"places of shape {pose.places.shape} for {len(puppet.points)} points, or not finite"
-        raise InputError(problem, where=location, remedy="Give one place for each control point.")
+        problem = (
+            f"the positions are {pose.places.shape} for {len(puppet.points)} control points, or not finite"
+        )
+        raise InputError(problem, where=location, remedy="Give one position for each control point.")
     for other, existing in enumerate(puppet.poses):
         same = (
             existing.take == pose.take
             and find_nearest_frame(project.takes[existing.take], existing.time) == frame
         )
         if other != number and same:
-            problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
+            problem = f"frame {frame} of {pose.take!r} already has key pose {other}"
             raise InputError(problem, where=location, remedy="Change that key pose, or choose another time.")
     return pose

@@ -84,7 +84,7 @@ def cut_puppet(
         surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3)
     )
     if puppet.symmetry is not None:
-        messages.append("The halves have no plane of symmetry; mirrored key poses were added as key poses.")
+        messages.append("The halves have no plane of symmetry. Mirrored key poses were added as key poses.")
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _Half(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
@@ -177,7 +177,7 @@ class _Half:
     def _note_deviation(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
             f"{name!r} got {added} new control points. Its key poses deviate from the original by at most "
-            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole's size)."
+            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole puppet's size)."
         )
 
     def _border_vertices(self) -> Int32:

@@ -59,7 +59,7 @@ def insert_node(
     j = bone_number(shape, bone, root=False)
     if not 0.0 < check_fraction(at, f"shape {shape_id!r}") < 1.0:
         remedy = "Choose a position between the two joints."
-        raise InputError("a bone has a joint at its end already", where=shape_id, remedy=remedy)
+        raise InputError("a bone already has a joint at its end", where=shape_id, remedy=remedy)
     name = new_name(shape, j, name)
     bones = list_bones(shape)
     ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None

@@ -31,7 +31,9 @@ def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> Sha
     if time is None:
         return ShapePose(*as_modeled(shape))
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", remedy="Give seconds.")
+        raise InputError(
+            f"the time {time} is not finite", where=f"shape {shape.id!r}", remedy="Give seconds."
+        )
     return evaluate_pose(project.with_characters(shape), shape.id, float(time))
 
 

@@ -119,7 +119,7 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
                 problem = f"the stroke crosses {names[crossing.bone]!r} and, below it, {names[other.bone]!r}"
                 raise InputError(problem, where=location, remedy="Cut a limb only once at a time.")
     if len({crossing.near for crossing in crossings}) > 1:
-        problem = "the stroke turns back between two limbs, so its sides are not clear"
+        problem = "the stroke turns back between two limbs, so it is unclear which side is cut off"
         raise InputError(
             problem, where=location, remedy="Draw a straighter stroke, or cut one limb at a time."
         )

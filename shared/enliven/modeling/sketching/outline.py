@@ -54,7 +54,7 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     size = signed_area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
     if abs(size) < 1e-3 * length**2 / (4 * np.pi):
-        raise InputError("it encloses nothing", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
+        raise InputError("it encloses no area", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
     return points if size > 0 else points[::-1].copy()
 
 

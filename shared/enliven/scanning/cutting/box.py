@@ -49,7 +49,7 @@ class CutBox:
             not (np.isfinite(self.low).all() and np.isfinite(self.high).all())
             or (self.low >= self.high).any()
         ):
-            problem = "a box has two corners, the first one lower, farther left and farther back"
+            problem = "a box needs two corners, and the first must be lower, farther left and farther back"
             raise InputError(
                 problem, where="box", remedy="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1."
             )
@@ -82,14 +82,14 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
     if -_BELOW_FLOOR_M < cut_low[1] < s.clearance:
         cut_low[1] = s.clearance
     if cut_low[1] >= box.high[1]:
-        problem = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
+        problem = f"a box up to {box.high[1]:.3f} m contains only the floor"
         raise InputError(problem, where="box", remedy="Make it higher.")
     part = _faces_near_box(mesh, box)
     for normal, offset in CutBox(cut_low, box.high, box.upright_from_world).planes():
         part = cut_above_plane(part, normal, offset)
     if part.area < s.least_area:
         level_vertices = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
-        problem = "no surface that was scanned lies in the box"
+        problem = "no surface was scanned in the box"
         extent_text = " to ".join(
             ",".join(f"{x:.2f}" for x in corner) for corner in (level_vertices.min(0), level_vertices.max(0))
         )

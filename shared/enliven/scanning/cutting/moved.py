@@ -144,7 +144,7 @@ def cut_new_object(
     if not new_faces.any() or new_part.area < s.least_area:
         problem = "no new object was found"
         advice = (
-            "Show the same place both times, the second time with the object, and look at it from all sides."
+            "Scan the same place twice, the second time with the object, and scan the object from all sides."
         )
         raise InputError(problem, where="scan", remedy=advice)
     new_object = _remove_specks(new_part, s)

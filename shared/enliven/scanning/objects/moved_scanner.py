@@ -213,7 +213,7 @@ class MovedScanner:
             return cut_out(surface, ground, focus, self.settings.cut_out)
         mesh = self.joined()
         if not len(mesh.faces):
-            advice = "Let it stand for a second before it is turned, and turn it more slowly."
+            advice = "Let the object stand still for a second before you turn it, and turn it more slowly."
             raise InputError(
                 "the object moved all the time and could not be tracked", where="scan", remedy=advice
             )
