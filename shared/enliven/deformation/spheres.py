@@ -136,7 +136,7 @@ def _sphere_radius(vertices: Float, faces: Int32, settings: SphereSettings) -> f
     area would need too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
-    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2. So smaller spheres would
+    # On a smooth surface, a sphere covers at most about its own area, 4 pi r^2. So smaller spheres would
     # certainly be more than `settings.most`.
     covering_radius = np.sqrt(area / (4 * np.pi * settings.most))
     return float(

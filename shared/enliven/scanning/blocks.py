@@ -31,7 +31,7 @@ class BlockTable:
             are used.
         beside: (C, 8) int32 numbers of the next blocks in positive directions. Column 1 is the neighbour
             along +x, 2 along +y and 4 along +z; diagonal neighbours have the sum, for example 3 for +x +y.
-            Column 0 is the block itself; -1 marks a missing neighbour.
+            Column 0 is the block's own number. -1 marks a missing neighbour.
     """
 
     def __init__(self) -> None:

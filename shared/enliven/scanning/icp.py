@@ -36,7 +36,7 @@ def look_up(field, x, y, z, found, last):
     """Interpolates the signed distance and its gradient at a point of the world, trilinearly between voxels.
 
     Args:
-        field: :class:`FieldArrays`.
+        field: the signed distances of the volume, as :class:`FieldArrays`.
         found: (4,) the signed distance (m) and its gradient; written.
         last: (4,) int64 cache of the last block: its number and its position (3); read and written.
 
@@ -87,11 +87,11 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
     camera follows from the gradient.
 
     Args:
-        points: :class:`PointArrays`.
+        points: the points of the half-size image, as :class:`PointArrays`.
         stride: step in pixels between the points that are used, in each direction.
         span: (2,) minimum and maximum depth of the points that are used, metres.
         pose: (4, 4) world_from_camera.
-        field: :class:`FieldArrays`.
+        field: the signed distances of the volume, as :class:`FieldArrays`.
         closely: True to accumulate the products of slopes and normals as well.
         soft: metres at which a residual has a quarter of its weight (Geman-McClure).
         sums: (R, SUMS) one row for each row of points, written. The six unknowns are a translation (m) and a

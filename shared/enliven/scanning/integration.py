@@ -44,7 +44,7 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
     """Allocates the missing blocks around the points of a half-size image.
 
     Args:
-        points: :class:`PointArrays`.
+        points: the points of the image, as :class:`PointArrays`.
         stride: step in pixels between the points that are used, in each direction.
         phase: index of the first used point, 0 to stride^2 - 1.
         reach: maximum depth of the points, metres. Farther points are left out.
@@ -122,7 +122,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
 
     Args:
         jobs: (N,) numbers of blocks that are near or free.
-        voxels: :class:`VoxelArrays`; read and written.
+        voxels: the contents of the voxels, as :class:`VoxelArrays`; read and written.
     """
     local, pixel = np.empty((3, VOXELS), np.float32), np.empty(VOXELS, np.int32)
     shown, sizes = np.empty(VOXELS, np.float32), np.empty(3, np.float32)

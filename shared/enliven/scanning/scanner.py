@@ -33,8 +33,8 @@ from enliven.scanning.threads import compute_ahead
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _MAX_CAMERA_SPEED_M_S = 4.0
-"""Maximum speed of the camera. If an alignment implies a higher speed, it is rejected as a similar-looking
-place."""
+"""Maximum speed of the camera. If an alignment implies a higher speed, it is rejected, because the camera
+probably sees a similar-looking part of the scene."""
 
 _VOXEL_RATIO = 4.0
 """Ratio of voxel sizes between successive volumes. The truncation bands have the same ratio."""

@@ -79,8 +79,8 @@ def _weighted_sums(i: Int, values: Float, count: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def _gather_covariances(cells, frames, block, at, count):
-    """Fills the rows S of a block with the transposed covariances of eq. 5, sum w_ij (v'_i - v'_j)(v_i -
-    v_j)ᵀ."""
+    """Fills the rows S of a block for ``count`` cells, starting with cell ``at``: the transposed covariances
+    of eq. 5, sum w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
     room = np.empty(12)
     for n in range(64):
         if n >= count:
@@ -154,8 +154,8 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):
 
 @njit(cache=True, nogil=True)
 def _gather_spread(cells, frames, spread, at, count):
-    """Fills rows 18 to 30 of ``spread`` for each cell: the deformed covariance, sum of w e' e'ᵀ (xx, xy, xz,
-    yy, yz, zz), the rest covariance, and the size.
+    """Fills rows 18 to 30 of ``spread`` for ``count`` cells, starting with cell ``at``: the deformed
+    covariance, sum of w e' e'ᵀ (xx, xy, xz, yy, yz, zz), the rest covariance, and the size.
     """
     room = np.empty(12)
     for n in range(64):

@@ -125,7 +125,7 @@ class PuppetSurface:
             (V, 3) metres, the mesh's vertices, read-only. Hard control points are exactly at their targets.
 
         Raises:
-            InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
+            InputError: if ``places`` has the wrong shape, is not finite or is too far away. The last valid
                 pose is kept.
         """
         targets = self._checked_places(places)
@@ -143,7 +143,7 @@ class PuppetSurface:
         The control points are moved from rest in small steps.
 
         Raises:
-            InputError: if the places have the wrong shape, or are not finite. The last valid pose is kept.
+            InputError: if ``places`` has the wrong shape, or is not finite. The last valid pose is kept.
         """
         targets = self._checked_places(places)
         if not len(targets):
@@ -162,7 +162,7 @@ class PuppetSurface:
         """Returns the result of :meth:`solve_from_rest` from a second solver, without changing the current
         pose.
 
-        It may be called from another thread than the other methods, but not by two threads at once.
+        It may be called from another thread than the other methods, but not by two threads at the same time.
         """
         if self._second_surface is None:
             self._second_surface = self._twin_surface()

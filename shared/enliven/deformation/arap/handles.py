@@ -3,7 +3,7 @@
 Only the Laplacian is factorized (with vertex 0 fixed, which gives one of its solutions). The forces f on the
 handle vertices E and a translation c of the whole surface are the solution of
 
-    [ EᵀGE + D   1 ] [ f ]   [ wanted - EᵀG r ]
+    [ EᵀGE + D   1 ] [ f ]   [ target - EᵀG r ]
     [ 1ᵀ         0 ] [ c ] = [ -1ᵀ r          ]        x = G (r + E f) + c
 
 Here r is the residual, G is the inverse of the factorized matrix, and D is 0 for a hard handle and 2 / weight

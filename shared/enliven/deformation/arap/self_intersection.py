@@ -102,7 +102,8 @@ def _crossing_faces(vertices, corners, of_face, boxes):
     stack = np.empty((128, 2), np.int64)
     stack[0, 0], stack[0, 1] = 1, 1
     size = 1
-    # Traverse the tree against itself. Split each pair of overlapping nodes until both nodes are leaves.
+    # Compare the tree with itself: start with the pair (root, root), and split each pair of overlapping nodes
+    # until both nodes are leaves.
     while size > 0:
         size -= 1
         a, b = stack[size]

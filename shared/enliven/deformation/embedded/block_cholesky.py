@@ -25,10 +25,11 @@ from enliven.lane_blocks import invert6, loadshort8, mirror6, shorten6, totals6,
 from enliven.lanes import fma8, load8, splat8, store8
 
 SIZE = 48
-"""Numbers of a block during factorization: six rows of eight. The last two numbers of each row are 0."""
+"""Count of numbers in a block during factorization: six rows of eight. The last two numbers of each row are
+0."""
 SOLVING_SIZE = 36
-"""Numbers of a block during solving: six rows of six int16 numbers. They are stored compactly because solving
-is limited by memory bandwidth."""
+"""Count of numbers in a block during solving: six rows of six int16 numbers. They are stored compactly
+because solving is limited by memory bandwidth."""
 
 
 @dataclass(frozen=True)

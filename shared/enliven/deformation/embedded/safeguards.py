@@ -65,7 +65,8 @@ def restore_flat_nodes(flat):
     """Restores the minimum volume of the nodes of ``flat`` (16 N,) that are pressed flatter.
 
     The cofactor matrix of R has the singular vectors of R, and is largest in the direction in which R is
-    flattest. A change along it hardly changes the energy. Returns True if any node was changed.
+    flattest. A change along this matrix has almost no effect on the energy. Returns True if any node was
+    changed.
     """
     x = flat.reshape(-1, 4, 4)
     has_flat = False

@@ -12,8 +12,9 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def nearest_sources(offsets, neighbours, lengths, sources):
-    """Runs Dijkstra's algorithm from all sources at once. Returns (C,) the distance in metres to the nearest
-    source (infinite if no source reaches a point), and (C,) the number of this source (-1 if there is none).
+    """Runs Dijkstra's algorithm once for all sources together. Returns (C,) the distance in metres to the
+    nearest source (infinite if no source reaches a point), and (C,) the number of this source (-1 if there is
+    none).
     """
     count = offsets.shape[0] - 1
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)

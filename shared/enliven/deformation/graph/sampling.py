@@ -13,7 +13,7 @@ from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
 _DARTS_PER_NODE = 80
-"""Number of candidate points per node. It is large enough that hardly any gap for another sample remains."""
+"""Number of candidate points per node. It is large enough to leave almost no gap for another sample."""
 _MIN_SMOOTH_COSINE = 0.75
 """Minimum cosine between a vertex normal and its faces' normals for the surface to count as smooth."""
 _ROUNDING_TOLERANCE = 1e-9

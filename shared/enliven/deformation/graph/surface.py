@@ -284,8 +284,8 @@ def node_distances(
 
 
 def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
-    """Returns the points within ``reach`` metres of each point along the net, sorted by distance, itself
-    first.
+    """Returns the points within ``reach`` metres of each point along the net, sorted by distance, starting
+    with the point itself.
 
     Returns:
         CSR: offsets (C + 1,), points (K,) and distances (K,) in metres.

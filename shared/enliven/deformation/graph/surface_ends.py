@@ -114,7 +114,7 @@ def _local_maxima(offsets, neighbours, height, order):
     """Returns the local maxima of ``height``, and the height of each above its pass to a higher maximum.
 
     This height is the persistence. The points are added from the highest down, and merged into components
-    (union-find). When two components meet, the lower of their two peaks has reached its pass.
+    (union-find). When two components merge, the pass of the lower of their two peaks has been found.
 
     Args:
         order: (C,) the points, sorted from the highest down.

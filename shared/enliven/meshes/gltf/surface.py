@@ -51,8 +51,8 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
 
     Args:
         name: name of the mesh. If it is empty, the file's name is used.
-        still: True if the surface will not be animated. Mirrored joints are then mirrored in the surface
-            itself, and not only by the clips.
+        still: True if the surface will not be animated. Mirrored joints are then mirrored in the returned
+            surface, and not only by the animation clips.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.

@@ -121,7 +121,7 @@ def slip_clip(
 def move_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, delay: float
 ) -> Project:
-    """Delays a clip by ``delay`` seconds. Where it overlaps another clip, the two are blended.
+    """Delays a clip by ``delay`` seconds. If it overlaps another clip, the two are blended.
 
     Raises:
         InputError: if the clip would be inside another clip, or three clips would overlap.
@@ -164,7 +164,7 @@ def stretch_clip(
 
 
 def reverse_clip(project: Project, character_id: str, numbers: Iterable[int], clip: int) -> Project:
-    """Reverses a clip, which keeps its start and end time."""
+    """Makes a clip play backwards. Its start and end time stay the same."""
     return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.last, speed=-one.speed)
     )

@@ -21,8 +21,8 @@ _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
 
 
 def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
-    """Returns the first part of a shape that performers moved. If no such part exists, returns the first
-    layer on top of the motion that was performed, or None."""
+    """Returns the first part of a shape that performers moved. If no part was performed, returns the first
+    performed layer on top of the motion, or None."""
     return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
 
 

@@ -59,7 +59,8 @@ IDENTITY_MOTION = RigidMotion(IDENTITY, np.zeros(3))
 
 
 def about(turn: Float, offset: Float, centre: Float) -> RigidMotion:
-    """Returns the motion x -> turn (x - centre) + centre + offset."""
+    """Returns the motion x -> turn (x - centre) + centre + offset, with ``turn`` (4,) and the others (3,)
+    metres."""
     return RigidMotion(turn, centre + offset - rotate(turn, centre))
 
 

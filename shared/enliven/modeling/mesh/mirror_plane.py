@@ -155,7 +155,8 @@ def _mirror_points(points: Float, normal: Float, offset: float) -> Float:
 
 
 def _distinct_planes(planes: list[_MirrorFit]) -> list[_MirrorFit]:
-    """Returns the best few planes that differ from one another."""
+    """Returns the best planes, at most ``_MAX_PLANES_REFINED``, without planes that are nearly equal to a
+    better plane."""
     distinct: list[_MirrorFit] = []
     for plane in planes:
         if all(abs(plane.normal @ other.normal) < _SAME_NORMAL_COSINE for other in distinct):

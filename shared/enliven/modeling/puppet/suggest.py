@@ -65,10 +65,10 @@ def suggested_puppet(
     """Adds a puppet that is complete except for its key poses. In these, all control points are still at
     rest.
 
-    The key poses are the frames of the take that differ most from one another.
+    Key poses are created at the frames of the take that differ most from each other.
 
     Args:
-        take: id of the take that the puppet plays, and from which the frames of the key poses are chosen.
+        take: id of the take that the puppet plays. It also contains the frames of the key poses.
         points: maximum number of extremities (ends of limbs). Their mirror images are added.
         poses: number of key poses; None chooses a sufficient number.
 

@@ -17,8 +17,8 @@ _MIN_SPUR_RADII = 2.4
 branch of the axis, but a shorter one.
 """
 _MIN_LIMB_RADII = 1.3
-"""Minimum length in radii of a limb at other places. A shorter branch is hardly visible beyond the shape
-around its fork."""
+"""Minimum length in radii of any other limb. A shorter branch barely protrudes from the shape around its
+fork."""
 _SHARP_BEND_SUM = 0.9
 """A bend is sharp (127 degrees or less) if the sum of its two unit directions is longer than this."""
 _MERGE_DISTANCE_RADII = 0.9
@@ -102,7 +102,7 @@ def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]
 
 
 def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
-    """Moves the fork to the point where its two limbs meet, and removes nearby points from the limbs."""
+    """Moves the fork to the intersection of its two limbs, and removes nearby points from the limbs."""
     fork, width = spur[0], _chain_radius(axis, spur)
     back = axis.points[spur[-1]] - axis.points[spur[-2]]
     back /= max(float(np.linalg.norm(back)), 1e-300)

@@ -214,8 +214,8 @@ class ObjectFollower:
     def _best_pose(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
-        """Returns the best pose near a start pose, using only points near the surface. None if there are too
-        few such points."""
+        """Returns the best pose near a start pose, using only points near the surface. Returns None if too
+        few points are near the surface."""
         is_near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
             _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
