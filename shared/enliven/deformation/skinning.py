@@ -36,7 +36,8 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
 
 
 def _checked_output(character: Character, pose: Pose, out: Float32 | None) -> Float32:
-    """Returns the output array after checking it, because the kernels do not check bounds."""
+    """Returns the output array (V, 3) after checking its shape and type, because the kernels do not check
+    bounds."""
     shape = (len(character.vertices), 3)
     if len(pose.linear) != len(character.pivots):
         raise InputError(

@@ -207,7 +207,8 @@ def _strongest_nodes(nodes: Int, weights: Float, rows: Int, barycentric: Float) 
 
 @njit(cache=True, nogil=True)
 def _greedy_cover(points, inner, order, radius, most):
-    """Returns the indices of the points that get a sphere, or none if ``most`` spheres are too few.
+    """Returns the indices (S,) of the points that get a sphere, or an empty array if ``most`` spheres are too
+    few.
 
     Each sphere covers the points inside it. A hash table finds spheres by grid cells that are as large as
     their radius.
@@ -247,7 +248,8 @@ def _greedy_cover(points, inner, order, radius, most):
 
 @njit(cache=True, nogil=True)
 def _hash_slot(x, y, z, size):
-    """Returns the slot of a cell in a hash table. Its ``size`` is a power of two."""
+    """Returns the slot of the grid cell (x, y, z) in a hash table. The ``size`` of the table is a power of
+    two."""
     mixed = np.int64(x) * 73856093 ^ np.int64(y) * 19349663 ^ np.int64(z) * 83492791
     return mixed & (size - 1)
 

@@ -195,7 +195,7 @@ def _refuse_constant(constant: str) -> None:
 
 
 def _material_object(material: str) -> dict[str, Any]:
-    """Parses a material's JSON text. Raises InputError if it is not a JSON object."""
+    """Returns the JSON object of a material's text. Raises InputError if the text is not a JSON object."""
     try:
         value = json.loads(material, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):

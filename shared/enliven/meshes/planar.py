@@ -72,7 +72,8 @@ def refine_triangulation(
 
 @njit(cache=True, nogil=True)
 def _twice_signed_area(a, b, c):
-    """Computes twice the signed area of the triangle a, b, c."""
+    """Returns twice the signed area of the triangle of the points a, b, c (2,). It is positive for
+    counter-clockwise points."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
@@ -90,7 +91,7 @@ def _in_circle(a, b, c, d):
 
 @njit(cache=True, nogil=True)
 def _flip_edge_if_better(points, cells, beside, t, k):
-    """Flips the edge opposite to corner k of cell t if the flip is legal and improves the triangulation.
+    """Flips the edge opposite to corner k of triangle t if the flip is legal and improves the triangulation.
     Returns True if the edge was flipped.
     """
     u = beside[t, k]
@@ -158,7 +159,8 @@ def _refine_triangles(points, sizes, cells, beside, count, some, growth):
 
 @njit(cache=True, nogil=True)
 def _split_cell(cells, beside, t, p, some):
-    """Splits cell t in three around point p. The new cells are ``some`` and ``some + 1``."""
+    """Splits triangle t in three around point p. The new triangles get the numbers ``some`` and ``some +
+    1``."""
     a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
     over_a, over_b, over_c = beside[t, 0], beside[t, 1], beside[t, 2]
     u, v = some, some + 1

@@ -119,8 +119,8 @@ def _too_few_points_error(count: int, name: str) -> InputError:
 
 
 def _unoccluded_points(seen: Float, spacing: float) -> Float:
-    """Returns the points that no nearer point occludes. Occlusion is tested in an image with one pixel per
-    ``spacing`` metres."""
+    """Returns the points (N, 3) of ``seen`` that no nearer point occludes. Occlusion is tested in an image
+    with one pixel per ``spacing`` metres."""
     if len(seen) == 0:
         return seen
     pixel = spacing / float(np.median(seen[:, 2]))
@@ -140,8 +140,8 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
 
 
 def _thin_points(seen: Float, spacing: float) -> Float:
-    """Returns one point for each occupied cube with sides of ``spacing`` metres: the mean of the points in
-    the cube."""
+    """Returns one point (N, 3) for each occupied cube with sides of ``spacing`` metres: the mean of the
+    points in the cube."""
     cells = np.floor(seen / spacing).astype(np.int64)
     _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = np.stack([np.bincount(of.reshape(-1), seen[:, a]) for a in range(3)], -1)

@@ -51,8 +51,8 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _read_ascii_text(data: bytes) -> bytes | None:
-    """Returns the text of an ASCII file, or None for a binary file. The first word is no proof, because a
-    binary file may also start with "solid"."""
+    """Returns the text of an ASCII file, or None for a binary file. Checks more than the first word, because
+    a binary file may also start with "solid"."""
     text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
     head = text[:_SEARCHED_BYTES].lstrip()
     return text if head[:5].lower() == b"solid" and _VERTEX_LINE.search(text) else None

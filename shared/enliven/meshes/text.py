@@ -104,8 +104,8 @@ def _first_three(text: bytes, widths: Int) -> Float:
 
 
 def _line_ends(body: bytes, count: int) -> Int:
-    """Returns the end offsets of the first ``count`` lines that are not blank, or of all such lines if there
-    are fewer."""
+    """Returns the end offsets (L,) of the first ``count`` lines that are not blank. If there are fewer lines,
+    returns all of them."""
     letters = np.frombuffer(body, np.uint8)
     ends = np.flatnonzero(letters == ord("\n")) + 1
     words = np.cumsum(letters > ord(" "), dtype=np.int64)[ends - 1]
@@ -113,8 +113,8 @@ def _line_ends(body: bytes, count: int) -> Int:
 
 
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
-    """Parses the faces. Returns their corners, their sizes, and the number of words after the last face. If
-    the faces are invalid, returns a sentence that describes the error instead.
+    """Parses the faces. Returns their corners (C,), their sizes (P,), and the number of words after the last
+    face. If the faces are invalid, returns a description of the error instead.
 
     Two layouts are tried: faces without colours, and faces with a colour that fills the rest of the line.
     """

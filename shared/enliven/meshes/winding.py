@@ -97,8 +97,8 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _orientation_roots(count, ones, twos, agree):
-    """Finds connected parts with consistent orientation. Returns each face's root, a flag for each face that
-    is oriented opposite to its root, and the roots of one-sided parts.
+    """Finds connected parts with consistent orientation. Returns (F,) the root face of each face's part, (F,)
+    True for faces that are oriented opposite to their root, and the roots of one-sided parts.
 
     Edge e connects the faces ``ones[e]`` and ``twos[e]``. A union-find tree stores for each face whether its
     winding is opposite to that of its parent.

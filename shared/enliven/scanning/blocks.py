@@ -82,7 +82,7 @@ def grow_array(array: np.ndarray, length: int, fill: float) -> np.ndarray:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def key_of(x, y, z):
-    """Returns the hash key of a block's position."""
+    """Returns the hash key of a block's position (x, y, z), in blocks."""
     return (
         ((np.int64(x) + _MAX_BLOCK_COORDINATE) << 42)
         | ((np.int64(y) + _MAX_BLOCK_COORDINATE) << 21)

@@ -74,7 +74,7 @@ def _surface_loops(case: int) -> list[list[int]]:
 
 
 def _loop_triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """Triangulates a loop, with as few diagonals as possible in a face of the cell.
+    """Returns triangles for a loop of edges, with as few diagonals as possible in the faces of the cell.
 
     A diagonal in a face would coincide with a diagonal of the neighbouring cell, and four triangles would
     then share one edge.

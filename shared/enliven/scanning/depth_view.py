@@ -317,8 +317,8 @@ def certainty(limits, z):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, weights, first, last):
-    """Assigns to each pixel of some rows the plane of its half-size pixel, shifted to pass through the
-    pixel's own depth point.
+    """Writes the plane and weight of each pixel in the rows ``first`` to ``last``. A pixel gets the plane of
+    its half-size pixel, shifted to pass through the pixel's own depth point.
     """
     height, width = depth.shape
     for v in range(2 * first, min(2 * last, height)):
@@ -338,7 +338,8 @@ def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, we
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bound_tiles(depth, limits, tiles, first, last):
-    """Computes the minimum and maximum depth, and the fraction of unknown pixels, of some rows of tiles."""
+    """Computes the minimum and maximum depth (m) and the fraction of unknown pixels, for the rows ``first``
+    to ``last`` of tiles."""
     height, width = depth.shape
     zero, unity = np.float32(0.0), np.float32(1.0)
     near, far, known_counts = (

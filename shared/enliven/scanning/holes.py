@@ -83,7 +83,7 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
 
 
 def _orient_down(faces: Int, vertices: Float) -> Int:
-    """Reverses the corner order of each face that faces up."""
+    """Returns the faces (F, 3), with reversed corner order for each face that faces up."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     faces_up = np.cross(b - a, c - a)[:, 1] > 0
     faces[faces_up] = faces[faces_up, ::-1]

@@ -154,7 +154,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _depth_of(places, b, band, camera):
-    """Returns the depth of a block's centre."""
+    """Returns the depth of the centre of block ``b`` in the camera frame, metres."""
     size, turn = band.voxel * SIDE, camera.turn
     return (
         turn[2, 0] * (places[b, 0] + 0.5) * size
@@ -166,8 +166,8 @@ def _depth_of(places, b, band, camera):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_free_space(distance, weight, front, more):
-    """Integrates a free-space observation into all voxels of a block. Returns the number of voxels behind a
-    surface.
+    """Integrates a free-space observation (distance ``front`` with weight ``more``) into all voxels of a
+    block. Returns the number of voxels behind a surface.
     """
     inside = 0
     for i in range(VOXELS):

@@ -68,8 +68,8 @@ def image_differences(reduced: Float32, others: list[Float32]) -> Float:
 
 
 def reduce_view(view: DepthView) -> Float32:
-    """Reduces a view to (15, 20) cells: the mean inverse depth (1/m) of the points in each cell, 0 for a cell
-    with too few points.
+    """Returns a view reduced to (15, 20) cells: the mean inverse depth (1/m) of the points in each cell, or 0
+    for a cell with too few points.
     """
     depth = view.points[..., 2]
     height, width = depth.shape

@@ -52,7 +52,8 @@ def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> M
 
 
 def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
-    """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
+    """Returns the colours (V, 3). A vertex without a colour gets the colour of the nearest vertex that has
+    one."""
     if has_colour.any() and not has_colour.all():
         colours[~has_colour] = colours[has_colour][
             cKDTree(vertices[has_colour]).query(vertices[~has_colour])[1]
@@ -88,7 +89,8 @@ def _cell_case(cells, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _edge_at(b, beside, x, y, z, edge):
-    """Returns the block, the voxel and the axis of a cell's edge."""
+    """Returns where edge ``edge`` of the cell (x, y, z) of block ``b`` begins, as block and voxel number, and
+    its axis."""
     axis, corner = edge // 4, _EDGE_STARTS[edge // 4, edge % 4]
     x, y, z = x + (corner & 1), y + ((corner >> 1) & 1), z + (corner >> 2)
     owner = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
@@ -97,7 +99,8 @@ def _edge_at(b, beside, x, y, z, edge):
 
 @njit(cache=True, nogil=True)
 def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):
-    """Numbers the edges that the surface crosses. Returns the number of faces and of vertices."""
+    """Numbers the voxel edges that the surface crosses, and writes the vertex numbers into ``numbers``.
+    Returns the numbers of faces and vertices."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
     for b in blocks:

@@ -126,8 +126,8 @@ def _sum_weights(blocks, weight, sums):
 
 @njit(cache=True, nogil=True)
 def _block_and_voxel(b, x, y, z, beside):
-    """Returns the block and the voxel at a position relative to a block. The position may lie up to one block
-    beyond its end.
+    """Returns the block and the voxel number at the voxel position (x, y, z) relative to block ``b``. The
+    position may be in the next block.
     """
     other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
@@ -152,7 +152,8 @@ def _cell_case(b, x, y, z, beside, distance, weight):
 
 @njit(cache=True, nogil=True)
 def _write_corners(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
-    """Writes the corners of the triangles, three per triangle, and returns their number."""
+    """Writes the corners of the triangles in the given ``blocks``, three per triangle. Returns the number of
+    corners."""
     used = 0
     place = np.empty(3, np.int64)
     for b in blocks:

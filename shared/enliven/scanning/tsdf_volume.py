@@ -144,7 +144,8 @@ class TsdfVolume:
         return had_memory
 
     def _image_arrays(self, view: DepthView) -> UInt8:
-        """Returns the image's colours as a kernel argument. The array is empty if colours are off."""
+        """Returns the image's colours (3 H W,) as a kernel argument. The array is empty if colours are
+        off."""
         if view.colour is None or not self.settings.colour:
             return np.empty(0, np.uint8)
         if len(self.hue) < len(self.distance):

@@ -167,8 +167,8 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
 
 
 def _reorder_along_curve(mesh: Mesh, welded: Int) -> tuple[Mesh, Int]:
-    """Returns the mesh and its welding map, with vertices and faces sorted along a space-filling curve, so
-    that neighbours are near in memory.
+    """Returns the mesh and its welding map (V,), with vertices and faces sorted along a space-filling curve.
+    So neighbours are near in memory.
     """
     order = space_curve(mesh.vertices)
     new_index = np.empty(len(order), np.int64)

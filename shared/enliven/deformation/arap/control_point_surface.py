@@ -159,8 +159,8 @@ class PuppetSurface:
         return self.pose
 
     def settle_separately(self, places: Float) -> Float:
-        """Returns the result of :meth:`solve_from_rest` from a second solver, without changing the current
-        pose.
+        """Returns the vertices (V, 3) of :meth:`solve_from_rest` from a second solver, without changing the
+        current pose.
 
         It may be called from another thread than the other methods, but not by two threads at the same time.
         """

@@ -81,7 +81,7 @@ def build_held_vertices(
 
 @njit(cache=True, nogil=True)
 def _transposed_products(start, rows, values, count, matrix):
-    """Computes UᵀU into the upper left part of ``matrix``."""
+    """Computes UᵀU into the upper left part of ``matrix``, given the ``count`` columns of U in CSC form."""
     work = np.zeros(count)
     for i in range(len(start) - 1):
         for k in range(start[i], start[i + 1]):

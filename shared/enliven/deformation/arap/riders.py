@@ -112,7 +112,8 @@ def add_tiny_shells(
 
 
 def repeat_rows(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """Returns a CSR matrix in which row v is row ``of[v]`` of the given CSR matrix."""
+    """Returns a CSR matrix (offsets, samples, weights) in which row v is row ``of[v]`` of the given CSR
+    matrix."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

@@ -105,7 +105,8 @@ def subsample_on_grid(points: Float | Float32, max_count: int) -> Int:
 
 
 def _first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
-    """Returns the index of the first point in each cell of a grid."""
+    """Returns the index (K,) of the first point in each occupied cell of a grid with the corner ``low`` (3,)
+    and cells of ``cell`` metres."""
     cells = np.floor((points - low) / cell).astype(np.int64)
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])
 

@@ -55,7 +55,7 @@ from enliven.settings import parameter, setting
 _STALE_MATRIX_AGE = 1 << 30
 """Value of the step count that marks a matrix as outdated, so that it is always computed again."""
 _MAX_STILL_FRAME_STEPS = 2
-"""A frame with at most this number of steps has moved so little that it needs no other matrix."""
+"""Maximum number of steps of a frame that has moved so little that its matrix is not computed again."""
 
 
 @dataclass(frozen=True)

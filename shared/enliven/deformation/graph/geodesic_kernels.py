@@ -115,8 +115,8 @@ def dijkstra_workspace(offsets, neighbours):
 
 @njit(cache=True, nogil=True)
 def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):
-    """Runs Dijkstra's algorithm from one source. Returns the number of points within ``limit`` metres, and
-    lists them in ``reached``, nearest first.
+    """Runs Dijkstra's algorithm from one source. Returns the number of points within ``limit`` metres. Their
+    numbers are written into ``reached``, nearest first.
     """
     metres[source] = 0.0
     size = push(keys, items, np.int64(0), 0.0, source)

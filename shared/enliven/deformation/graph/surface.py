@@ -121,8 +121,8 @@ def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None
 
 
 def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
-    """Returns the vertices and faces of a subdivided mesh, and for each face the number of the given face
-    that contains it. The numbers are None if no face was subdivided.
+    """Returns the vertices (W, 3) and faces (G, 3) of a subdivided mesh, and (G,) the original face that
+    contains each face. The last is None if no face was subdivided.
     """
     vertices, faces = welded.vertices, welded.faces
     origin: Int | None = None

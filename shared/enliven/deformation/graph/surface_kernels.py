@@ -138,7 +138,7 @@ def adjacent_clusters(vertices, faces, label, count):
 
 @njit(cache=True, nogil=True)
 def _grown_table(size, pairs, found, count):
-    """Returns the hash table of :func:`adjacent_clusters` with twice the size."""
+    """Returns a copy of the hash table of :func:`adjacent_clusters` with twice the number of slots."""
     size *= 2
     table = np.full(size, -1, np.int64)
     larger = np.empty((size // 2, 2), np.int32)

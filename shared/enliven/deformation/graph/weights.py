@@ -30,8 +30,8 @@ from enliven.document import SkinWeights
 from enliven.kernels import njit
 
 DETOUR = 1.5
-"""If the path along the surface is longer than the straight distance by more than this factor, it is a
-detour. The curvature of the surface alone makes paths longer."""
+"""Maximum ratio of the path along the surface to the straight distance. A longer path is a detour. Below it,
+the curvature of the surface alone can explain the length."""
 SLACK = 0.5
 """Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
 _MIN_NODE_DISTANCE_SPACINGS = 0.6
@@ -236,8 +236,8 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 @njit(cache=True, nogil=True)
 def _drop_small_columns(table, rows, union, some, largest, who):
-    """Removes columns that cannot be among the largest in any mean of the rows. Returns the number of columns
-    left.
+    """Removes columns of ``table`` that cannot be among the k largest in any mean of the rows. Returns the
+    number of remaining columns.
 
     A column is removed if its largest entry is below the smallest entries of k + 1 others.
     """

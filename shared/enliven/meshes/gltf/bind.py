@@ -78,8 +78,8 @@ class Bind:
         )
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
-        """Returns the inverse bind matrix of each joint of a skin, by the joint's node. It is the identity if
-        the file contains none."""
+        """Returns the inverse bind matrix (4, 4) of each joint of a skin, by the joint's node. It is the
+        identity if the file contains none."""
         skin_entry = self._file.document.skins[skin]
         if skin_entry.inverseBindMatrices is None:
             matrices = np.tile(np.eye(4), (len(skin_entry.joints), 1, 1))

@@ -224,7 +224,8 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
 
 
 def _scale_change_times(file: GltfFile, animation: int) -> list[Float]:
-    """Returns additional sample times between keys at which a node's scale changes strongly.
+    """Returns additional sample times (K,), in seconds, between keys with strongly different scales of a
+    node.
 
     They are needed because a clip interpolates the logarithm of a scale between frames, but the file
     interpolates the scale itself.

@@ -92,7 +92,8 @@ def mesh_glb(mesh: Mesh) -> bytes:
 
 
 def unit_normals(normals: Float) -> Float32:
-    """Scales normals to unit length. A vertex with only zero-area faces gets +Y."""
+    """Returns normals (V, 3) with unit length. The zero normal of a vertex with only zero-area faces becomes
+    +Y."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
     unit_length = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
     return np.asarray(

@@ -149,7 +149,7 @@ def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
 
 
 def _nodes_of_layers(shape: GraphShape, numbers: Iterable[int]) -> Int:
-    """Returns the numbers of all nodes of the parts that the given layers of a possessed mesh play or
+    """Returns the numbers (K,) of all nodes of the parts that the given layers of a possessed mesh play or
     move."""
     starts, chosen = shape.starts, set[int]()
     for number in numbers:

@@ -36,7 +36,7 @@ class RootMotionRig(RigEdits):
         return self.wrapped.centre(character)
 
     def rest(self, character: Any) -> Float:
-        """Returns the rest vertices, which root layers do not change."""
+        """Returns the vertices at rest (V, 3) in metres, which root layers do not change."""
         return self.wrapped.rest(character)
 
     def drawn(self, character: Any) -> Character:
@@ -178,5 +178,6 @@ def restore_root_layers(
 
 
 def _apply_motion(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
-    """Applies a motion to linear maps (..., N, 3, 3) and positions (..., N, 3)."""
+    """Returns linear maps (..., N, 3, 3) and positions (..., N, 3) with the rigid motion applied after
+    them."""
     return to_matrix(motion.turn)[..., None, :, :] @ linear, motion(positions)

@@ -141,8 +141,8 @@ def _corner_fans(mates: Int) -> Int:
 
 
 def _border_loops(mates: Int, corner: Int) -> list[Int]:
-    """Returns the half-edges of each border in the order of the cap's rim, which is opposite to the faces'
-    direction."""
+    """Returns the half-edges (R,) of each border, in the order of the cap's rim. This order is opposite to
+    the direction of the faces."""
     border_edges = np.flatnonzero(mates < 0)
     flat = corner.ravel()
     after = border_edges - border_edges % 3 + (border_edges + 1) % 3

@@ -73,7 +73,8 @@ def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
 
 
 def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:
-    """Follows one chain from an edge until it returns to the start or ends."""
+    """Follows one chain from the edge ``start`` until it ends or returns to the start. Returns the edges (C,)
+    of the chain, and True if it is closed."""
     chain, forward, at = [start], 0, start
     while True:
         free_links = [k for k in beside[at] if unused[k]]

@@ -137,8 +137,8 @@ class _PieceBuilder:
         base = len(self.kept)
 
         def grown(old: Float, rim: Float | None = None) -> Float:
-            """Interpolates values at the new vertices: along the crossed edges, and inside caps from their
-            rims."""
+            """Returns values (N, K) at the new vertices. Along crossed edges they are interpolated from the
+            values ``old`` (V, K), unless given by ``rim``, and inside caps from the rims."""
             on_edges = (
                 old[sources[:, 0]] * (1 - edge_fraction) + old[sources[:, 1]] * edge_fraction
                 if rim is None

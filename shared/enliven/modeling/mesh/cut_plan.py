@@ -33,8 +33,8 @@ _MAX_GAP_FRACTION = 0.3
 _SIDES = ((0, 1), (1, 2), (2, 0))
 """For each of a triangle's three sides: the numbers of its two corners."""
 _MIN_ISLAND_FRACTION = 0.05
-"""Minimum size of an island of vertices, as a fraction of its side, for the island to be cut out. Cuts along
-skin weights can create small islands."""
+"""Minimum size of an island (connected vertices on one side of the cut) that is cut out, as a fraction of all
+vertices on that side. Cuts along skin weights can create smaller islands, which are not cut out."""
 
 
 @dataclass(frozen=True)

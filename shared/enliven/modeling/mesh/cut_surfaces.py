@@ -123,7 +123,7 @@ class StrokeCut(CutSurface):
 
 
 def _arc_lengths(stroke: Float) -> Float:
-    """Returns the arc length (S,) at each point."""
+    """Returns the arc length (S,) from the start of a stroke (S, 2) to each of its points."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 

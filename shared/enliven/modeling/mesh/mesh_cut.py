@@ -135,10 +135,11 @@ def cut_by_stroke(
 ) -> Cut:
     """Cuts all parts that a stroke passes through.
 
-    A part is cut if the stroke covers at least half of its loop.
+    The cutting surface intersects the mesh in closed loops. A loop is cut if the stroke covers at least half
+    of it.
 
     Args:
-        surface: :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut`, or a PlaneCut.
+        surface: a :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut` or PlaneCut.
         posed: (V, 3) positions of the vertices when the stroke was drawn; None uses the positions in the
             mesh.
 

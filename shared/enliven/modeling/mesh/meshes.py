@@ -57,8 +57,8 @@ def matching_bone_numbers(old_shape: Shape, shape: Shape, otherwise: str) -> Int
 
 
 def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
-    """Divides a piece by groups of bones: each shell is assigned to the group that it follows most. A group
-    without shells gets None."""
+    """Divides a piece by groups of bones. Returns one piece for each group, with the shells that follow this
+    group most, or None for a group without shells."""
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)

@@ -23,7 +23,8 @@ def flip_to_delaunay(vertices: Float, faces: Int32) -> Int32:
 
 
 def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
-    """Flips the faces (F, 3) of a patch to Delaunay, except edges between two vertices of a seam (V,)."""
+    """Returns the faces (F, 3) of a patch after flips to a Delaunay triangulation. Edges between two vertices
+    of the seam (mask (V,)) are not flipped."""
     out = faces.copy()
     beside = adjacent_triangles(out, len(vertices))
     ends = out[:, [[1, 2], [2, 0], [0, 1]]]

@@ -99,12 +99,13 @@ class _LayerMotion:
 
 
 def compose_with_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
-    """Applies a motion of the rest pose before the motion with linear maps (N, 3, 3) and positions (N, 3)."""
+    """Returns the composition of two motions of N nodes: first the motion of the rest pose by ``linear`` (N,
+    3, 3) and ``apart`` (N, 3), then the motion ``base`` (maps and positions)."""
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
 
 def _apply_layers(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
-    """Returns the maps and positions of some nodes with the layers on top applied."""
+    """Returns the maps (K, 3, 3) and positions (K, 3) of ``nodes`` (K,) with the layers on top applied."""
     for layer in over:
         base = compose_with_base(base, layer.linear[nodes], layer.apart[nodes])
     return base
@@ -149,7 +150,8 @@ def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Flo
 
 
 def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
-    """Returns the recorded maps and positions of nodes at the time ``second`` of the stream, in seconds."""
+    """Returns the recorded maps (K, 3, 3) and positions (K, 3) of ``nodes`` (K,), at the time ``second`` of
+    the stream."""
     last = len(stream.positions) - 1
     frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))

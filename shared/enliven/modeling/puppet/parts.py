@@ -50,7 +50,7 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
 
 
 def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
-    """Converts a point in the world to the mesh's frame, (3,) metres each."""
+    """Returns a point (3,) of the world in the mesh's frame, in metres."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
 

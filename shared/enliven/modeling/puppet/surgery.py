@@ -181,7 +181,7 @@ class _Half:
         )
 
     def _border_vertices(self) -> Int32:
-        """Returns the kept vertices next to the cut."""
+        """Returns the numbers (K,) of the kept vertices next to the cut."""
         faces = self._piece.mesh.faces
         near = faces[~self._old[faces].all(1)]
         return np.unique(near[self._old[near]])

@@ -183,7 +183,7 @@ def _renamed_pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
 
 
 def _exact_identity(turn: Float) -> Float:
-    """Replaces a rotation by the exact identity if it differs only by rounding, so that layers stay
+    """Returns the rotation (4,), or the exact identity if the two differ only by rounding. So layers stay
     unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn

@@ -87,8 +87,8 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
 def split_bone(
     bone: Bone, bones: list[Bone], at: float, name: str, ridden: frozenset[str] | None = None
 ) -> list[Bone]:
-    """Splits one of ``bones`` at a node called ``name``. The product of the two rotations equals the old
-    rotation.
+    """Splits one of ``bones`` at a node called ``name``, and returns all bones. The product of the two new
+    rotations equals the old rotation.
 
     If ``ridden`` is given, the upper bone gets the whole rotation. The lower bone is then only stretched, by
     the layers with these ids.
@@ -106,8 +106,8 @@ def split_bone(
 
 
 def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
-    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total rotation does
-    not change."""
+    """Moves the fixed rotation at the start of the spans into the modeling rotation (4,). Returns both. The
+    total rotation does not change."""
     first = np.array(spans[0].before)
     return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
 

@@ -54,7 +54,8 @@ class ShapeRig(RigEdits):
         return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
-        """Returns a function from a time to the vertices, or to the joints of a shape without a mesh."""
+        """Returns a function from a time to the vertices (V, 3) in metres. For a shape without a mesh, it
+        returns the joints."""
         if shape.mesh is not None:
             return super().surface(project, shape)
         prepared = ShapePlayer(project, shape.id)

@@ -84,8 +84,8 @@ def has_motion(spans: Spans) -> bool:
 
 
 def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
-    """Converts a rotation to a span's format. A rotation that differs from the identity only by rounding
-    becomes the exact identity."""
+    """Returns a rotation (w, x, y, z) as a tuple, as spans store it. A rotation that differs from the
+    identity only by rounding becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()
     if abs(x) + abs(y) + abs(z) < _MIN_BONE_FRACTION:
         return AT_ONCE
@@ -93,7 +93,7 @@ def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
 
 
 def _split_span(span: Span, at: float) -> tuple[Span, Span]:
-    """Splits a span at the fraction ``at`` in (0, 1)."""
+    """Returns the two parts of a span that is split at the fraction ``at`` in (0, 1) of its length."""
     middles = [ref.start + at * (ref.end - ref.start) for ref in span.refs]
     first = tuple(replace(ref, end=middle) for ref, middle in zip(span.refs, middles, strict=True))
     second = tuple(replace(ref, start=middle) for ref, middle in zip(span.refs, middles, strict=True))

@@ -83,7 +83,8 @@ def bones_from_axis(
 
 
 def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[int]:
-    """Removes joints that are closer to the previous joint than the thickness of a limb."""
+    """Returns the ``chosen`` joints without those that are closer to the previous joint than the thickness of
+    a limb."""
     out = [chosen[0]]
     for k in chosen[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))

@@ -160,8 +160,8 @@ class _Tracer:
         return merge_junctions(remove_spurs(axis))
 
     def _straighten_to_tip(self, chain: list[int]) -> list[int]:
-        """Straightens the end of a chain towards the tip, because its last points are off-centre in a round
-        or flat end."""
+        """Returns a chain with its end straightened towards the tip, because its last points are off-centre
+        in a round or flat end."""
         region = self.tips.get(chain[-1])
         if region is None:
             return chain

@@ -65,7 +65,8 @@ def _smooth_points(points: Float, times: int) -> Float:
 
 
 def _drop_repeated_points(points: Float, min_distance: float) -> Float:
-    """Removes points that repeat the previous point, and last points that repeat the first point."""
+    """Returns the points (N, 2) without points that repeat the previous point, and without last points that
+    repeat the first point."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate([[True], step > min_distance])] if len(points) else points
     while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= min_distance:
@@ -115,7 +116,8 @@ def _crossing_kernel(starts, ends, closed):
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:
-    """Returns the part of the stroke between its two passages through the point where its ends cross."""
+    """Returns the points (N, 2) of the stroke between its two passages through the point where its ends
+    cross."""
     count = len(points) - 1
     near_ends = (crossings[:, 0] < _MAX_OVERSHOOT_FRACTION * count) & (
         crossings[:, 1] > (1 - _MAX_OVERSHOOT_FRACTION) * count

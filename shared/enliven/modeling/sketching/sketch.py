@@ -106,7 +106,8 @@ def flat_axis(outline: Float) -> tuple[Int, Axis]:
 
 
 def _inner_circles(axis: Axis) -> tuple[Float, Float]:
-    """Returns the inner points of the axis' chains, and their radii. They are the circles to inflate."""
+    """Returns the centres (K, 2) and radii (K,) of the circles to inflate: the inner points of the axis'
+    chains."""
     inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
     if len(inner) == 0:
         inner = np.arange(len(axis.points))

@@ -149,7 +149,7 @@ def _take_nearest_where_hidden(
 
 
 def _solve_weights(matrix: csc_matrix, right: Float) -> Float:
-    """Solves for (N, B) weights. Skips columns of zeros."""
+    """Returns the solution (N, B) of ``matrix`` x = ``right`` (N, B). Columns of zeros are skipped."""
     out = np.zeros_like(right)
     warm = np.flatnonzero(right.any(0))
     if len(warm):

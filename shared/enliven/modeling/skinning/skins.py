@@ -46,8 +46,8 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
 
 
 def _split_exactly(total: Float32, part: Float) -> tuple[Float32, Float32]:
-    """Splits ``total`` into two float32 weights that sum to it without rounding. The first is about ``part``
-    of it."""
+    """Returns two float32 weights (K,) that add up to ``total`` (K,) without rounding. The first weight is
+    about the fraction ``part`` (K,) of the total."""
     larger = np.maximum(part, 1.0 - part).astype(np.float32) * total
     # The larger weight is at least half of the whole, so that the difference is exact (Sterbenz).
     rest = total - larger

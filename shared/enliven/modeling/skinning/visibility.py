@@ -71,8 +71,8 @@ def _line_triangle_hit(p, d, a, b, c):
 
 @njit(cache=True, nogil=True)
 def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
-    """Returns True if a point is outside vertex v's own surface, or if a face that does not touch v occludes
-    it."""
+    """Returns True if the point ``target`` (3,) is on the outer side of the surface at vertex v, or if a face
+    that does not touch v occludes it."""
     p = vertices[v]
     d = target - p
     if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _MAX_OUTWARD_COSINE * np.sqrt((d * d).sum()):

@@ -195,7 +195,8 @@ def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
 
 
 def _smooth_states(faces: Int32, states: Int32) -> Int32:
-    """Smooths the earlier states (V,) of the vertices by majority voting among neighbours."""
+    """Returns the earlier states (V,) of the vertices (1 free, -1 surface, 0 unknown) after majority voting
+    among neighbours."""
     for _ in range(_VOTING_ROUNDS):
         votes, of_face = np.zeros(len(states)), states[faces].sum(1)
         for corner in range(3):

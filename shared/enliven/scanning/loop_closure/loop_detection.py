@@ -294,8 +294,8 @@ def _make_link(pieces: list[PlacedPiece], n: int, m: int, alignment: Alignment) 
 
 
 def _correct_poses(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
-    """Corrects all poses: interpolates the corrections of the nearest anchor images before and after each
-    image.
+    """Returns the corrected poses (4, 4) of all images. The correction of an image is interpolated between
+    those of the nearest anchor images before and after it.
     """
     corrections = [new @ invert_pose(poses[anchor]) for anchor, new in zip(anchors, better, strict=True)]
     corrected = []

@@ -120,7 +120,8 @@ def _up_direction(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float 
 def _solve_poses(
     poses: list[Float], links: Sequence[PoseLink], trusts: Float, ups: list[Float | None], level: float
 ) -> list[Float]:
-    """Optimizes the poses by Levenberg-Marquardt steps, for given trust in the links."""
+    """Returns the poses (4, 4) after Levenberg-Marquardt steps, for given trust in the links (0 to 1
+    each)."""
     damping, cost = _INITIAL_DAMPING, pose_graph_cost(poses, links, trusts, ups, level)
     for _ in range(_MAX_STEPS):
         matrix, gradient = _normal_equations(poses, links, trusts, ups, level)

@@ -202,8 +202,8 @@ class ObjectFollower:
         return object_pixels, object_pixels & is_known
 
     def views(self) -> Iterator[tuple[DepthView, Float]]:
-        """Yields the fused images, restricted to points on the current surface of the object, and their
-        poses.
+        """Yields the fused images and their poses (4, 4), object_from_camera. The images are restricted to
+        points on the current surface of the object.
         """
         scanner = self._rest.scanner
         for number, frame in self.history.frames():

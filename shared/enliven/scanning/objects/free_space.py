@@ -15,7 +15,7 @@ from enliven.scanning.rigid import invert_pose
 _SUBSAMPLING = 4
 """Subsampling factor from half-size pixels to the stored image."""
 _MIN_SENSOR_DISTANCE_M = 0.2
-"""A camera cannot measure surfaces nearer than this, metres."""
+"""Minimum distance, metres, at which a camera can measure a surface."""
 _MIN_IMAGES = 2
 """Minimum number of images that must see through a point, because a single image may be wrong."""
 
