@@ -126,7 +126,7 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     completely or not at all.
 
     Raises:
-        InputError: for an unknown suffix.
+        InputError: if the suffix is unknown.
         ResourceError: if the file cannot be written.
     """
     path = Path(path)

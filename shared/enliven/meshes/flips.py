@@ -41,7 +41,7 @@ def flip(triangles, beside, t, k):
 
     Args:
         triangles: (T, 3) vertices, counter-clockwise. The edge has a triangle on both sides.
-        beside: (T, 3) neighbours.
+        beside: (T, 3) neighbours of each triangle; see the module's docstring.
     """
     u = beside[t, k]
     m = slot(beside[u], t)

@@ -26,7 +26,7 @@ def triangulate_loops(points: Float, loops: Sequence[Int]) -> Int:
     Delaunay triangles.
 
     Args:
-        points: (P, 2).
+        points: (P, 2) positions in the plane.
         loops: the point indices of each loop. Outer loops are counter-clockwise, and holes clockwise.
     """
     order = np.concatenate(loops)
@@ -44,8 +44,8 @@ def refine_triangulation(
     """Refines a triangulation to triangles of about the requested size. The outline stays unchanged.
 
     Args:
-        points: (P, 2).
-        triangles: (T, 3) constrained Delaunay.
+        points: (P, 2) positions in the plane.
+        triangles: (T, 3) a constrained Delaunay triangulation of the points.
         sizes: (P,) target edge length around each point.
         smooth: number of smoothing passes. Each pass moves new points to the mean of their neighbours.
         growth: ratio of the target edge length at an added point to the mean of its triangle's corners. Above

@@ -23,7 +23,7 @@ def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
     share stay closed.
 
     Args:
-        vertices: (V, 3).
+        vertices: (V, 3) positions, in any unit.
         corners: (C,) the vertices of all polygons, one polygon after the other.
         sizes: (P,) the number of corners of each polygon. Polygons with fewer than three corners are left
             out.

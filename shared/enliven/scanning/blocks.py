@@ -47,7 +47,7 @@ class BlockTable:
         return len(self.places)
 
     def grow(self) -> None:
-        """Enlarges the capacity for more blocks."""
+        """Enlarges the table by the factor ``_CAPACITY_GROWTH``."""
         capacity = int(self.capacity * _CAPACITY_GROWTH)
         self.places = grow_array(self.places, capacity, 0)
         self.beside = grow_array(self.beside, capacity, -1)

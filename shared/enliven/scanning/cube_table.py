@@ -22,7 +22,7 @@ _FACE_CORNERS = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 
 STARTS = ((0, 2, 4, 6), (0, 1, 4, 5), (0, 1, 2, 3))
 """For each axis, the corners at which the four edges along it begin."""
 MOST_TRIANGLES = 5
-"""Maximum number of triangles in a cell."""
+"""Maximum number of triangles of the surface in a single cell."""
 
 
 def _edge_number(a: int, b: int) -> int:

@@ -51,7 +51,7 @@ class Alignment:
     """A camera pose and its uncertainty.
 
     Attributes:
-        world_from_camera: (4, 4) pose.
+        world_from_camera: (4, 4) the camera's pose.
         agreeing: fraction, 0 to 1, of the points in observed space that lie on the fused surface.
         overlap: fraction of the image's points that lie in observed space.
         error: weighted root mean square of the distances between points and surface, metres.

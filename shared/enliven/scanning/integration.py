@@ -22,9 +22,9 @@ observation constrains the surface least at these edges."""
 _VOXEL_X = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
 _VOXEL_Y = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
-"""(512,) y of each voxel in a block."""
+"""(512,) y of each voxel in a block, in voxels."""
 _VOXEL_Z = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
-"""(512,) z of each voxel in a block."""
+"""(512,) z of each voxel in a block, in voxels."""
 _COLOUR_RANGE_VOXELS = 1.8
 """Distance from a surface, in voxels, within which a voxel stores a colour. It includes the corners of all
 cells that the surface crosses."""

@@ -21,7 +21,7 @@ class ImageArrays(NamedTuple):
     Attributes:
         planes: (4 H W,), weights: (H W,) float32 as in a :class:`DepthView`.
         colours: (3 H W,) uint8 sRGB, empty if there are none.
-        shape: (H, W).
+        shape: (H, W) of the image, in pixels.
     """
 
     planes: Float32
@@ -67,7 +67,7 @@ class PointArrays(NamedTuple):
     """The points of a half-size image, camera frame.
 
     Attributes:
-        places: (h, w, 3) float32 metres.
+        places: (h, w, 3) float32 metres, the positions.
         normals: (h, w, 3) float32 towards the camera.
         worth: (h, w) float32 weights, 0 if there is no point.
     """

@@ -17,7 +17,7 @@ PIECE = 8
 STEPS = 512
 """Quantization steps of vertex positions per voxel. The side of a piece, 64 voxels, has 32768 steps."""
 PIECE_STEPS = PIECE * SIDE * STEPS
-"""Quantization steps along a piece's side."""
+"""Number of quantization steps along the side of a piece."""
 _VOXELS_PER_CELL = 2
 """Number of voxels along the side of a preview cell. With two voxels, a preview has a quarter of the
 triangles, and legs of 2 cm are still connected."""
@@ -40,7 +40,7 @@ class ScanPiece:
         places: (V, 3) uint16 vertex positions, in units of ``step`` metres from the piece's corner.
         colours: (V, 3) uint8 sRGB, or None.
         seen: (V,) uint8 quality of the observation; 255 if the surface was observed well.
-        faces: (F, 3) int32.
+        faces: (F, 3) int32 vertex numbers.
         step: quantization step of ``places``, metres.
     """
 

@@ -153,7 +153,7 @@ class Scanner:
 
     @property
     def megabytes(self) -> float:
-        """Memory of all volumes and of the stored images."""
+        """Memory of all volumes and of the stored images, in megabytes."""
         return sum(volume.megabytes for volume in self.volumes) + self.history.megabytes
 
     @property
@@ -355,7 +355,8 @@ class Scanner:
     def _fuse_image(
         self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None
     ) -> ScanStep:
-        """Fuses an image at a pose."""
+        """Fuses an image at the pose (4, 4), and stores it for loop closure. Returns the result of the
+        frame."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
         if self.is_full:
             return ScanStep(ScanState.SCANNING, pose, alignment, has_memory=False)

@@ -76,7 +76,7 @@ class TsdfVolume:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the voxels and of their table."""
+        """Memory of the voxels and of their table, in megabytes."""
         arrays = (
             self.distance,
             self.weight,

@@ -74,7 +74,7 @@ class PuppetSurface:
         """Replaces the control points, and resets the mesh to rest.
 
         Raises:
-            InputError: as for the constructor. In that case the control points stay unchanged.
+            InputError: in the same cases as the constructor. In that case the control points stay unchanged.
         """
         vertices = np.array(held, np.int64).reshape(-1)
         soft_weights = [None] * len(vertices) if weights is None else list(weights)

@@ -25,12 +25,12 @@ S = 0
 R = 9
 """First of the nine rows of a block with the rotations R, column by column."""
 TRACE = 18
-"""Row of a block with trace(RᵀS)."""
+"""Index of the row of a block with trace(RᵀS), which measures how well R fits S."""
 ROOT_DERIVATIVE = 19
 """Row of a block with the derivative of the characteristic polynomial at its largest root. It is 0 if this
 eigenvalue is double."""
 ROWS = 20
-"""Number of rows of a block."""
+"""Number of rows of a block that this module uses."""
 _MAX_UNRELIABLE_DERIVATIVE = 0.05
 """Below this derivative, the adjugate is too small for a reliable eigenvector in float64."""
 

@@ -53,10 +53,11 @@ def select_followed_samples(points, samples, start, near, way, reach, detour):
 
 
 def find_tiny_shells(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """Returns (W,) True for vertices of tiny shells.
+    """Returns (W,) True for vertices of tiny shells (connected parts smaller than
+    ``_MAX_DUST_SIZE_SPACINGS``).
 
     Args:
-        points: (W, 3) metres.
+        points: (W, 3) metres, the vertices of the welded mesh.
         label: (W,) the shell of each vertex.
         awake: shells that never count as tiny.
         spacing: metres between samples.

@@ -21,9 +21,9 @@ from enliven.document import Character
 from enliven.settings import parameter, setting
 
 _FEET_SAMPLE_COUNT = 96
-"""Number of sample points for all feet."""
+"""Number of points that are sampled on all feet together."""
 _BODY_SAMPLE_COUNT = 160
-"""Number of sample points for the rest of the mesh."""
+"""Number of points that are sampled on the rest of the mesh."""
 _FOOT_HEIGHT_FRACTION = 0.04
 """Maximum height of a vertex of a foot, as a fraction of the mesh's height."""
 

@@ -135,7 +135,7 @@ def _smoothness_energy(x, edges, offsets, w, out):
 
 @njit(cache=True, nogil=True)
 def _deformed_point(x, nodes, rows, m):
-    """Returns phi(p), eq. 2, of point ``m``."""
+    """Returns the deformed position phi(p) (eq. 2) of point ``m`` as a vector (x, y, z, 0), in metres."""
     even = odd = splat4(0.0)
     for k in range(4):
         at = 16 * nodes[m, k]

@@ -22,7 +22,7 @@ NO_PLANES = Planes(
     _EMPTY_ARRAY,
     np.empty(0, np.bool_),
 )
-"""The value for a frame without planes."""
+"""An empty set of planes, for a frame without planes."""
 
 
 def coefficient_rows(

@@ -96,7 +96,7 @@ class SolverBuffers(NamedTuple):
 
     @staticmethod
     def empty(count: int) -> SolverBuffers:
-        """Returns buffers for ``count`` nodes."""
+        """Returns new buffers for a graph of ``count`` nodes."""
         pairs = np.zeros((2, _REMEMBERED_STEPS, 16 * count), np.float32)
         now, before, own = np.zeros((3, 16 * count), np.float32)
         raw, here, trial, last = np.zeros((4, 16 * count))

@@ -47,7 +47,7 @@ class MatrixRenewal:
 
     @property
     def system(self) -> RigidSystem:
-        """The matrix in use."""
+        """The matrix that the solver currently uses."""
         return self._systems[0][0]
 
     @property

@@ -264,7 +264,7 @@ class EmbeddedSolver:
 
     @property
     def _current_matrix(self) -> RigidSystem:
-        """Returns the matrix in use."""
+        """Returns the matrix that the solver currently uses."""
         return self._matrix.system
 
     def state(self) -> tuple[Float, Float]:

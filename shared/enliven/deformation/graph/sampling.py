@@ -27,7 +27,7 @@ class SurfaceSamples(NamedTuple):
     """Sample points on a mesh.
 
     Attributes:
-        positions: (N, 3) metres.
+        positions: (N, 3) metres, the sample points.
         normals: (N, 3) outward unit normals.
         faces: (N,) the face that each point lies on.
         radius: minimum distance D between points, metres; 0 for independent points.

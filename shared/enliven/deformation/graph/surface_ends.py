@@ -167,7 +167,7 @@ def shell_connections(points: Float, label: Int) -> Int:
     component (Borůvka's algorithm). This needs only a few rounds, for any number of shells.
 
     Args:
-        points: (C, 3) metres.
+        points: (C, 3) metres, the points of all shells.
         label: (C,) the shell that each point is on, from 0.
     """
     edges, count = np.empty((0, 2), np.int64), int(label.max()) + 1

@@ -60,7 +60,7 @@ def choose_carriers(positions: Float, distances: Float, spacing: float, min_coun
     If there would be fewer than ``min_count`` carriers, returns all nodes.
 
     Args:
-        positions: (N, 3) metres.
+        positions: (N, 3) metres, the nodes at rest.
         distances: (N, N) metres, the distances along the surface.
         spacing: metres between nodes.
     """
@@ -83,7 +83,7 @@ def blending_weights(
         net: the net of the mesh.
         near: the carriers near each point of the net, and their distances along the surface, from
             :func:`enliven.deformation.graph.surface.node_distances`.
-        positions: (N, 3) metres.
+        positions: (N, 3) metres, the nodes at rest.
         spacing: metres between nodes, the s of the module's docstring.
         k: nodes per vertex, at most 4.
     """

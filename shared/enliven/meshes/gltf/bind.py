@@ -121,7 +121,7 @@ class Bind:
 
     @property
     def _has_joint_clips(self) -> bool:
-        """True if animations move the joints."""
+        """True if the file has animations, unless the surface is read as a ``still``."""
         return bool(self._file.document.animations) and not self._still
 
     def _uniform_rest(self, node: int) -> Float:

@@ -50,9 +50,10 @@ _HARMLESS_PATTERN = re.compile(
 )
 """Names of extensions that change neither the surface at rest nor the animations of a file."""
 _VISIBILITY_POINTER = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
-"""A JSON pointer to a node's visibility."""
+"""Pattern of a JSON pointer to the visibility of a node. Its group is the node's number."""
 _NODE_POINTER = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
-"""A JSON pointer to a value that an ordinary channel can also animate."""
+"""Pattern of a JSON pointer to a value that an ordinary channel can also animate. Its groups are the node's
+number and the value."""
 
 
 def extension_notes(document: Entry) -> list[str]:

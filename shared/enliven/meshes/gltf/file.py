@@ -68,7 +68,7 @@ class GltfFile:
             raise self.damaged(error) from None
 
     def wrong(self, what: str, remedy: str = _EXPORT_ADVICE) -> InputError:
-        """Returns an error that names the file."""
+        """Returns an InputError with the path of the file and the problem ``what``."""
         return InputError(what, where=str(self.path), remedy=remedy)
 
     def damaged(self, error: Exception) -> InputError:
@@ -291,7 +291,7 @@ def _check_references(document: Entry) -> None:
     """Checks that nodes, skins and animations refer only to existing entries.
 
     Raises:
-        InputError: for the first reference to a missing entry.
+        InputError: if a reference is invalid. The message describes the first invalid reference.
     """
     nodes, skins = document.nodes, document.skins
     used = {node.skin for node in nodes}

@@ -294,7 +294,7 @@ def sample_channel(keys: Float, values: Float, interpolation: str, path: str, ti
     Before the first and after the last key, the value stays constant.
 
     Args:
-        keys: (K,) seconds.
+        keys: (K,) times of the keys in seconds.
         values: (K, C) values at the keys. For CUBICSPLINE (3K, C): in-tangent, value and out-tangent of each
             key.
     """

@@ -18,9 +18,11 @@ from enliven.meshes.gltf.motion import zero_scale_nodes
 _MODE_TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1). Points and lines are left out."""
 _MODE_STRIP = 5
-"""glTF's mode of a triangle strip."""
+"""glTF's mode of a triangle strip: each vertex after the second forms a triangle with the two vertices before
+it."""
 _MODE_FAN = 6
-"""glTF's mode of a triangle fan."""
+"""glTF's mode of a triangle fan: each vertex after the second forms a triangle with the vertex before it and
+the first vertex."""
 _INSTANCE_COLUMNS = {
     "TRANSLATION": [0.0, 0.0, 0.0],
     "ROTATION": [0.0, 0.0, 0.0, 1.0],
@@ -35,7 +37,7 @@ class GltfPart:
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
-        faces: (F, 3).
+        faces: (F, 3) vertex numbers.
         nodes: (V, 4) the nodes that each vertex follows, the strongest first.
         weights: (V, 4) float64, each row sums to one.
         colours: (V, 3) sRGB, or None if the file has no colour.

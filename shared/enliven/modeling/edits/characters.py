@@ -113,7 +113,7 @@ def move_character(
     """Moves a character at every time: x becomes turn (x - about) + about + offset.
 
     Args:
-        offset: (3,) metres.
+        offset: (3,) displacement in metres.
         turn: (4,) rotation as a unit quaternion (w, x, y, z).
         about: (3,) metres, the fixed point of the rotation.
 

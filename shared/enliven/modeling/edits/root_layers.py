@@ -55,7 +55,7 @@ class RigidMotion(NamedTuple):
 
 
 IDENTITY_MOTION = RigidMotion(IDENTITY, np.zeros(3))
-"""The identity motion."""
+"""The identity: a rigid motion that changes nothing."""
 
 
 def about(turn: Float, offset: Float, centre: Float) -> RigidMotion:

@@ -215,7 +215,7 @@ class _Work:
         return _Rim(order, faces, inside, how, area)
 
     def close(self, cap: _Rim) -> None:
-        """Adds a cap to the surface."""
+        """Adds the vertices and faces of a cap to the surface."""
         numbers = np.concatenate([cap.around, len(self.vertices) + np.arange(len(cap.points))])
         labels = int(self.label.max()) + 1 + np.arange(len(cap.points))
         self._add_vertices(cap.points, cap.around, cap.how, labels)

@@ -21,7 +21,7 @@ def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int
     """Removes slivers at the new vertices of a surface.
 
     Args:
-        vertices: (V, 3) metres.
+        vertices: (V, 3) metres, the surface's vertices.
         faces: (F, 3), closed.
         new: (V,) True for vertices that may be moved or removed.
 

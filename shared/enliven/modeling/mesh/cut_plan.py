@@ -116,7 +116,7 @@ class CutPlan:
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
-        """Marks every loop to be cut."""
+        """Marks every loop of the plan for cutting."""
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 

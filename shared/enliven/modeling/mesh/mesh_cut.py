@@ -185,7 +185,7 @@ def round_caps(piece: Piece, roundness: float) -> Piece:
 
 
 def cap_normals(caps: Mesh) -> Float:
-    """Returns the mean normal of its cap for each vertex, (V, 3)."""
+    """Returns (V, 3) for each vertex the mean normal of the cap that contains the vertex."""
     part = components(len(caps.vertices), caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     total = np.zeros((int(part.max()) + 1, 3))
     np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())

@@ -108,7 +108,8 @@ def _sample_points(points: Float, normals: Float, count: int) -> _Cloud:
 
 
 def _candidate_normals(points: Float) -> Float:
-    """Returns (C, 3) initial normals."""
+    """Returns (C, 3) unit normals of the candidate planes: the axes, the principal axes, and directions all
+    around."""
     k = np.arange(_INITIAL_NORMALS) + 0.5
     up, turn = k / _INITIAL_NORMALS, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - up * up)

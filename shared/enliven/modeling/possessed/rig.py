@@ -1,4 +1,4 @@
-"""Edits of whole characters for deformation graphs."""
+"""Implements the edits of whole characters for deformation graphs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _MIRRORED_ENDS = [0, 2, 1, 4, 3]
 
 
 class GraphRig(RigEdits):
-    """Edits of a deformation graph that plays recorded motion."""
+    """Implements the edits of whole characters for deformation graphs that play recorded motion."""
 
     drawn = staticmethod(character_from_graph_shape)
     cut = staticmethod(cut_graph)
@@ -101,7 +101,7 @@ class GraphRig(RigEdits):
         return shape.with_changes(parts=parts)
 
     def scaled(self, shape: GraphShape, factor: float) -> GraphShape:
-        """Scales the rest pose and the motion."""
+        """Scales the rest pose and the motion by ``factor`` about the centre."""
         centre = self.centre(shape)
 
         def larger(points: Float) -> Float:
@@ -124,7 +124,7 @@ class GraphRig(RigEdits):
         )
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
-        """Mirrors the rest pose and the motion."""
+        """Mirrors the rest pose and the motion. Left and right ends are swapped."""
         centre, flip = self.centre(shape), Axes(IDENTITY, True)
         parts = []
         for part in shape.parts:

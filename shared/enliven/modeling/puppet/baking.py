@@ -35,7 +35,7 @@ def bake_puppet(
     The mesh replaces the puppet and gets its id. If the puppet is kept, the mesh gets a new id.
 
     Raises:
-        InputError: as :func:`bake_motion`.
+        InputError: in the same cases as :func:`bake_motion`.
     """
     puppet = project.puppet(puppet_id)
     rest = project if keep else project.without(puppet_id)

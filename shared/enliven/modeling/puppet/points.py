@@ -146,7 +146,7 @@ def _with_row(places: AnyArray, number: int, place: Float) -> Float:
 
 
 def _layer_without_point(layer: PuppetLayer, name: str) -> PuppetLayer:
-    """Removes a control point from a layer."""
+    """Returns the layer without the control point ``name`` and its constraints."""
     return replace(
         layer,
         points=tuple(other for other in layer.points if other != name),
@@ -159,7 +159,7 @@ def _layer_without_point(layer: PuppetLayer, name: str) -> PuppetLayer:
 
 
 def _layer_with_renamed_point(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
-    """Renames a control point in a layer."""
+    """Returns the layer with the control point ``old`` renamed to ``new``."""
 
     def name(one: str) -> str:
         return new if one == old else one

@@ -1,4 +1,4 @@
-"""The edits of whole characters, implemented for puppets."""
+"""Implements the edits of whole characters for puppets."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from enliven.rotation import IDENTITY, from_matrix, multiply, normalized, rotate
 
 
 class PuppetRig(RigEdits):
-    """Edits of a puppet, with control points driven by example poses. Baking solves its surface for each
-    frame."""
+    """Implements the edits of whole characters for puppets, whose control points are driven by example poses.
+    Baking solves the surface for each frame."""
 
     frames = 30.0
     drawn = staticmethod(character_from_puppet)

@@ -73,7 +73,7 @@ def suggested_puppet(
         poses: number of key poses; None chooses a sufficient number.
 
     Raises:
-        InputError: for fewer than one point or two key poses, and for a take without any motion.
+        InputError: if ``points`` is below 1 or ``poses`` below 2, or if the take contains no motion.
     """
     if points < 1 or (poses is not None and poses < 2):
         problem = f"{points} control points and {poses} key poses are too few"

@@ -121,7 +121,7 @@ class _Half:
         self._was = np.where(self._old[None, :, None], old_positions[:, np.maximum(piece.kept, 0)], 0.0)
 
     def build_puppet(self, name: str, notes: list[str]) -> Puppet:
-        """Returns the half as a puppet."""
+        """Returns the half as a puppet called ``name``, with new control points where they are needed."""
         puppet, size = self._puppet, float(np.linalg.norm(np.ptp(self._puppet.mesh.vertices, axis=0)))
         own_layers = [
             replace(point, vertex=int(self._number[point.vertex]))

@@ -1,4 +1,4 @@
-"""The edits of whole characters, implemented for skeletons with skin."""
+"""Implements the edits of whole characters for skeletons with skin."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class ShapeRig(RigEdits):
-    """Edits of a skeleton with skin."""
+    """Implements the edits of whole characters for skeletons with skin."""
 
     drawn = staticmethod(character_of)
     cut = staticmethod(cut_shape_along_stroke)

@@ -30,7 +30,7 @@ class Axis:
     """The axis of an outline: a tree of points in the plane.
 
     Attributes:
-        points: (A, 2) metres.
+        points: (A, 2) metres, the points of the axis.
         radii: (A,) metres, half the local width.
         chains: paths of points between ends and junctions, both included.
     """

@@ -22,7 +22,7 @@ def simplify_chain(points: Float, radii: Float, tolerance: float, longest: float
 
     Args:
         points: (P, 2) metres, from one end to the other.
-        radii: (P,) metres.
+        radii: (P,) metres, half the local width of the shape at each point.
         longest: maximum length of a bone, in mean diameters. Longer bones are split evenly.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])

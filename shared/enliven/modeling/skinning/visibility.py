@@ -169,7 +169,7 @@ def nearest_seen(
     Args:
         vertices: (V, 3) metres, welded.
         normals: (V, 3) outward normals; zero if bones on both sides are acceptable.
-        faces: (F, 3).
+        faces: (F, 3) the faces that can occlude a bone.
         segments: (S, 2, 3) metres, the ends of the bones.
         tie: maximum relative difference in distance of bones that count as equally near.
 

@@ -39,7 +39,7 @@ class FrameHistory:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the compressed images."""
+        """Memory of the compressed images, in megabytes."""
         return self._held * 1e-6
 
     @property

@@ -163,7 +163,7 @@ def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, max_deviation
 def _load_piece(
     history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
 ) -> PlacedPiece:
-    """Returns a submap with its images."""
+    """Returns a submap with its images, which are decompressed and prepared."""
     images = {
         number: (frame, poses[number])
         for number, frame in history.frames([piece.anchor, *piece.fused_numbers])

@@ -30,7 +30,7 @@ _SEARCH_RADIUS_M = 0.05
 """Maximum distance, metres, between a point and its nearest surface point in ICP. The remaining pose error of
 a rest is smaller."""
 _ICP_STEPS = 20
-"""Number of ICP steps."""
+"""Number of ICP steps that align a rest with the earlier rests."""
 _RESIDUAL_WIDTHS_M = 0.02, 0.003
 """Residuals (metres) that get a quarter of the full weight: in the first ICP step, and in the last."""
 _ON_SURFACE_M = 0.01

@@ -90,7 +90,7 @@ class MovedScanner:
 
     @property
     def megabytes(self) -> float:
-        """Memory of all rests."""
+        """Memory of the scans of all rests, in megabytes."""
         trial = [] if self._trial is None else [self._trial]
         model = 0.0 if self.model is None else self.model.megabytes
         model += sum(follower.history.megabytes for follower in self.followers)
@@ -180,7 +180,7 @@ class MovedScanner:
 
     @property
     def history(self) -> FrameHistory:
-        """The images of the first rest."""
+        """The stored images of the first rest."""
         return self.rests[0].scanner.history
 
     @property

@@ -13,7 +13,7 @@ from enliven.scanning.scanner import ScanState, ScanStep
 
 
 class ObjectState(Enum):
-    """The state of the object in a frame."""
+    """The state of the moved object in a frame."""
 
     RESTING = "resting"
     """The object stands still, and the image was fused into it. Before it is first moved, it is part of the

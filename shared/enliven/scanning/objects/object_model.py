@@ -33,7 +33,7 @@ class ObjectModel:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the volumes."""
+        """Memory of the volumes, in megabytes."""
         return sum(volume.megabytes for volume in self.volumes)
 
     @property

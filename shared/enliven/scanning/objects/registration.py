@@ -19,7 +19,7 @@ from enliven.scanning.rigid import invert_pose, pose_difference
 _GRID_CELL_M = 0.015
 """Cell size of the grid for finding nearest surface points."""
 _GRID_MARGIN_M = 0.3
-"""Margin of this grid around the object."""
+"""Margin of the grid around the object's surface."""
 _COARSE_POINTS = 300
 """Number of surface points that are aligned from each starting rotation."""
 _START_ROTATIONS = 900
@@ -69,7 +69,7 @@ class Registration:
     """The pose of a part relative to a model.
 
     Attributes:
-        model_from_part: (4, 4).
+        model_from_part: (4, 4) the rigid transform from the part to the model.
         agreeing: fraction of the part's points that lie on the model's surface.
         through: fraction of a surface's points that the images of the other surface saw through. It is the
             larger value of the two surfaces.

@@ -17,7 +17,7 @@ class SurfacePoints:
     """Points spread evenly on a surface.
 
     Attributes:
-        points: (N, 3) metres.
+        points: (N, 3) metres, the positions.
         normals: (N, 3) unit, outward.
     """
 
