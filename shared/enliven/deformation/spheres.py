@@ -136,8 +136,8 @@ def _sphere_radius(vertices: Float, faces: Int32, settings: SphereSettings) -> f
     area would need too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
-    # On a smooth surface, a sphere covers at most about its own area, 4 pi r^2. So smaller spheres would
-    # certainly be more than `settings.most`.
+    # On a smooth surface, a sphere covers at most about its own area, 4 pi r^2. So with a smaller radius,
+    # more than `settings.most` spheres would be needed.
     covering_radius = np.sqrt(area / (4 * np.pi * settings.most))
     return float(
         max(min(max(settings.edges * mean, settings.smallest), settings.largest), covering_radius, 1e-6)

@@ -227,8 +227,8 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
     """Splits long edges at their middles, in one pass.
 
     Returns:
-        (V + S, 3) vertices, (G, 3) faces, (S, 2) the two old vertices between which each new vertex lies, and
-            (G,) the face of ``faces`` that contains each new face.
+        (V + S, 3) vertices, (G, 3) faces, (S, 2) the ends of the edge that each new vertex splits, and (G,)
+            the old face that contains each new face.
     """
     lengths = edge_lengths(vertices, faces)
     long = lengths > longest

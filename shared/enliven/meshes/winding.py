@@ -78,7 +78,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     notes = list[str]()
     if turned_faces:
         notes.append(
-            f"turned {turned_faces} of {len(faces)} faces whose winding differed from that of neighbours"
+            f"turned {turned_faces} of {len(faces)} faces that were wound differently from neighbours"
         )
     if turned_parts:
         subject = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"

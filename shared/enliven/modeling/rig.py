@@ -121,8 +121,8 @@ class RigEdits(ABC):
         raise InputError("a recorded motion cannot be posed by hand", where=character.where, remedy=remedy)
 
     def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
-        """Returns the index of the layer that plays the keys of a handle or node, or None if there is no such
-        layer."""
+        """Returns the index of the layer that plays the keys of a handle or node, or None if no layer plays
+        keys of the handle."""
         return None
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:

@@ -101,7 +101,7 @@ def _home_slot(key, size):
 
 @njit(cache=True, nogil=True)
 def find(keys, slots, key):
-    """Returns the number of the block with a key, or -1 if there is no such block."""
+    """Returns the number of the block with a key, or -1 if no block has this key."""
     at = _home_slot(key, len(keys))
     while keys[at] != -1:
         if keys[at] == key:

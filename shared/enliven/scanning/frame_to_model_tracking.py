@@ -182,8 +182,8 @@ class CameraTracker:
         matrix, gradient = _normal_matrix(sums), sums[21:27].copy()
         scale = max(sums[28], 1e-9)
         if up is not None:
-            # A rotation w moves the measured up direction by w x measured_up. It should align this direction
-            # with +Y.
+            # A rotation w moves the measured up direction by w x measured_up. The rotation should align this
+            # direction with +Y.
             measured_up = pose[:3, :3] @ up
             j = -cross_matrix(measured_up)
             weight = scale * _GRAVITY_WEIGHT_M2

@@ -124,8 +124,8 @@ def find_focus(poses: list[Float]) -> Float:
         projection = np.eye(3) - np.outer(axis, axis)
         matrix += projection
         right += projection @ pose[:3, 3]
-    # If all cameras look in the same direction, the point is undetermined. A weak prior then places it one
-    # metre in front of them.
+    # If all cameras look in the same direction, the point is undetermined. A weak prior then places the point
+    # one metre in front of the cameras.
     prior_point = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * prior_point), np.float64)
 

@@ -95,7 +95,8 @@ def classify(places, band, camera, tiles, shape, state, first, last):
         z = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
         if z < camera.limits[0] + radius:
             continue
-        # Compute the bounds of the block's bounding sphere in the image. They are slightly too wide.
+        # Compute the bounds of the block's bounding sphere in the image. These bounds are slightly too wide,
+        # which does no harm.
         u, v = fx * x / z + cx, fy * y / z + cy
         ru = fx * radius / (z - radius) * (1.0 + abs(x) / z)
         rv = fy * radius / (z - radius) * (1.0 + abs(y) / z)

@@ -69,7 +69,7 @@ class PointArrays(NamedTuple):
     Attributes:
         places: (h, w, 3) float32 metres, the positions.
         normals: (h, w, 3) float32 towards the camera.
-        worth: (h, w) float32 weights, 0 if there is no point.
+        worth: (h, w) float32 weights, 0 for a pixel without a point.
     """
 
     places: Float32

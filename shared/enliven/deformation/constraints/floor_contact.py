@@ -128,7 +128,7 @@ class FloorContact:
         self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
     ) -> PlaneConstraints | None:
         """Returns the planes of the floor contact and of locked feet for the current pose of the mesh.
-        Returns None if there are no planes.
+        Returns None if nothing touches the floor.
 
         Args:
             linear: (N, 3, 3) the nodes' current linear parts.

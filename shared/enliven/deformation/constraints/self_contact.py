@@ -122,8 +122,7 @@ def _near_pairs(centres, radii, pairs, sides):
     3), unit vectors from the second to the first ball.
 
     While a pair is near, its direction rotates but never flips. If the balls overlap deeply, the direction
-    stays constant. So balls that have passed through each other are pushed back in the direction from which
-    they came.
+    stays constant. So balls that have passed through each other are pushed back to their earlier sides.
     """
     near = np.zeros(pairs.shape[0], np.bool_)
     for p in range(pairs.shape[0]):

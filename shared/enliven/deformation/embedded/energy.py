@@ -47,7 +47,7 @@ class Terms(NamedTuple):
         nodes: (L, 4) int32 the nodes of each constraint, ascending. Nodes with weight 0 are skipped.
         rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
         held_start: (N + 1,) int32 the index at which the constraints of each node start. A constraint belongs
-            to each node on which it has a weight.
+            to each node that has a weight in it.
         held_by: (H,) int32 the constraints, sorted by node.
         arms: (4 H,) the coefficients of each constraint on the node, copied from ``rows``.
         forces: (4 L,) scratch space for the derivative by each phi(p).

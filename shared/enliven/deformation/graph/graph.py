@@ -107,7 +107,7 @@ class DeformationGraph:
             edges: (E, 2) pairs of nodes.
 
         Raises:
-            InputError: if the mesh has no face, or there is no node.
+            InputError: if the mesh has no face, or no node is given.
         """
         if not len(mesh.faces) or not len(positions):
             problem = f"{len(mesh.faces)} faces and {len(positions)} nodes are not enough for a graph"
@@ -194,8 +194,8 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     surface_distances = path_lengths(count, cells.borders, cells.lengths)
     detours = surface_distances > DETOUR * straight_distances + SLACK * spacing
     is_far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
-    # Pairs that are far apart, or at an infinite distance, rank after all other pairs, by the length of the
-    # path along the surface. Pairs with a detour are never linked here.
+    # Pairs that are far apart, or at an infinite distance D, come after all other pairs. They are sorted by
+    # the length of the path along the surface. Pairs with a detour are never linked here.
     surface_ranking = np.where(
         detours, np.inf, distances[np.isfinite(distances)].max(initial=0.0) + surface_distances
     )

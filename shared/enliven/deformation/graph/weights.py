@@ -117,8 +117,8 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
             near_count = insert_sorted(near, near_nodes, near_count, length, np.int64(j))
-        # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
-        # farthest node, so that this node keeps a little weight.
+        # With four nodes or fewer, the fifth distance for the radius is missing. Use a slightly larger radius
+        # than the distance of the farthest node, so that this node keeps a little weight.
         most = near[k] if near_count > k else 1.25 * near[near_count - 1] + 1e-12
         most = min(most, max(_MAX_DISTANCE_IN_SPACINGS * spacing, 1.5 * near[0]))
         total = 0.0
@@ -183,7 +183,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
     for c in range(points.shape[0]):
         if starts[c] == starts[c + 1]:
             continue
-        # Collect the nodes of all points around this one. They become the columns of a table of weights.
+        # Collect the nodes of all points around this point. They become the columns of a table of weights.
         first, some = offsets[c], 0
         last = first
         while last < min(offsets[c + 1], first + _MAX_SOURCE_POINTS) and metres[last] <= cells[1]:

@@ -95,8 +95,8 @@ class GltfFile:
 
     @cached_property
     def scale_keys(self) -> dict[int, dict[int, Float]]:
-        """Returns the scales (K, 3) at the keys of each node whose scale is animated: a dictionary by node,
-        then by the number of the animation."""
+        """Returns the scales (K, 3) at the keys of each node with an animated scale. The keys of the
+        dictionary are the node and the number of the animation."""
         keys_by_node: dict[int, dict[int, Float]] = {}
         for number, animation in enumerate(self.document.animations):
             for channel in animation.channels or []:

@@ -187,8 +187,8 @@ def remove_clip(project: Project, character_id: str, numbers: Iterable[int], cli
 def blend_clips(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """Cross-fades a clip into the next clip. The fade takes ``seconds``, half of them on each side of the
-    boundary.
+    """Blends a clip into the next clip by a cross-fade. The fade takes ``seconds``, half of them on each side
+    of the boundary.
 
     If a take has no more frames there, its last pose is repeated. With 0 seconds, an existing overlap is
     removed, and the clips meet in its middle.

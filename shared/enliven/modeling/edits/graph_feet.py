@@ -243,7 +243,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
 
 
 def _mean_displacement(shape: GraphShape, foot: StandingFoot, node_weights: Float) -> float:
-    """Returns the fraction of a displacement by which a foot moves on average, if each node moves by its
-    fraction ``node_weights`` (N,)."""
+    """Returns the mean of the fractions ``node_weights`` (N,) over a foot's vertices, weighted by the skin.
+    If each node moves by its fraction of a displacement, the foot moves by this fraction."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
     return float((np.asarray(weights, np.float64) * node_weights[indices]).sum(1).mean())

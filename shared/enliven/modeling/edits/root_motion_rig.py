@@ -150,7 +150,7 @@ class RootMotionRig(RigEdits):
         return project, parts
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """Merges two characters, whose root layers have already been baked."""
+        """Merges two characters. Their root layers must be baked before."""
         return self.wrapped.merged(project, merge)
 
 

@@ -153,7 +153,7 @@ class UnionBuilder:
         )
         vertices = np.concatenate([vertices, self.places[new]])
         # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
-        # ones.
+        # values.
         weights, paint = self._interpolate_new(new)
         whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]

@@ -178,7 +178,7 @@ class _Rim(NamedTuple):
 
 
 class _Work:
-    """A surface that is being closed: its vertices, corners, labels and caps so far."""
+    """A surface that is being closed: its current vertices, corners, labels and caps."""
 
     def __init__(self, mesh: Mesh, corner: Int) -> None:
         count = len(mesh.vertices)

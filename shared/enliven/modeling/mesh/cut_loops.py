@@ -78,8 +78,8 @@ def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: 
     chain, forward, at = [start], 0, start
     while True:
         free_links = [k for k in beside[at] if unused[k]]
-        # If several links are free, prefer a link that starts here, because it has the direction of the
-        # chain.
+        # If several unused links touch this edge, prefer a link that starts at it, because this link has the
+        # direction of the chain.
         k = next((k for k in free_links if pairs[k, 0] == at), free_links[0] if free_links else -1)
         if k < 0:
             break

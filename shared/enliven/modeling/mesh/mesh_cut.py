@@ -1,8 +1,7 @@
 """Cuts a skinned mesh locally along a surface, into two closed meshes with their skins.
 
     cut_across_bone(mesh, skin, skeleton, bone, u) -> Cut        a plane across a bone, around that bone only
-    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, all parts that it
-    passes through
+    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, all parts it crosses
 
 ``Cut.near`` is the root's side of a bone (behind a plane), and ``Cut.far`` is the other side. Each is a
 :class:`Piece` with its mesh, its skin (bone numbers from before the cut) and ``kept``, the old number of each

@@ -72,7 +72,7 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
 
 
 def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
-    """Returns the faces of a piece with all corners ``inside`` (V,), or None if there are no such faces."""
+    """Returns the faces of a piece with all corners ``inside`` (V,), or None if no face has this property."""
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():

@@ -47,7 +47,7 @@ class GraphRig(RigEdits):
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
     def player(self, project: Project, shape: GraphShape) -> Player:
-        """Returns a function from a time to the pose. There are no handles, because nodes play recorded
+        """Returns a function from a time to the pose. It has no handles, because nodes play recorded
         motion."""
         return lambda time: CharacterState(pose_of_graph(project, shape, time), np.zeros((0, 3)))
 

@@ -3,8 +3,8 @@
 At the time of the merge both keep their poses. Key poses of both are kept. If only one puppet has a certain
 key pose, the control points of the other puppet get their positions from that puppet's own motion. So both
 puppets keep moving as before, and their surfaces become one surface. If the graft plays the same takes as the
-host, or no take, it rigidly follows the host's surface around the meeting point, and its own motion is added
-on top. A graft that plays another take cannot follow the host, because its frames do not determine the host's
+host, or no take, it rigidly follows the host's surface around the meeting point. Its own motion is added on
+top. A graft that plays another take cannot follow the host, because its frames do not determine the host's
 pose. Such a graft moves about its position at the time of the merge.
 """
 
@@ -72,9 +72,9 @@ class _Rigid:
 def merge_puppets(project: Project, merge: Merge) -> Project:
     """Attaches a puppet to another puppet in their poses at a time. The host keeps its name and its path.
 
-    The meshes are united at rest. The graft is first aligned to the host as it is in these poses, at the
-    point where the two meet. The layers of both puppets are kept, and each layer moves the same control
-    points as before. The graft's layers no longer travel, and its hard constraints are dropped.
+    The meshes are united at rest. The graft is first aligned to the host at the point where the two meet, so
+    that they meet as in these poses. The layers of both puppets are kept, and each layer moves the same
+    control points as before. The graft's layers no longer travel, and its hard constraints are dropped.
 
     Raises:
         InputError: if the union of the meshes fails.
@@ -237,7 +237,7 @@ class _Merge:
     def _rename_taken_points(
         self, points: dict[str, ControlPoint], used_names: set[str]
     ) -> dict[str, ControlPoint]:
-        """Renames control points whose names are taken. Returns all control points, keyed by their old
+        """Renames control points with names that are taken. Returns all control points, keyed by their old
         names."""
         names = dict.fromkeys(used_names)
         for old, point in points.items():

@@ -190,8 +190,8 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the control points whose joints have different positions in different key poses. If there are
-    none, returns all control points that have a joint.
+    """Returns the control points with joints that have different positions in different key poses. If there
+    are none, returns all control points that have a joint.
 
     The performer's root never moves in the body frame, so its control point is left out.
     """
@@ -268,7 +268,7 @@ def sample_spread_vertices(
 
 
 def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
-    """Removes all control points from a layer whose names are not in ``names``."""
+    """Returns the layer with only the control points that have one of the ``names``."""
     return replace(
         layer,
         points=tuple(name for name in layer.points if name in names),
@@ -287,8 +287,8 @@ _MIN_MOTION_FRACTION = 0.02
 
 
 def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
-    """Returns the layer that alone determines the positions of all control points, or None if there is no
-    such layer."""
+    """Returns the layer that alone determines the positions of all control points, or None if several layers
+    determine them."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

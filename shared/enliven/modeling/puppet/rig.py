@@ -31,7 +31,7 @@ from enliven.rotation import IDENTITY, from_matrix, multiply, normalized, rotate
 
 
 class PuppetRig(RigEdits):
-    """Implements the edits of whole characters for puppets, whose control points are driven by example poses.
+    """Implements the edits of whole characters for puppets. Their control points are driven by example poses.
     Baking solves the surface for each frame."""
 
     frames = 30.0
@@ -119,8 +119,8 @@ class PuppetRig(RigEdits):
         flip = Axes(IDENTITY, True)
         # A point x of the mesh is at T (Ry(yaw) x + root) in the world, up to the puppet's translation. T is
         # the puppet's rotation. Let M be the map of ``axes``, and S the reflection in the plane x = 0. Then M
-        # T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root): the mirrored puppet has the rotation M T S,
-        # the angle -yaw, and the mirrored mesh S x.
+        # T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root). So the mirrored puppet has the rotation M T
+        # S, the angle -yaw, and the mirrored mesh S x.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
         flipped = _with_mapped_axes(puppet, flip.vectors, flip.vectors)
         return flipped.with_changes(

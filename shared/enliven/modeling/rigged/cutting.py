@@ -109,8 +109,8 @@ def split_shape(
 def assign_cut_sides(old_shape: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
     """Assigns the two sides of a cut mesh to the two shapes. The near side goes to the upper shape."""
     node = lower.skeleton.names[0]
-    # If the cut is inside a bone, skin of the bones above goes to the lower half of that bone. If it is at a
-    # joint, this skin goes to the root.
+    # In the lower shape, vertices that followed bones above the cut need a new bone. If the cut is inside a
+    # bone, they follow the lower half of that bone, and otherwise the root.
     first = lower.skeleton.names[0 if node in old_shape.skeleton.names else 1]
     return (
         with_piece(upper, cut.near, matching_bone_numbers(old_shape, upper, node)),

@@ -43,8 +43,8 @@ def cut_shape_along_stroke(
     separate shape.
 
     Every bone is cut as by ``cut_bone``, so the pose at ``time`` does not change. The mesh is cut along the
-    stroke in its pose at ``time``. Each part of the mesh is assigned to the shape whose bones it follows
-    most.
+    stroke in its pose at ``time``. Each part of the mesh is assigned to the shape with the bones that it
+    follows most.
 
     Args:
         stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.

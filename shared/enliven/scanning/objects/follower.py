@@ -144,8 +144,8 @@ class ObjectFollower:
         up = self._pose[:3, :3] @ room_from_camera[:3, :3].T @ up
         middle, poses = self._model.middle, list[Float]()
         for height in _LIFT_HEIGHTS_M:
-            # The pose belongs to the camera in the object's frame. If the object rises, the camera sinks in
-            # this frame.
+            # The pose belongs to the camera in the object's frame. If the object rises, the camera moves down
+            # in this frame.
             pose = self._pose.copy()
             pose[:3, 3] -= height * up
             poses.append(pose)

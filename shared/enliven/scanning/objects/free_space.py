@@ -45,8 +45,8 @@ def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
     tiles = z[: height * _SUBSAMPLING, : width * _SUBSAMPLING].reshape(
         height, _SUBSAMPLING, width, _SUBSAMPLING
     )
-    # Use the nearest depth of each tile. If any pixel is unknown, the tile is unknown, because an edge runs
-    # through it.
+    # Use the nearest depth of each tile. If any pixel of a tile is unknown, the tile is unknown, because it
+    # contains an edge.
     nearest = np.where((tiles > 0).all((1, 3)), tiles.min((1, 3)), 0.0).astype(np.float32)
     return SeenDepth(nearest, view.intrinsics, 2.0 * _SUBSAMPLING, frame_from_camera)
 

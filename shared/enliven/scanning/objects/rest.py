@@ -145,8 +145,8 @@ class ObjectRest:
         """Returns True if the object had moved relative to the floor in the last two images."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
-        # Use unsure camera poses too. If the room has too little structure for a reliable pose, the pose is
-        # still approximately right.
+        # Use uncertain camera poses too. Even if the room has too little structure for a certain pose, the
+        # pose is approximately right.
         usable_states = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
         if step.state not in usable_states or view is None:
             return False
