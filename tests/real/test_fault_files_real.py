@@ -86,7 +86,7 @@ def test_index_zero_is_refused_with_its_line() -> None:
         if line.startswith("f ") and " 0" in f" {line} ".replace(" 0 ", " 0")
     )
     for read in (load_mesh, load_upright, lambda path: add_file(Editor(), path)):
-        with pytest.raises(InputError, match=rf"line {number}: a face names vertex 0"):
+        with pytest.raises(InputError, match=rf"line {number}: a face refers to vertex 0"):
             read(FAULTS / "zeroidx.obj")
 
 

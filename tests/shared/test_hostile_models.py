@@ -129,7 +129,7 @@ MANY = [{"bufferView": 0, "componentType": 5126, "count": 10_000, "type": "VEC3"
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "states 1000000000"),
+        ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "declares 1000000000"),
         ({"nodes": CHAIN}, "nested deeper than"),
         ({"nodes": [{}] * 70_000}, "70000 nodes"),
         ({"nodes": CROWD, "accessors": MANY}, "600000000 vertices"),
@@ -198,7 +198,7 @@ def test_image_with_false_size_is_left_out(tmp_path, side):
     )
     with bounded(400):
         rig = read_gltf(path)
-    assert any("taken as white" in note for note in rig.notes)
+    assert any("replaced by white" in note for note in rig.notes)
     assert (rig.shape.mesh.colours == 255).all()
 
 

@@ -109,7 +109,7 @@ def test_settings_of_a_gigabyte_are_refused(tmp_path):
         (
             "a.pcd",
             PCD + b"COUNT 1 1 -1\nPOINTS 4\nDATA binary\n" + bytes(48),
-            "do not agree",
+            "do not match its header",
         ),
     ],
     ids=["stl", "short stl", "off", "mesh", "ply", "ply properties", "obj", "pcd", "pcd count"],

@@ -42,7 +42,7 @@ def test_every_entry_point_refuses_unknown_compression(tmp_path):
 
 def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplog):
     path = TWINS["morphed_at_rest"]().write(tmp_path / "a.glb")
-    words, editor = "are left out over time", Editor()
+    words, editor = "are not animated", Editor()
     add_file(editor, path)
     notes_of = {
         "load_mesh": load_mesh(path).notes,

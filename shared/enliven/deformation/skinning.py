@@ -1,8 +1,8 @@
 """Skinning on the CPU: applies the deformation map of KinÊtre, eq. 2, to vertices.
 
-The viewer does the same in its vertex shader. This module is for export, tests and collision. It uses one
-thread, because without OpenMP, parallel loops of Numba abort the process if two threads enter them at the
-same time.
+The viewer computes the same in its vertex shader. This module is used for export, tests and collision. It
+uses one thread, because without OpenMP, parallel loops of Numba abort the process if two threads enter them
+at the same time.
 
 Three variants were 25 to 50 % slower than the plain loop: blending the four matrices before applying them to
 the vertex, rows padded to four floats, and sums over a fixed array.
@@ -36,7 +36,8 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
 
 
 def _checked_output(character: Character, pose: Pose, out: Float32 | None) -> Float32:
-    """Returns the output array after checking it, because the kernels do not check bounds."""
+    """Returns the output array (V, 3) after checking its shape and type, because the kernels do not check
+    bounds."""
     shape = (len(character.vertices), 3)
     if len(pose.linear) != len(character.pivots):
         raise InputError(

@@ -32,7 +32,7 @@ spheres."""
 
 @dataclass(frozen=True)
 class SphereSettings:
-    """Settings for covering a mesh with spheres; metres are those of the mesh at rest."""
+    """Settings for covering a mesh with spheres. Lengths are in metres of the mesh at rest."""
 
     edges: float = parameter(
         4.0, "Sphere radius in mean edge lengths of the mesh. The paper uses 4.", low=0.1, high=1000.0
@@ -132,12 +132,12 @@ def pack_spheres(
 
 
 def _sphere_radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
-    """Returns the paper's radius within the settings' limits. It is larger if the area would need too many
-    spheres."""
+    """Returns the radius of the paper, clamped to the settings' limits. The radius is larger if covering the
+    area would need too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
-    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2. So smaller spheres would
-    # certainly be more than `settings.most`.
+    # On a smooth surface, a sphere covers at most about its own area, 4 pi r^2. So with a smaller radius,
+    # more than `settings.most` spheres would be needed.
     covering_radius = np.sqrt(area / (4 * np.pi * settings.most))
     return float(
         max(min(max(settings.edges * mean, settings.smallest), settings.largest), covering_radius, 1e-6)
@@ -207,7 +207,8 @@ def _strongest_nodes(nodes: Int, weights: Float, rows: Int, barycentric: Float) 
 
 @njit(cache=True, nogil=True)
 def _greedy_cover(points, inner, order, radius, most):
-    """Returns the indices of the points that get a sphere, or none if ``most`` spheres are too few.
+    """Returns the indices (S,) of the points that get a sphere, or an empty array if ``most`` spheres are too
+    few.
 
     Each sphere covers the points inside it. A hash table finds spheres by grid cells that are as large as
     their radius.
@@ -247,7 +248,8 @@ def _greedy_cover(points, inner, order, radius, most):
 
 @njit(cache=True, nogil=True)
 def _hash_slot(x, y, z, size):
-    """Returns the slot of a cell in a hash table. Its ``size`` is a power of two."""
+    """Returns the slot of the grid cell (x, y, z) in a hash table. The ``size`` of the table is a power of
+    two."""
     mixed = np.int64(x) * 73856093 ^ np.int64(y) * 19349663 ^ np.int64(z) * 83492791
     return mixed & (size - 1)
 

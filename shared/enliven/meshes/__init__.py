@@ -1,5 +1,5 @@
-"""Triangle meshes: the mesh type, readers and writers of mesh files, repair, and surfaces through scanned
-points.
+"""Triangle meshes: the mesh type, readers and writers of mesh files, mesh repair, and surfaces through
+scanned points.
 """
 
 import lazy_loader

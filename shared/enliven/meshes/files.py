@@ -1,4 +1,4 @@
-"""Reads and writes mesh files. All errors of a damaged file are reported as one clear message."""
+"""Reads and writes mesh files. Any error in a damaged file raises InputError with a message for the user."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from enliven.meshes.tokens import DamagedMeshError
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
 _MAX_REASON_LETTERS = 200
-"""Maximum number of characters of a reader's reason that an error message shows."""
+"""Maximum number of characters of a reader's own message that an error message includes."""
 _TABLE_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 """Readers of formats that contain vertices and faces only."""
 
 
 class LoadedMesh(NamedTuple):
-    """A usable mesh, and one sentence for each repair and each unusual property."""
+    """A repaired mesh, and notes: one sentence for each repair and each unusual property."""
 
     mesh: Mesh
     notes: list[str]
@@ -46,7 +46,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     known_formats = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
     if suffix not in READABLE and path.is_file():
         raise InputError(
-            f"{suffix or 'a file without an ending'} is not a known mesh format",
+            f"{suffix or 'a file without an extension'} is not a known mesh format",
             where=str(path),
             remedy=known_formats,
         )
@@ -69,7 +69,8 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     """Reads a mesh as :func:`load_mesh` does, and turns it upright.
 
     Args:
-        up: the axis of the mesh that points up. If None, it is guessed; glTF always has +Y up.
+        up: the axis of the mesh that points up. If None, the axis is guessed, except for glTF, which always
+            has +Y up.
     """
     mesh, notes = load_mesh(path)
     if up is None and Path(path).suffix.lower() not in GLTF_SUFFIXES:
@@ -104,7 +105,7 @@ def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[st
         raise InputError(
             problem,
             where=str(path),
-            remedy="Check that it is complete and that its ending is right. " + known,
+            remedy="Check that it is complete and that its file extension is correct. " + known,
         ) from None
 
 
@@ -125,7 +126,7 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     completely or not at all.
 
     Raises:
-        InputError: for an unknown suffix.
+        InputError: if the suffix is unknown.
         ResourceError: if the file cannot be written.
     """
     path = Path(path)

@@ -1,7 +1,7 @@
 """Edge flips in a triangulation that keep its adjacency up to date.
 
 ``beside[t, k]`` is the triangle that shares the edge opposite to corner k of triangle t, or -1 at a border.
-The caller decides whether a flip is legal and improves the triangulation.
+The caller must check that a flip is legal and improves the triangulation.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def adjacent_triangles(triangles: Int, count: int) -> Int:
 
 @njit(cache=True, nogil=True)
 def slot(row, value):
-    """Kernel: returns the index of a value in a row of three, or -1 if it is absent."""
+    """Returns the index of a value in a row of three, or -1 if the row does not contain it (kernel)."""
     for k in range(3):
         if row[k] == value:
             return k
@@ -36,12 +36,12 @@ def slot(row, value):
 
 @njit(cache=True, nogil=True)
 def flip(triangles, beside, t, k):
-    """Kernel: replaces the edge opposite to corner k of t by the other diagonal of t and its neighbour, in
-    place.
+    """Flips the edge opposite to corner k of triangle t, in place (kernel). The edge is replaced by the other
+    diagonal of t and its neighbour.
 
     Args:
         triangles: (T, 3) vertices, counter-clockwise. The edge has a triangle on both sides.
-        beside: (T, 3) neighbours.
+        beside: (T, 3) neighbours of each triangle; see the module's docstring.
     """
     u = beside[t, k]
     m = slot(beside[u], t)

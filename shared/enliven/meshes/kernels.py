@@ -46,13 +46,13 @@ def normals_of(vertices, faces, wanted):
     """Computes the normals of a few vertices of a large mesh.
 
     Args:
-        wanted: (W,) the vertices, ascending.
+        wanted: (W,) the numbers of the vertices, ascending.
 
     Returns:
         (W, 3) area-weighted unit normals (zero without any face area), and (W,) the smallest cosine between
         each normal and the unit normals of its faces, at most 1.
     """
-    # Number the wanted vertices by their row in the result. All other vertices get -1.
+    # Number the selected vertices by their row in the result. All other vertices get -1.
     number = np.full(vertices.shape[0], -1, np.int32)
     for w in range(wanted.shape[0]):
         number[wanted[w]] = w
@@ -60,8 +60,8 @@ def normals_of(vertices, faces, wanted):
     touching = np.empty((6 * wanted.shape[0] + 64, 4))
     of = np.empty(touching.shape[0], np.int32)
     count = 0
-    # Add up the area vectors of the faces around wanted vertices. Store the unit normal of each face for each
-    # of its corners.
+    # Add up the area vectors of the faces around the selected vertices. Store the unit normal of each face
+    # for each of its corners.
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         if number[i] < 0 and number[j] < 0 and number[k] < 0:
@@ -101,7 +101,7 @@ def normals_of(vertices, faces, wanted):
 
 @njit(cache=True, nogil=True)
 def _double_capacity(rows, of):
-    """Returns copies of both arrays with doubled capacity."""
+    """Returns copies of the arrays ``rows`` and ``of`` with doubled capacity."""
     more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
     copy_rows(more[: rows.shape[0]], rows)
     copy_row(longer[: of.shape[0]], of)
@@ -132,8 +132,8 @@ def _mix_bits(bits):
 
 
 def space_curve(points: Float) -> Any:
-    """Returns (N,) an order of points (N, 3) along a Z-order curve, so that nearby points are nearby in
-    memory.
+    """Returns the indices (N,) that sort points (N, 3) along a Z-order curve, so that neighbouring points are
+    near in memory.
     """
     if not len(points):
         return np.zeros(0, np.int64)
@@ -227,8 +227,8 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
     """Splits long edges at their middles, in one pass.
 
     Returns:
-        (V + S, 3) vertices, (G, 3) faces, (S, 2) each new vertex's two parents, and (G,) the face of
-        ``faces`` that contains each new face.
+        (V + S, 3) vertices, (G, 3) faces, (S, 2) the ends of the edge that each new vertex splits, and (G,)
+            the old face that contains each new face.
     """
     lengths = edge_lengths(vertices, faces)
     long = lengths > longest

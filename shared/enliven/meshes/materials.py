@@ -1,7 +1,7 @@
 """The materials of a mesh with encoded textures, in the form of glTF 2.0, and its texture coordinates.
 
-Nothing is decoded: an image is stored as the bytes of its file, and a material as its JSON. Texture
-coordinates are stored per face corner, not per vertex, so vertices can be welded safely.
+Images and materials are not decoded: an image is stored as the bytes of its file, and a material as its JSON
+text. Texture coordinates are stored per face corner, not per vertex, so vertices can be welded safely.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from enliven.arrays import AnyArray, Bool, Float, Float32, Int, Int32, UInt8
 from enliven.errors import InputError
 
 _EXPORT_ADVICE = "Export the model again."
-"""The advice for a damaged material."""
+"""The remedy that the error message for a damaged material suggests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Texture:
 
     Attributes:
         image: (N,) the bytes of a PNG or JPEG file.
-        sampler: the JSON of a glTF sampler. Empty if there is none.
+        sampler: the JSON text of a glTF sampler, or "" if there is none.
     """
 
     image: UInt8
@@ -40,16 +40,14 @@ class Texture:
 
     @property
     def kind(self) -> str:
-        """The image's media type, determined from its first bytes. Empty for a type that glTF does not
-        allow.
-        """
+        """The image's media type, from its first bytes, or "" for a type that glTF does not allow."""
         head = np.asarray(self.image, np.uint8)[:8].tobytes()
         return "image/png" if head == b"\x89PNG\r\n\x1a\n" else "image/jpeg" * (head[:3] == b"\xff\xd8\xff")
 
 
 @dataclass(frozen=True, eq=False)
 class MeshMaterials:
-    """The materials of a mesh by face, and its texture coordinates.
+    """The materials and the texture coordinates of a mesh, for each face.
 
     Attributes:
         definitions: JSON objects of glTF materials. They refer to textures by their number in ``textures``.
@@ -79,25 +77,26 @@ class MeshMaterials:
         for material in self.definitions:
             texture_numbers = textures_in(_material_object(material))
             if texture_numbers and not 0 <= min(texture_numbers) <= max(texture_numbers) < len(self.textures):
-                problem = f"a material names texture {max(texture_numbers)} of {len(self.textures)}"
+                problem = f"a material refers to texture {max(texture_numbers)} of {len(self.textures)}"
         if self.uvs.ndim != 4 or self.uvs.shape[:2] != (faces, 3) or self.uvs.shape[3] != 2:
             problem = f"the texture coordinates are {self.uvs.shape}, expected ({faces}, 3, S, 2)"
         elif self.tints is not None and self.tints.shape != (faces, 3, 4):
             problem = f"the tints are {self.tints.shape}, expected ({faces}, 3, 4)"
         elif faces and not -1 <= self.of.min() <= self.of.max() < len(self.definitions):
-            problem = f"a face has a material outside of {len(self.definitions)}"
+            problem = f"a face refers to a material outside 0..{len(self.definitions) - 1}"
         elif not (np.isfinite(self.uvs).all() and (self.tints is None or np.isfinite(self.tints).all())):
-            problem = "a corner's place in a texture, or its tint, is not finite"
+            problem = "a texture coordinate or a tint is not finite"
         if problem:
             raise InputError(problem, where="materials", remedy=_EXPORT_ADVICE)
 
     def taken(self, faces: Int | Bool) -> MeshMaterials:
-        """Returns the materials of some faces, which are selected by number or by mask."""
+        """Returns the materials of the selected ``faces`` (numbers or mask)."""
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
     def turned(self, which: Bool) -> MeshMaterials:
-        """Returns the materials with reversed corners for the faces in ``which`` (F,)."""
+        """Returns the materials for a mesh in which the faces of the mask ``which`` (F,) are flipped: their
+        corners are in reverse order."""
         uvs = np.where(which[:, None, None, None], self.uvs[:, ::-1], self.uvs)
         tints = self.tints
         if tints is not None:
@@ -127,8 +126,8 @@ class MeshMaterials:
 
 
 def join_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
-    """Joins the materials of consecutive groups of faces. Each group is given as its materials and its number
-    of faces.
+    """Joins the materials of consecutive groups of faces. Each group is a pair of its materials and its
+    number of faces.
 
     Equal materials and textures are merged. Returns None if no group has materials.
     """
@@ -172,7 +171,7 @@ def textures_in(material: Any) -> list[int]:
 
 
 def renumber_textures(material: str, number: Callable[[int], int]) -> str:
-    """Returns the JSON of a material with each texture's number changed."""
+    """Returns the JSON text of a material, with each texture number replaced by ``number`` of it."""
     value = _material_object(material)
     _replace_texture_numbers(value, number)
     return json.dumps(value, sort_keys=True, allow_nan=False)
@@ -184,7 +183,7 @@ def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
         if isinstance(key, str) and key.endswith("Texture") and isinstance(item, dict):
             texture_number = item.get("index")
             if not isinstance(texture_number, int) or isinstance(texture_number, bool):
-                raise InputError(f"a material's {key} names no texture", where="materials")
+                raise InputError(f"a material's {key} refers to no texture", where="materials")
             item["index"] = number(texture_number)
         if isinstance(item, (dict, list)):
             _replace_texture_numbers(item, number)
@@ -196,7 +195,7 @@ def _refuse_constant(constant: str) -> None:
 
 
 def _material_object(material: str) -> dict[str, Any]:
-    """Returns the object of a material's JSON."""
+    """Returns the JSON object of a material's text. Raises InputError if the text is not a JSON object."""
     try:
         value = json.loads(material, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
@@ -207,8 +206,8 @@ def _material_object(material: str) -> dict[str, Any]:
 
 
 def barycentric(points: Float, corners: Float) -> Float:
-    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3). They lie within 0..1,
-    and their sum is one.
+    """Returns (N, 3) barycentric coordinates of points (N, 3) in triangles (N, 3, 3). They are clamped to
+    0..1, and their sum is one.
     """
     u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)

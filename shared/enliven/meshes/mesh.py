@@ -23,15 +23,15 @@ _UP_ROTATIONS: dict[Axis, Float] = {
 
 
 _MAX_STANDING_OFFSET = 0.02
-"""Maximum distance of the lowest point from zero, as a fraction of the mesh's extent, for a mesh that was
-modelled to stand on zero."""
+"""Maximum distance of the lowest point from height 0, as a fraction of the mesh's extent, for a mesh that was
+modelled to stand on height 0."""
 _LYING_RATIO = 4.0
 """If length divided by height is above this ratio, the mesh may lie on its side. A horse has a ratio of 1.5.
-(A crocodile has a larger ratio although it stands upright.)"""
+(A crocodile has a larger ratio, although it stands on its feet.)"""
 
 
 _UNCOLOURED_SRGB = 204
-"""sRGB grey value for the vertices of a mesh without colours that is joined with a coloured mesh."""
+"""sRGB grey value of the vertices of a mesh without colours, if it is joined with a coloured mesh."""
 Paint = tuple[UInt8 | None, Float32 | None]
 """The vertex paint: (V, 3) sRGB colours and (V,) stiffness. Each is None if it is missing."""
 
@@ -70,7 +70,7 @@ class Mesh:
         elif self.faces.ndim != 2 or self.faces.shape[1] != 3:
             problem = f"the faces are {self.faces.shape}, expected (F, 3)"
         elif self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.vertices):
-            problem = f"a face names a vertex outside 0..{len(self.vertices) - 1}"
+            problem = f"a face refers to a vertex outside 0..{len(self.vertices) - 1}"
         elif self.colours is not None and self.colours.shape != (len(self.vertices), 3):
             problem = f"the colours are {self.colours.shape}, expected ({len(self.vertices)}, 3)"
         elif self.materials is not None and len(self.materials.of) != len(self.faces):
@@ -81,14 +81,12 @@ class Mesh:
             raise InputError(problem, where=f"mesh {self.name!r}", remedy="Export the mesh again.")
 
     def with_faces(self, keep: Bool | Int) -> Mesh:
-        """Returns the mesh with all its vertices, but only some of its faces, which are selected by mask or
-        by number.
-        """
+        """Returns the mesh with all its vertices, but only the faces in ``keep`` (mask or numbers)."""
         materials = None if self.materials is None else self.materials.taken(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
     def turned(self, which: Bool | None = None) -> Mesh:
-        """Returns the mesh with flipped faces: all of them, or those in ``which`` (F,)."""
+        """Returns the mesh with flipped faces: all faces, or only the faces in the mask ``which`` (F,)."""
         if which is None:
             which = np.ones(len(self.faces), bool)
         materials = None if self.materials is None else self.materials.turned(which)
@@ -115,8 +113,8 @@ class Mesh:
         return rows
 
     def paint_at(self, kept: Bool | Int) -> Paint:
-        """Returns colours and stiffness of some vertices, which are selected by mask or by number. None for
-        missing paint.
+        """Returns colours and stiffness of the vertices in ``kept`` (mask or numbers). Each is None if the
+        mesh does not have it.
         """
         colours = None if self.colours is None else self.colours[kept]
         return colours, None if self.stiffness is None else self.stiffness[kept]
@@ -135,7 +133,8 @@ class Mesh:
 
 
 def split_paint(rows: Float, *meshes: Mesh) -> Paint:
-    """Converts ``rows`` (V, 4) of :attr:`Mesh.paint` to the kinds of paint that one of the meshes has."""
+    """Converts ``rows`` (V, 4) in the form of :attr:`Mesh.paint` to colours and stiffness. Each is None if
+    none of the meshes has it."""
     coloured = any(mesh.colours is not None for mesh in meshes)
     stiff = any(mesh.stiffness is not None for mesh in meshes)
     colours = np.clip(np.rint(rows[:, :3]), 0, 255).astype(np.uint8) if coloured else None
@@ -143,7 +142,8 @@ def split_paint(rows: Float, *meshes: Mesh) -> Paint:
 
 
 def stiffness_error(stiffness: Float32, count: int) -> str:
-    """Describes the error in the stiffness of ``count`` vertices. Returns an empty text if it is valid."""
+    """Checks the stiffness of ``count`` vertices. Returns a description of the error, or "" if the stiffness
+    is valid."""
     if stiffness.shape != (count,):
         return f"the stiffness is {stiffness.shape}, expected ({count},)"
     return "" if (np.isfinite(stiffness) & (stiffness > 0)).all() else "a stiffness is not above 0"
@@ -180,9 +180,9 @@ def extract_submesh(mesh: Mesh, keep_faces: Bool) -> Mesh:
 def refine(mesh: Mesh, longest: float, most_vertices: int = 400_000) -> Mesh:
     """Subdivides a surface until no edge is longer than ``longest`` metres, so that it can bend smoothly.
 
-    Long edges are split repeatedly. Both sides of an edge are split at the same point, also if its vertices
-    are duplicated, so no cracks open. The first V vertices are those of ``mesh``. The subdivision stops early
-    if the next pass would exceed ``most_vertices``.
+    Long edges are split repeatedly. An edge is split at the same point in both of its faces, even if its
+    vertices are duplicated, so no cracks open. The first V vertices are those of ``mesh``. The subdivision
+    stops early if the next pass would exceed ``most_vertices``.
     """
     if not longest > 0:
         raise InputError(f"the longest edge is {longest} m", where="refine", remedy="Give a length above 0.")
@@ -210,17 +210,17 @@ def rotate_upright(mesh: Mesh, up: Axis) -> Mesh:
 
 
 def guess_up(mesh: Mesh) -> tuple[Axis, str]:
-    """Guesses the upward axis of a mesh from its lowest points. Returns the axis, and a note if another axis
-    is possible.
+    """Guesses the up axis of a mesh from its lowest points. Returns the axis, and a note if another axis is
+    possible (otherwise "").
     """
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low
     stands = (np.abs(low) <= _MAX_STANDING_OFFSET * size) & (size > 0)
     if stands[2] and not stands[1]:
-        return "z", "it stands on z = 0, so it is turned with z up; --up y leaves it unchanged"
+        return "z", "it stands on z = 0, so z is taken as up; use --up y to leave it unchanged"
     if max(size[0], size[2]) > _LYING_RATIO * size[1]:
         times = max(size[0], size[2]) / max(size[1], 1e-9)
-        return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, say --up z"
+        return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, use --up z"
     return "y", ""
 
 
@@ -245,7 +245,7 @@ def fit_height(mesh: Mesh, height: float, up: Axis = "y") -> Mesh:
         raise InputError(
             f"the mesh is flat along {up}, it has no height to fit",
             where=mesh.name,
-            remedy="Name another axis as up.",
+            remedy="Choose another up axis.",
         )
     base = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     return replace(mesh, vertices=(rotated_vertices - base) * (height / (high[1] - low[1])))

@@ -27,12 +27,12 @@ from enliven.meshes.tokens import (
 )
 
 _DEFAULT_GREY = 200
-"""sRGB of faces without a material in a file with materials."""
+"""sRGB grey value of faces without a material, in a file with materials."""
 _SPACE_BYTES = (ord(" "), ord("\t"))
 
 
 class _WrongLine(Exception):
-    """An error in the line that starts at the given byte of the file."""
+    """An error in a line of the file. It stores the byte offset of the line's start."""
 
     def __init__(self, offset: int, what: str) -> None:
         super().__init__(what)
@@ -63,9 +63,9 @@ class _Faces:
     Attributes:
         corners: (C, 3) numbers of vertex, texture coordinate and normal of each corner. -1 for none.
         sizes: (P,) number of corners of each polygon.
-        materials: (P,) material number in ``names`` of each polygon, -1 for none.
+        materials: (P,) the index in ``names`` of each polygon's material, -1 for none.
         offsets: (P,) byte offset in the file of each polygon's line.
-        vertices_in_block: the number of vertices in each block of the file.
+        vertices_in_block: the number of vertices in each block, in the order of the file.
     """
 
     corners: list[Int] = field(default_factory=list)
@@ -89,7 +89,7 @@ def read_obj(data: bytes, beside: ReferencedFiles, name: str = "mesh") -> tuple[
     Vertices are split if corners differ in texture coordinates or normals, and at material boundaries.
 
     Args:
-        beside: opens the material files to which the file refers.
+        beside: opens the material files that the OBJ file references.
 
     Raises:
         DamagedMeshError: if a line is wrong (the message gives its number), or if the file has no faces.
@@ -111,7 +111,7 @@ def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, l
     invalid_corners = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
     if len(invalid_corners):
         polygon = np.searchsorted(np.cumsum(sizes), invalid_corners[0], "right")
-        problem = f"a face names vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
+        problem = f"a face refers to vertex {corners[invalid_corners[0], 0] + 1} of {faces.vertex_count}"
         raise _WrongLine(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
@@ -152,8 +152,8 @@ def _find_lines(block: bytes) -> _Lines:
 
 
 def _number_lines(block: bytes, lines: _Lines, are: Bool) -> bytes:
-    """Returns some lines of a block without first letters and comments. The number of lines does not
-    change."""
+    """Returns the lines of a block that are selected by the mask ``are`` (L,), without their first word and
+    comments. The number of lines does not change."""
     letters = np.frombuffer(block, np.uint8).copy()
     letters[lines.first[are]] = ord(" ")
     return remove_comments(letters[np.repeat(are, lines.lengths)].tobytes())
@@ -235,10 +235,10 @@ def _read_polygons(chunk: bytes, offsets: Int, element_counts: Int) -> tuple[Int
         wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
         if wrong.any():
             wrong_corner = int(np.argmax(wrong))
-            problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices come before it"
+            problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices precede it"
             raise _WrongLine(
                 int(offsets[polygon[wrong_corner]]),
-                f"a face names vertex {indices[wrong_corner]}, and {problem}",
+                f"a face refers to vertex {indices[wrong_corner]}, and {problem}",
             )
     return corners, np.bincount(polygon, minlength=len(offsets))
 
@@ -292,7 +292,7 @@ def _colour_bytes(colours: Float) -> UInt8 | None:
 
 
 def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> UInt8 | None:
-    """Returns (M + 1, 3) sRGB colours of the M used materials. The last entry is the grey of faces without
+    """Returns (M + 1, 3) sRGB colours of the M used materials. The last entry is the grey of faces without a
     material.
 
     Returns None if no material has a colour.

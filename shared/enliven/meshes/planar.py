@@ -2,8 +2,8 @@
 outline.
 
 manifold3d triangulates by ear clipping. Then inner edges are flipped until all are locally Delaunay, which
-gives the constrained Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than
-the edges of the outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
+gives the constrained Delaunay triangulation (Lawson 1977). Points are added in triangles that are larger than
+the edges of the outline around them (P. Liepa, "Filling holes in meshes", 2003, section 4).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def triangulate_loops(points: Float, loops: Sequence[Int]) -> Int:
     Delaunay triangles.
 
     Args:
-        points: (P, 2).
+        points: (P, 2) positions in the plane.
         loops: the point indices of each loop. Outer loops are counter-clockwise, and holes clockwise.
     """
     order = np.concatenate(loops)
@@ -44,11 +44,12 @@ def refine_triangulation(
     """Refines a triangulation to triangles of about the requested size. The outline stays unchanged.
 
     Args:
-        points: (P, 2).
-        triangles: (T, 3) constrained Delaunay.
+        points: (P, 2) positions in the plane.
+        triangles: (T, 3) a constrained Delaunay triangulation of the points.
         sizes: (P,) target edge length around each point.
         smooth: number of smoothing passes. Each pass moves new points to the mean of their neighbours.
-        growth: growth factor of the target edge length for each added point, away from the outline.
+        growth: ratio of the target edge length at an added point to the mean of its triangle's corners. Above
+            1, triangles grow away from the outline.
 
     Returns:
         (Q, 2) points, the first P unchanged, and (U, 3) triangles.
@@ -71,7 +72,8 @@ def refine_triangulation(
 
 @njit(cache=True, nogil=True)
 def _twice_signed_area(a, b, c):
-    """Computes twice the signed area of the triangle a, b, c."""
+    """Returns twice the signed area of the triangle of the points a, b, c (2,). It is positive for
+    counter-clockwise points."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
@@ -89,7 +91,7 @@ def _in_circle(a, b, c, d):
 
 @njit(cache=True, nogil=True)
 def _flip_edge_if_better(points, cells, beside, t, k):
-    """Flips the edge opposite to corner k of cell t if the flip is legal and improves the triangulation.
+    """Flips the edge opposite to corner k of triangle t if the flip is legal and improves the triangulation.
     Returns True if the edge was flipped.
     """
     u = beside[t, k]
@@ -127,8 +129,8 @@ def _refine_triangles(points, sizes, cells, beside, count, some, growth):
     """Adds the centre of each oversized triangle and flips edges, repeatedly. Returns the numbers of points
     and triangles.
 
-    The arrays have room for more points and triangles, and are changed in place. ``count`` and ``some`` are
-    the numbers of points and triangles at the start.
+    The arrays must have free rows for more points and triangles, and are changed in place. ``count`` and
+    ``some`` are the numbers of points and triangles at the start.
     """
     for _ in range(60):
         before, first = count, some
@@ -157,7 +159,8 @@ def _refine_triangles(points, sizes, cells, beside, count, some, growth):
 
 @njit(cache=True, nogil=True)
 def _split_cell(cells, beside, t, p, some):
-    """Splits cell t in three around point p. The new cells are ``some`` and ``some + 1``."""
+    """Splits triangle t in three around point p. The new triangles get the numbers ``some`` and ``some +
+    1``."""
     a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
     over_a, over_b, over_c = beside[t, 0], beside[t, 1], beside[t, 2]
     u, v = some, some + 1
@@ -191,7 +194,7 @@ def _relax_points(points, cells, fixed):
         if counts[i] > 0.0:
             for a in range(2):
                 wanted[i, a] = total[i, a] / counts[i]
-    # Move the corners of triangles that would flip or collapse back to their old positions, and check again.
+    # If a triangle would flip or collapse, move its corners back to their old positions. Then check again.
     for _ in range(10):
         wrong = False
         for t in range(cells.shape[0]):

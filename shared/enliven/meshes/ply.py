@@ -1,4 +1,5 @@
-"""Reader of PLY, ASCII and binary: polygons and vertex colours. Other elements and properties are skipped."""
+"""Reader of PLY files (ASCII and binary). It reads polygons and vertex colours, and skips other elements and
+properties."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ _MAX_PROPERTIES = 256
 _MAX_HEAD_BYTES = 1 << 16
 """Maximum size of a header with its comments, in bytes."""
 _MAX_SIDES = 1 << 16
-"""Maximum number of corners of a polygon. Even the outline of a scan has only a few thousand."""
+"""Maximum number of corners of a polygon. Even the outline of a scan has only a few thousand corners."""
 _HEADER_END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
 _CORNER_PROPERTIES = ("vertex_indices", "vertex_index", "vertex_indexes")
 
@@ -35,8 +36,8 @@ class _Element:
     """A table of the file, such as its vertices or its faces.
 
     Attributes:
-        properties: (name, type, type of the count) of each column. The type of the count is empty unless the
-            column contains lists.
+        properties: (name, type, type of the list length) of each column. The last is "" unless the column
+            contains lists.
     """
 
     name: str
@@ -74,7 +75,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
         bad_corner = int(np.argmax((corners < 0) | (corners >= len(vertices))))
         polygon = int(np.searchsorted(np.cumsum(sizes), bad_corner, "right"))
         raise DamagedMeshError(
-            f"face {polygon} names vertex {corners[bad_corner]}, and there are 0..{len(vertices) - 1}"
+            f"face {polygon} refers to vertex {corners[bad_corner]}, but there are 0..{len(vertices) - 1}"
         )
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _vertex_colours(vertex)), notes
@@ -108,12 +109,12 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case _:
                 pass  # The line is "ply", a comment, or the object information of a scanner.
     if not kind:
-        raise DamagedMeshError("its header does not state a format")
+        raise DamagedMeshError("its header declares no format")
     return kind, elements, data[end.end() :]
 
 
 def _early_end_error(element: _Element) -> DamagedMeshError:
-    return DamagedMeshError(f"it ends early: its header states {element.count} rows of {element.name!r}")
+    return DamagedMeshError(f"it ends early: its header declares {element.count} rows of {element.name!r}")
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
@@ -140,14 +141,15 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
 
 
 def _typed_column(column: Float, of: str) -> AnyArray:
-    """Returns the numbers (N,) of a column, converted to integers if the column has an integer type."""
+    """Returns the numbers (N,) of a column, converted to integers if its declared type ``of`` is an integer
+    type."""
     return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
 
 
 def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, AnyArray], int]:
     """Returns the columns of an element with lists, and the offset after it.
 
-    The counts give the length of each row.
+    The list lengths in the data determine the length of each row.
     """
     only = element.properties[0] if len(element.properties) == 1 else None
     first = int(numbers[at]) if at < len(numbers) and 0 <= numbers[at] <= _MAX_SIDES else 0
@@ -182,7 +184,7 @@ def _list_length(count: float) -> int:
         DamagedMeshError: if it is not an integer, negative or too large for a polygon.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
-        raise DamagedMeshError(f"a list of it has {count:g} entries")
+        raise DamagedMeshError(f"a list has {count:g} entries")
     return int(count)
 
 
@@ -214,7 +216,7 @@ def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str
 def _walk_binary(element: _Element, body: bytes, at: int, order: str) -> tuple[dict[str, AnyArray], int]:
     """Returns the columns of an element with lists, and the offset after it.
 
-    If all rows are as long as the first, they are read as one table.
+    If all rows have the length of the first row, they are read as one table.
     """
     if element.count == 0:
         return {}, at

@@ -16,14 +16,14 @@ the rounding error of the cross product, which is far below that of float32 coor
 
 
 def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
-    """Triangulates polygons. Each polygon of N corners becomes N - 2 triangles with its winding.
+    """Triangulates polygons. Each polygon of N corners becomes N - 2 triangles with the same winding.
 
-    Convex polygons become fans from their first corner. The others are projected along their mean normal and
-    triangulated by ear clipping, so that notches stay empty. Every corner is used, so that shared edges stay
-    closed.
+    Convex polygons become fans from their first corner. Other polygons are projected along their mean normal
+    and triangulated by ear clipping, so notches stay empty. Every corner is used, so edges that polygons
+    share stay closed.
 
     Args:
-        vertices: (V, 3).
+        vertices: (V, 3) positions, in any unit.
         corners: (C,) the vertices of all polygons, one polygon after the other.
         sizes: (P,) the number of corners of each polygon. Polygons with fewer than three corners are left
             out.
@@ -51,7 +51,7 @@ def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
 def _mean_normals(points: Float) -> Float:
     """Returns (P, 3) unit normals of polygons (P, N, 3) by Newell's method.
 
-    Zero for a polygon without area.
+    The normal of a polygon without area is zero.
     """
     relative = points - points[:, :1]
     return unit(np.cross(relative, np.roll(relative, -1, 1)).sum(1))

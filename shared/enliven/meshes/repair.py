@@ -14,8 +14,8 @@ from enliven.meshes.winding import repair_winding
 
 
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
-    """Removes defects that would break a deformation. Returns the repaired mesh, and one sentence for each
-    repair.
+    """Removes defects of a mesh that would prevent its deformation. Returns the repaired mesh, and one
+    sentence for each repair.
 
     It removes non-finite vertices and their faces, faces without area, duplicate faces, and unused vertices.
     It flips faces that are wound against their neighbours, and closed parts that are inside out. Separate
@@ -30,7 +30,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     mesh = _remove_useless_faces(mesh, notes)
     if len(mesh.faces) == 0:
         problem = "no usable face is left" if notes else "it has no faces"
-        advice = "Give a triangle mesh; a point cloud must be meshed first."
+        advice = "Give a triangle mesh. A point cloud must be meshed first."
         raise InputError("; ".join([problem, *notes]), where=mesh.name, remedy=advice)
     mesh, winding_notes = repair_winding(mesh)
     notes += winding_notes
@@ -70,7 +70,7 @@ def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
         mesh = mesh.with_faces(~flat)
     repeated = _repeated_faces(mesh)
     if repeated.any():
-        notes.append(f"dropped {int(repeated.sum())} faces that repeat another one")
+        notes.append(f"dropped {int(repeated.sum())} duplicate faces")
         mesh = mesh.with_faces(~repeated)
     return mesh
 
@@ -88,12 +88,12 @@ def _repeated_faces(mesh: Mesh) -> Bool:
 
 
 def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
-    """Reports unusual properties that are not repaired."""
+    """Adds sentences to ``notes`` about unusual properties that are not repaired."""
     welded, _ = weld(mesh)
     duplicate_count = len(mesh.vertices) - len(welded.vertices)
     if duplicate_count:
         notes.append(
-            f"{duplicate_count} vertices repeat a position: kept for shading, welded for deformation"
+            f"{duplicate_count} vertices have duplicate positions: kept for shading, welded for deformation"
         )
     shell_count = int(shells(welded.faces, len(welded.vertices)).max()) + 1
     if shell_count > 1:

@@ -1,5 +1,5 @@
-"""Builds a surface through the points of a scan that was made from one position. Parts that the sensor did
-not see stay open.
+"""Builds a surface through the points of a scan from a single position. Parts that the sensor did not see
+stay open.
 
 Visible points are connected by a Delaunay triangulation of their directions from the sensor. Triangles that
 span a gap, or a depth step between an object and its background, are left out.
@@ -21,8 +21,8 @@ from enliven.meshes.mesh import Mesh, extract_submesh
 _MAX_EDGE_IN_SPACINGS = 4.0
 """Maximum edge length, as a multiple of the point spacing."""
 _MIN_FACING_COSINE = 0.13
-"""Minimum cosine between a triangle's normal and the ray to the sensor. Steeper triangles are depth steps,
-not surfaces."""
+"""Minimum cosine between a triangle's normal and the ray to the sensor. Triangles with a smaller cosine are
+depth steps, not surfaces."""
 _OCCLUSION_SPACINGS = 4.0
 """Minimum depth difference between an occluded point and the point in front of it, as a multiple of the point
 spacing."""
@@ -110,9 +110,7 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError):
-        raise InputError(
-            "its header and its points do not agree", where=where, remedy="Copy it again."
-        ) from None
+        raise InputError("its points do not match its header", where=where, remedy="Copy it again.") from None
     return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 
@@ -121,7 +119,8 @@ def _too_few_points_error(count: int, name: str) -> InputError:
 
 
 def _unoccluded_points(seen: Float, spacing: float) -> Float:
-    """Returns the points that no nearer point occludes, in an image with one pixel per ``spacing``."""
+    """Returns the points (N, 3) of ``seen`` that no nearer point occludes. Occlusion is tested in an image
+    with one pixel per ``spacing`` metres."""
     if len(seen) == 0:
         return seen
     pixel = spacing / float(np.median(seen[:, 2]))
@@ -141,7 +140,8 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
 
 
 def _thin_points(seen: Float, spacing: float) -> Float:
-    """Returns one point for each occupied cube with side ``spacing``: the mean of the points in the cube."""
+    """Returns one point (N, 3) for each occupied cube with sides of ``spacing`` metres: the mean of the
+    points in the cube."""
     cells = np.floor(seen / spacing).astype(np.int64)
     _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = np.stack([np.bincount(of.reshape(-1), seen[:, a]) for a in range(3)], -1)

@@ -1,4 +1,4 @@
-"""Writes a mesh as OBJ, OFF, PLY or STL by trimesh."""
+"""Writes a mesh as OBJ, OFF, PLY or STL, with the library trimesh."""
 
 from __future__ import annotations
 

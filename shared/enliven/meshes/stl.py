@@ -1,4 +1,4 @@
-"""Reader of STL, binary or ASCII: triangles without shared vertices."""
+"""Reader of STL files (binary and ASCII), which contain triangles without shared vertices."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
         raise DamagedMeshError(f"it has {len(data)} bytes, and its header alone has {_BINARY_HEADER_BYTES}")
     elif len(data) < expected or triangle_count == 0:
         raise DamagedMeshError(
-            f"its header says {triangle_count} triangles, which are {expected} bytes; it has {len(data)}"
+            f"its header says {triangle_count} triangles, which need {expected} bytes, but it has {len(data)}"
         )
     else:
         corners = (
@@ -51,8 +51,8 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _read_ascii_text(data: bytes) -> bytes | None:
-    """Returns the text of an ASCII file, or None for a binary file. A binary file may also start with
-    "solid"."""
+    """Returns the text of an ASCII file, or None for a binary file. Checks more than the first word, because
+    a binary file may also start with "solid"."""
     text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
     head = text[:_SEARCHED_BYTES].lstrip()
     return text if head[:5].lower() == b"solid" and _VERTEX_LINE.search(text) else None

@@ -19,8 +19,8 @@ _OFF_HEADER = re.compile(
     rb"(?=\s))?",
     re.IGNORECASE,
 )
-"""Pattern of a header. The word OFF is optional. The count of edges is optional if the counts are on one
-line."""
+"""Pattern of the header of an OFF file. The word OFF is optional. The count of edges is optional if the
+counts are on one line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
 """Number of additional values per vertex (normal, colour, texture coordinates), by the letters before OFF."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -32,8 +32,8 @@ number."""
 def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     """Reads an OFF file (also COFF, NOFF, STOFF). Returns (V, 3) vertices, (F, 3) triangles, and notes.
 
-    A vertex or face may extend over several lines, and several may share a line. Normals and texture
-    coordinates are skipped. Colours are skipped with a note.
+    A vertex or face may extend over several lines, and a line may contain several vertices or faces. Normals
+    and texture coordinates are skipped. Colours are skipped with a note.
 
     Raises:
         DamagedMeshError: if the file contradicts its header.
@@ -60,7 +60,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
             corners, sizes, rest = walked
             notes = [f"ignored {rest} words after its last face"] if rest else []
             if b"C" in kind.removesuffix(b"OFF"):
-                notes.append("the colours of its vertices are left out: PLY and OBJ keep them")
+                notes.append("the colours of its vertices are left out; PLY and OBJ files keep them")
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{stated}, and {walked}"
     raise DamagedMeshError(problem)
@@ -104,8 +104,8 @@ def _first_three(text: bytes, widths: Int) -> Float:
 
 
 def _line_ends(body: bytes, count: int) -> Int:
-    """Returns the end offsets of the first ``count`` lines that are not blank, or of all such lines if there
-    are fewer."""
+    """Returns the end offsets (L,) of the first ``count`` lines that are not blank. If there are fewer lines,
+    returns all of them."""
     letters = np.frombuffer(body, np.uint8)
     ends = np.flatnonzero(letters == ord("\n")) + 1
     words = np.cumsum(letters > ord(" "), dtype=np.int64)[ends - 1]
@@ -113,8 +113,8 @@ def _line_ends(body: bytes, count: int) -> Int:
 
 
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
-    """Parses the faces. Returns their corners, their sizes, and the number of words after the last face. If
-    the faces are invalid, returns a sentence that describes the error instead.
+    """Parses the faces. Returns their corners (C,), their sizes (P,), and the number of words after the last
+    face. If the faces are invalid, returns a description of the error instead.
 
     Two layouts are tried: faces without colours, and faces with a colour that fills the rest of the line.
     """
@@ -145,20 +145,21 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
         wrong = _invalid_corner(np.array(corners, np.int64), vertex_count)
         if len(sizes) == count and wrong is None:
             return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - offset
-        problem = f"face {len(sizes)} is cut short or wrong"
+        problem = f"face {len(sizes)} is truncated or invalid"
         if wrong is not None:
-            problem = f"a face names vertex {wrong} of 0..{vertex_count - 1}"
+            problem = f"a face refers to vertex {wrong} of 0..{vertex_count - 1}"
     return problem
 
 
 def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
-    """Returns an invalid vertex number, or None if all are valid."""
+    """Returns the first vertex number in ``corners`` that is outside of 0..``vertex_count`` - 1, or None if
+    all are valid."""
     invalid = corners[(corners < 0) | (corners >= vertex_count)]
     return int(invalid[0]) if len(invalid) else None
 
 
 def _parse_integer(word: bytes) -> int:
-    """Parses an integer. Returns -1 for any other word, such as a colour with a fraction."""
+    """Parses an integer. Returns -1 for any other word, such as a colour value with a decimal point."""
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 
@@ -190,7 +191,7 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1
         vertices = tables["Vertices"]
         if len(quads) and not 0 <= quads.min() <= quads.max() < len(vertices):
-            raise DamagedMeshError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
+            raise DamagedMeshError(f"a quadrilateral refers to a vertex outside 1..{len(vertices)}")
         triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
         triangles = [_boundary_triangles(tables["Tetrahedra"].astype(np.int64) - 1)]

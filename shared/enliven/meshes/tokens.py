@@ -15,7 +15,7 @@ BLOCK_BYTES = 1 << 20
 """Size of the block of text that is searched at a time, in bytes. The masks of a block take about ten times
 as much memory."""
 _MAX_SHOWN_BYTES = 40
-"""Maximum bytes of a wrong word that a message shows."""
+"""Maximum number of bytes of an invalid word that an error message shows."""
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
@@ -53,7 +53,7 @@ def split_into_blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, by
 
 
 def remove_comments(text: bytes) -> bytes:
-    """Returns the text without comments: the part of each line from "#" on."""
+    """Returns the text without comments. A comment begins at "#" and extends to the end of the line."""
     return _COMMENT.sub(b"", text) if b"#" in text else text
 
 
@@ -66,7 +66,7 @@ def word_starts(text: bytes) -> Int:
 
 
 def word_lines(text: bytes, offsets: Int) -> Int:
-    """Returns the line number (W,), from 0, of each offset."""
+    """Returns the line number (W,), counted from 0, of each byte offset (W,) in the text."""
     ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     return np.searchsorted(ends, offsets)
 
@@ -81,7 +81,7 @@ def parse_numbers(text: bytes, dtype: Any = np.float64) -> AnyArray:
         WrongWordError: if a word is not a number of this type.
     """
     with warnings.catch_warnings():
-        # If the text is not a number, some versions of NumPy end the parsing with a warning, others with an
+        # If a word is not a number, some versions of NumPy stop parsing with a warning, and others raise an
         # error.
         warnings.simplefilter("error", DeprecationWarning)
         try:

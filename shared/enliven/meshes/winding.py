@@ -1,4 +1,4 @@
-"""Repairs the winding of faces, so that neighbouring faces agree and closed shells face outwards."""
+"""Repairs the winding of faces, so that neighbouring faces are consistent and closed shells face outwards."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from enliven.meshes.kernels import face_areas
 from enliven.meshes.mesh import Mesh, weld
 
 _MIN_VOLUME_RATIO = 1e-6
-"""Minimum ratio of volume to area^1.5 of a shell that counts as enclosing space. A sphere has 0.094, and two
-sheets back to back have 0."""
+"""Minimum ratio of volume to area^1.5 of a shell that counts as enclosing a volume. It is 0.094 for a sphere,
+and 0 for two coincident sheets."""
 
 
 _MAX_NESTED_PARTS = 2048
@@ -42,10 +42,10 @@ class _Edges(NamedTuple):
 def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Makes the winding of a mesh consistent. Returns the mesh, and a sentence for each kind of repair.
 
-    Faces that share an edge with exactly one other face are made consistent with it. In an open part, the
-    winding of the larger area is used. A closed part is made to face outwards. A part inside another part
-    keeps its orientation relative to the enclosing part, so that a cavity stays a cavity. A one-sided part (a
-    Moebius strip) is left unchanged.
+    If exactly two faces share an edge, they are made consistent. In an open part, the winding of the larger
+    area is used. A closed part is flipped if it faces inwards. A part inside another part keeps its
+    orientation relative to the enclosing part, so that a cavity stays a cavity. A one-sided part (a Moebius
+    strip) is left unchanged.
     """
     if len(mesh.faces) == 0:
         return mesh, []
@@ -77,7 +77,9 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     turned_parts, turned_faces = int(is_turned_whole.sum()), int((flip & ~is_turned_whole[part]).sum())
     notes = list[str]()
     if turned_faces:
-        notes.append(f"turned {turned_faces} of {len(faces)} faces that were wound against their neighbours")
+        notes.append(
+            f"turned {turned_faces} of {len(faces)} faces that were wound differently from neighbours"
+        )
     if turned_parts:
         subject = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
         notes.append(f"{subject} inside out: turned to face outwards")
@@ -95,11 +97,11 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _orientation_roots(count, ones, twos, agree):
-    """Finds connected parts with consistent orientation. Returns each face's root, a flag for each face that
-    is oriented opposite to its root, and the roots of one-sided parts.
+    """Finds connected parts with consistent orientation. Returns (F,) the root face of each face's part, (F,)
+    True for faces that are oriented opposite to their root, and the roots of one-sided parts.
 
     Edge e connects the faces ``ones[e]`` and ``twos[e]``. A union-find tree stores for each face whether its
-    winding is opposite to its parent's.
+    winding is opposite to that of its parent.
     """
     parent, against = np.arange(count), np.zeros(count, np.bool_)
     twisted = np.zeros(count, np.bool_)
@@ -134,8 +136,8 @@ def _orientation_roots(count, ones, twos, agree):
 
 
 def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """Returns the part of each face, (F,); True for faces that are oriented opposite to the part's first
-    face, (F,); and True for one-sided parts, (P,).
+    """Returns (F,) the part of each face, (F,) True for faces that are oriented opposite to the first face of
+    their part, and (P,) True for one-sided parts.
     """
     root, against, twisted = _orientation_roots(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
@@ -175,7 +177,7 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
     by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
     for k in by_size:
         encloses = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
-        # If several parts enclose this one, use the largest, because its winding was determined first.
+        # If several parts enclose this part, use the largest, because its winding was determined first.
         for outer in by_size[encloses[by_size]][:_MAX_SURROUNDING_PARTS]:
             if _is_inside(corners[k][0, 0], corners[outer]):
                 is_flipped[numbers[k]] = is_flipped[numbers[outer]]

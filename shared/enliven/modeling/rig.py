@@ -1,4 +1,4 @@
-"""The interface for the parts of edits that each kind of rig implements in its own way."""
+"""The interface that each kind of rig implements for the edits of whole characters."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class CharacterState(NamedTuple):
 
 
 Player = Callable[[float], CharacterState]
-"""A function for frequent evaluation of a character: maps a time of the project, in seconds, to the
-character's state."""
+"""A function that maps a time of the project, in seconds, to a character's state. It is fast enough to be
+called for every frame."""
 
 
 HandleMotion = Callable[[float], tuple[Float, Float]]
@@ -42,8 +42,8 @@ class Merge:
     Attributes:
         host, graft: ids of the two characters. The host keeps its id.
         time: seconds of the project's time.
-        node: the part of the host that carries the graft: a handle (by number or name), or a node of the
-            host's deformation graph. None selects the nearest.
+        node: what the graft follows: a handle of the host (by number or name), or a node of its deformation
+            graph. None selects the nearest.
         at: position along the host's bone that ends at ``node``, if both characters have bones. 1 is the end
             of the bone.
         loose: if the boolean union of the meshes fails, put both shells into one mesh instead of raising an
@@ -63,7 +63,7 @@ class Merge:
 
 
 class RigEdits(ABC):
-    """The parts of edits that depend on the kind of rig. Characters are immutable, so edits return new
+    """The operations of edits that depend on the kind of rig. Characters are immutable, so edits return new
     characters.
 
     Edits of the placement have the same effect at every time. Let c be the ``centre``, and x the vertices
@@ -97,23 +97,22 @@ class RigEdits(ABC):
 
     @abstractmethod
     def player(self, project: Project, character: Any, /) -> Player:
-        """Returns a function that returns the transforms of the pivots, and the handles, at any time of the
-        project."""
+        """Returns a function from a time of the project to the transforms of the pivots, and the handles."""
 
     def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
-        """Returns a function for frequent use that returns the vertices (V, 3) in metres in the world, at any
-        time."""
+        """Returns a function from a time to the vertices (V, 3), in metres in the world. It is fast enough to
+        be called for every frame."""
         player, drawn = self.player(project, character), self.drawn(character)
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def lacking(self, project: Project, character: Any, /) -> tuple[str, ...]:
-        """Returns sentences about the data that the character still needs before it can move. Empty if it can
+        """Returns sentences about the data that the character still needs before it can move, or () if it can
         move.
         """
         return ()
 
     def check_layers(self, project: Project, character: Any, numbers: set[int], /) -> None:
-        """Raises an error if the changed layers cannot be played."""
+        """Raises an error if the changed layers ``numbers`` cannot be played."""
         return
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float, /) -> Project:
@@ -122,8 +121,8 @@ class RigEdits(ABC):
         raise InputError("a recorded motion cannot be posed by hand", where=character.where, remedy=remedy)
 
     def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
-        """Returns the index of the layer that plays the keys of a handle or node, or None if there is no such
-        layer."""
+        """Returns the index of the layer that plays the keys of a handle or node, or None if no layer plays
+        keys of the handle."""
         return None
 
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
@@ -135,8 +134,8 @@ class RigEdits(ABC):
     def handle_motion(
         self, character: Any, player: Player, handle: int | None, layer: int | None, /
     ) -> HandleMotion | None:
-        """Returns the function for the curves of a handle. They are relative to the handle's parent bone, if
-        a parent bone exists.
+        """Returns the motion that the window shows as curves of a handle. It is relative to the handle's
+        parent bone, if a parent bone exists.
 
         Args:
             player: the character's player; see :meth:`player`.
@@ -158,7 +157,7 @@ class RigEdits(ABC):
 
     @abstractmethod
     def moved(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:
-        """Returns the character, moved as one rigid piece."""
+        """Returns the character, moved rigidly: x becomes turn (x - about) + about + offset."""
 
     @abstractmethod
     def scaled(self, character: Any, factor: float, /) -> Any:
@@ -191,7 +190,7 @@ class RigEdits(ABC):
 
 
 def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
-    """Raises an error for names that are not attributes of the dataclass ``kind``."""
+    """Raises InputError if a name in ``changes`` is not an attribute of the dataclass ``kind``."""
     names = [field.name for field in fields(kind)]
     for name in changes:
         if name not in names:

@@ -31,7 +31,7 @@ class BlockTable:
             are used.
         beside: (C, 8) int32 numbers of the next blocks in positive directions. Column 1 is the neighbour
             along +x, 2 along +y and 4 along +z; diagonal neighbours have the sum, for example 3 for +x +y.
-            Column 0 is the block itself; -1 marks a missing neighbour.
+            Column 0 is the block's own number. -1 marks a missing neighbour.
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class BlockTable:
         return len(self.places)
 
     def grow(self) -> None:
-        """Enlarges the capacity for more blocks."""
+        """Enlarges the table by the factor ``_CAPACITY_GROWTH``."""
         capacity = int(self.capacity * _CAPACITY_GROWTH)
         self.places = grow_array(self.places, capacity, 0)
         self.beside = grow_array(self.beside, capacity, -1)
@@ -55,7 +55,7 @@ class BlockTable:
             self._rebuild_hash_table(2 * len(self.keys))
 
     def retain(self, numbers: Int) -> None:
-        """Keeps only the blocks (K,) with these numbers, and renumbers them from 0 to K - 1."""
+        """Keeps only the blocks with these ``numbers`` (K,), and renumbers them from 0 to K - 1."""
         self.places[: len(numbers)] = self.places[numbers]
         self.count = len(numbers)
         self._rebuild_hash_table(len(self.keys))
@@ -74,7 +74,7 @@ class BlockTable:
 
 
 def grow_array(array: np.ndarray, length: int, fill: float) -> np.ndarray:
-    """Returns an array with more rows; the new ones hold ``fill``."""
+    """Returns the array with ``length`` rows. New rows are filled with ``fill``."""
     larger = np.full((length, *array.shape[1:]), fill, array.dtype)
     larger[: len(array)] = array
     return larger
@@ -82,7 +82,7 @@ def grow_array(array: np.ndarray, length: int, fill: float) -> np.ndarray:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def key_of(x, y, z):
-    """Returns the hash key of a block's position."""
+    """Returns the hash key of a block's position (x, y, z), in blocks."""
     return (
         ((np.int64(x) + _MAX_BLOCK_COORDINATE) << 42)
         | ((np.int64(y) + _MAX_BLOCK_COORDINATE) << 21)
@@ -101,7 +101,7 @@ def _home_slot(key, size):
 
 @njit(cache=True, nogil=True)
 def find(keys, slots, key):
-    """Returns the number of the block with a key, or -1."""
+    """Returns the number of the block with a key, or -1 if no block has this key."""
     at = _home_slot(key, len(keys))
     while keys[at] != -1:
         if keys[at] == key:
@@ -121,7 +121,8 @@ def insert(keys, slots, key, number):
 
 @njit(cache=True, nogil=True)
 def link(keys, slots, places, beside, first, last):
-    """Links the blocks ``first`` to ``last`` with their neighbours, in both directions."""
+    """Stores the neighbours of the blocks ``first`` to ``last``, and these blocks as the neighbours of their
+    neighbours."""
     for b in range(first, last):
         x, y, z = places[b, 0], places[b, 1], places[b, 2]
         for k in range(8):

@@ -1,8 +1,8 @@
 """The triangle table of marching cubes for all 256 corner configurations of a cell.
 
 The table is computed, not copied from a publication. On every face of the cell, one line segment separates
-each run of adjacent inside corners from the outside corners. Two cells find the same runs on their shared
-face, so no crack opens between them.
+each run of adjacent inside corners from the outside corners. Two neighbouring cells have the same runs on
+their shared face, so no crack opens between them.
 
 Corner k of a cell is at (k & 1, k >> 1 & 1, k >> 2). Edge 4 a + n runs along axis a; n numbers the four
 corners at which an edge along that axis begins.
@@ -22,7 +22,7 @@ _FACE_CORNERS = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 
 STARTS = ((0, 2, 4, 6), (0, 1, 4, 5), (0, 1, 2, 3))
 """For each axis, the corners at which the four edges along it begin."""
 MOST_TRIANGLES = 5
-"""Maximum number of triangles in a cell."""
+"""Maximum number of triangles of the surface in a single cell."""
 
 
 def _edge_number(a: int, b: int) -> int:
@@ -59,7 +59,8 @@ def _surface_loops(case: int) -> list[list[int]]:
         for k in range(4):
             if is_inside[k] or not is_inside[(k + 1) % 4]:
                 continue
-            # A run of inside corners begins here. The segment leads from the end of the run to its beginning.
+            # A run of inside corners begins at this corner. The segment leads from the end of the run to its
+            # beginning.
             run_end = next(n for n in range(k + 1, k + 5) if not is_inside[(n + 1) % 4])
             end_edge = _edge_number(corners[run_end % 4], corners[(run_end + 1) % 4])
             next_edges[_edge_number(corners[k], corners[(k + 1) % 4])] = end_edge
@@ -73,7 +74,7 @@ def _surface_loops(case: int) -> list[list[int]]:
 
 
 def _loop_triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """Triangulates a loop, with as few diagonals as possible in a face of the cell.
+    """Returns triangles for a loop of edges, with as few diagonals as possible in the faces of the cell.
 
     A diagonal in a face would coincide with a diagonal of the neighbouring cell, and four triangles would
     then share one edge.

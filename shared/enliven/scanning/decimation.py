@@ -1,4 +1,4 @@
-"""Mesh decimation of a scan, and the deviation from the original surface."""
+"""Decimates the mesh of a scan, and measures its deviation from the original surface."""
 
 from __future__ import annotations
 
@@ -62,7 +62,8 @@ def decimate(mesh: Mesh, faces: int) -> DecimatedMesh:
 
 
 def _remove_folds(faces: Int | Int32) -> Int32:
-    """Removes pairs of faces (F, 3) that share all three corners. Such a pair is a fold of zero thickness."""
+    """Returns the faces (F, 3) without pairs that share all three corners. Such a pair is a fold of zero
+    thickness."""
     _, number, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(faces[count[number.reshape(-1)] == 1], np.int32)
 

@@ -13,8 +13,8 @@ from enliven.scanning.kernel_arguments import PointArrays
 from enliven.scanning.settings import DepthNoiseModel
 
 TILE = 8
-"""Pixels along a tile's side. The minimum and maximum depth are stored for each tile. A voxel block covers a
-few tiles."""
+"""Number of pixels along a tile's side. The minimum and maximum depth are stored for each tile. A voxel block
+covers a few tiles in the image."""
 _SAMPLE_SPACING_PX = 2
 """Spacing, in half-size pixels, of the nine samples of a plane fit. They span 17 mm at 1 m. Closer samples
 would not help: in most cameras, adjacent pixels share their noise."""
@@ -59,7 +59,7 @@ class DepthView:
 
     @property
     def point_arrays(self) -> PointArrays:
-        """The points in the form that kernels require."""
+        """The points as arguments of the compiled kernels."""
         return PointArrays(self.points, self.normals, self.worth)
 
     @property
@@ -201,7 +201,8 @@ def _mean_inverse(a, b, c, d, limits):
     ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
     last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _MAX_DEPTH_JUMP))
     zero, unity = np.float32(0.0), np.float32(1.0)
-    # Unknown depth is stored as infinity. Infinity is not less than itself, so the comparison gives 0.
+    # Unknown depth is stored as infinity. The comparison of infinity with itself is False, so unknown depth
+    # counts as 0.
     ia, ib = (unity if za < last else zero), (unity if zb < last else zero)
     ic, id_ = (unity if zc < last else zero), (unity if zd < last else zero)
     count = ia + ib + ic + id_
@@ -217,11 +218,11 @@ def _depth_in_metres(depth, limits):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit_planes(inverse, across, down, limits, points, normals, worth, first, last):
-    """Fits a plane around each half-size pixel of some rows.
+    """Fits a plane around each half-size pixel of the rows ``first`` to ``last``.
 
     The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
-    normal. A structured-light camera's noise is uniform in inverse depth, so least squares is appropriate
-    there.
+    normal. The noise of a structured-light camera is uniform in inverse depth, so least squares in inverse
+    depth is appropriate.
 
     Args:
         inverse: (h, w + 2 _SAMPLE_SPACING_PX), across: (w + 2 _SAMPLE_SPACING_PX,) 1/m and x of the
@@ -266,8 +267,8 @@ def _fit_planes(inverse, across, down, limits, points, normals, worth, first, la
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_neighbours(inverse, v, across, down, sums):
-    """Sums over those of the nine samples around each pixel of a row that belong to the same surface. The
-    loop has no branch, so that it is vectorized.
+    """Computes sums over the nine samples around each pixel of a row. Samples on another surface are
+    excluded. The loop has no branch, so the compiler vectorizes it.
 
     Args:
         sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz, written. x, y (rays) and z (1/m) are relative to
@@ -307,7 +308,8 @@ def _add_neighbours(inverse, v, across, down, sums):
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def certainty(limits, z):
-    """Returns the ratio of the depth variance at the best depth to that at depth z, at most 1."""
+    """Returns the weight of a depth z (m), at most 1: the depth variance at the best depth divided by the
+    variance at z."""
     beyond = z - limits[4]
     share = limits[2] / (limits[2] + limits[3] * beyond * beyond)
     return share * share
@@ -315,8 +317,8 @@ def certainty(limits, z):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, weights, first, last):
-    """Assigns to each pixel of some rows the plane of its half-size pixel, shifted to pass through the
-    pixel's own depth point.
+    """Writes the plane and weight of each pixel in the rows ``first`` to ``last``. A pixel gets the plane of
+    its half-size pixel, shifted to pass through the pixel's own depth point.
     """
     height, width = depth.shape
     for v in range(2 * first, min(2 * last, height)):
@@ -336,7 +338,8 @@ def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, we
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bound_tiles(depth, limits, tiles, first, last):
-    """Computes the minimum and maximum depth, and the fraction of unknown pixels, of some rows of tiles."""
+    """Computes the minimum and maximum depth (m) and the fraction of unknown pixels, for the rows ``first``
+    to ``last`` of tiles."""
     height, width = depth.shape
     zero, unity = np.float32(0.0), np.float32(1.0)
     near, far, known_counts = (

@@ -22,11 +22,13 @@ _MAX_FINE_STEPS = 5
 _MIN_ALIGNMENT_STEP = 3e-4
 """The alignment stops when a step is smaller than this, in metres and radians."""
 _MAX_EXACT_STEPS = 15
-"""Maximum number of steps of the exact alignment, used if the normal one leaves the camera pose uncertain."""
+"""Maximum number of steps of ``align_closely``, which is used if the normal alignment leaves the camera pose
+uncertain."""
 _COARSE_STRIDE_PX = 4
 """Step between sample points in the coarse volumes, in pixels of the half-size image."""
 _ROBUST_WIDTH_VOXELS = 2.0
-"""Robust width: a point at this distance from the surface has a quarter of the full weight."""
+"""Width of the robust weight function, in voxels. A point at this distance from the surface has a quarter of
+the full weight."""
 _GRAVITY_WEIGHT_M2 = 0.1
 """Weight of the up direction from the accelerometer, in squared metres."""
 _DAMPING = 1e-6
@@ -49,7 +51,7 @@ class Alignment:
     """A camera pose and its uncertainty.
 
     Attributes:
-        world_from_camera: (4, 4) pose.
+        world_from_camera: (4, 4) the camera's pose.
         agreeing: fraction, 0 to 1, of the points in observed space that lie on the fused surface.
         overlap: fraction of the image's points that lie in observed space.
         error: weighted root mean square of the distances between points and surface, metres.
@@ -65,7 +67,7 @@ class Alignment:
 
     @property
     def covariance(self) -> Float:
-        """(6, 6) covariance of a translation (m) and a rotation (rad); huge along directions that the
+        """(6, 6) covariance of a translation (m) and a rotation (rad); very large along directions that the
         image does not constrain.
         """
         values, vectors = np.linalg.eigh(self.information)
@@ -110,8 +112,8 @@ class CameraTracker:
         return self.evaluate(view, pose)
 
     def align_closely(self, view: DepthView, start: Float, up: Float | None = None) -> Alignment:
-        """Returns the pose near ``start`` (4, 4) at which the image fits best. Use it if noise hides the
-        signal.
+        """Returns the pose near ``start`` (4, 4) at which the image fits best. Use this method if noise hides
+        the signal.
 
         On a floor with a small object on it, the noise of the slopes outweighs the information in the object.
         Steps are then too short, and the information seems to be zero. Products of the surface's slopes and
@@ -134,8 +136,8 @@ class CameraTracker:
         return self._alignment_for(sums, pose, _denoised_matrix(sums))
 
     def _alignment_for(self, sums: Float, pose: Float, true_matrix: Float) -> Alignment:
-        """Returns the alignment for the sums at a pose; ``true_matrix`` (6, 6) is the normal matrix without
-        noise.
+        """Returns the alignment for the sums (SUMS,) at a pose. ``true_matrix`` (6, 6) is the normal matrix
+        without noise.
         """
         weight = max(sums[28], 1e-12)
         error = float(np.sqrt(sums[27] / weight))
@@ -148,7 +150,7 @@ class CameraTracker:
 
     def _normal_equations(self, view: DepthView, pose: Float, level: int, *, closely: bool = False) -> Float:
         """Returns the (SUMS,) sums of the normal equations over all points, as described at ``SUMS``. Each
-        point uses the finest volume, from number ``level`` on, that covers its depth.
+        point uses the finest volume that covers its depth, starting with volume ``level``.
         """
         total = np.zeros(SUMS)
         stride = self.settings.fine_stride if level == 0 else _COARSE_STRIDE_PX
@@ -180,8 +182,8 @@ class CameraTracker:
         matrix, gradient = _normal_matrix(sums), sums[21:27].copy()
         scale = max(sums[28], 1e-9)
         if up is not None:
-            # A rotation w moves the measured up direction by w x measured_up. It should align this direction
-            # with +Y.
+            # A rotation w moves the measured up direction by w x measured_up. The rotation should align this
+            # direction with +Y.
             measured_up = pose[:3, :3] @ up
             j = -cross_matrix(measured_up)
             weight = scale * _GRAVITY_WEIGHT_M2
@@ -213,8 +215,8 @@ def _denoised_matrix(sums: Float) -> Float:
     Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
     variables: Fuller, Measurement Error Models, 1987, section 1.2). Without the correction, a blank wall
     would seem to constrain the camera along the wall. A slope's noise is perpendicular to it. The variance is
-    estimated from the angles between the surface's slopes and the image's normals. They contain the noise of
-    both, so the correction is slightly too large.
+    estimated from the angles between the surface's slopes and the image's normals. These angles contain the
+    noise of both, so the correction is slightly too large.
     """
     x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
     weight, matrix = sums[28], _normal_matrix(sums)
@@ -230,8 +232,8 @@ def _denoised_matrix(sums: Float) -> Float:
 
 
 def _denoised_close_matrix(sums: Float, independent: float) -> Float:
-    """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in a sum over
-    these points.
+    """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in its sums.
+    ``independent`` is the fraction of the points that have independent noise.
     """
     matrix, noise_free = _normal_matrix(sums), _normal_matrix(sums[SQUARES + 1 :])
     count = sums[28] ** 2 / max(sums[SQUARES], 1e-12)

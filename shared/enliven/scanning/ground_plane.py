@@ -16,14 +16,14 @@ from enliven.scanning.holes import close_holes, find_lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
 _MAX_FLOOR_DISTANCE_M = 0.02
-"""Maximum distance of faces from a plane to belong to the floor."""
+"""Maximum distance of a face from the floor plane, metres, at which the face belongs to the floor."""
 
 _PLANE_HYPOTHESES = 100
 """Number of faces that are tried as floor hypotheses (RANSAC). This number is enough if one face in ten
 belongs to the floor."""
 _COMPARED_FACES = 6000
-"""Number of random faces that a plane hypothesis is compared with. They estimate its area to within a few
-percent."""
+"""Number of random faces that each plane hypothesis is compared with. They give the area of the plane to
+within a few percent."""
 _MIN_UP_COSINE = 0.82
 """Minimum cosine (35 degrees) between up and the normal of a face that may be part of a floor."""
 _MIN_FACE_COSINE = 0.97
@@ -62,7 +62,7 @@ def find_ground(mesh: Mesh, up: Float | None = None) -> GroundPlane:
     """Returns the lowest of the large level planes of a scan.
 
     Args:
-        up: (3,) approximate up direction in the scan's world, up to 35 degrees off; +Y if not given.
+        up: (3,) approximate up direction in the scan's world, at most 35 degrees off. None means +Y.
 
     Raises:
         InputError: if no level surface was scanned.
@@ -92,7 +92,7 @@ def find_ground(mesh: Mesh, up: Float | None = None) -> GroundPlane:
 
 
 def _fit_plane(normal: Float, offset: float, normals: Float, middles: Float, areas: Float) -> GroundPlane:
-    """Returns the plane fitted to the inlier faces of a guessed plane."""
+    """Returns the plane fitted to the inlier faces of an initial plane (``normal``, ``offset``)."""
     is_inlier = _faces_in_plane(normal, offset, normals, middles)
     for _ in range(_REFITS):
         weight = areas[is_inlier]
@@ -108,7 +108,8 @@ def _fit_plane(normal: Float, offset: float, normals: Float, middles: Float, are
 
 
 def _faces_in_plane(normal: Float, offset: float, normals: Float, middles: Float) -> Bool:
-    """Returns (F,) True for each face that lies in a plane."""
+    """Returns (F,) True for each face that lies in the plane ``normal`` . x = ``offset``, within the
+    tolerances of the floor."""
     near = np.abs(middles @ normal - offset) < _MAX_FLOOR_DISTANCE_M
     return np.asarray(near & (normals @ normal > _MIN_FACE_COSINE))
 
@@ -123,8 +124,8 @@ def find_focus(poses: list[Float]) -> Float:
         projection = np.eye(3) - np.outer(axis, axis)
         matrix += projection
         right += projection @ pose[:3, 3]
-    # If all cameras look in the same direction, the point is undetermined. A weak prior then places it one
-    # metre in front of them.
+    # If all cameras look in the same direction, the point is undetermined. A weak prior then places the point
+    # one metre in front of the cameras.
     prior_point = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * prior_point), np.float64)
 
@@ -142,12 +143,12 @@ def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSetti
     s = settings or CutOutSettings()
     parts = find_parts(mesh, ground, focus, s)
     if not parts:
-        problem = "nothing that stands on the floor was scanned"
+        problem = "no object on the floor was scanned"
         raise InputError(
-            problem, where="scan", remedy="Carry the camera round the object, and look at it all the time."
+            problem, where="scan", remedy="Carry the camera around the object, and keep the object in view."
         )
     if s.number > len(parts):
-        problem = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
+        problem = f"object number {s.number} does not exist; the camera looked at {len(parts)} objects"
         raise InputError(problem, where="scan", remedy="Choose one of them, or look at it while you scan.")
     chosen_part = parts[s.number - 1]
     vertices = level_mesh(chosen_part, ground).vertices
@@ -174,7 +175,8 @@ def find_parts(
 ) -> list[Mesh]:
     """Returns the connected parts that stand on the ground about a point (3,), the most likely object first.
 
-    That is the part with the most surface near the point. Small and distant parts are left out.
+    The most likely object is the part with the most surface near the point. Small and distant parts are left
+    out.
     """
     s = settings or CutOutSettings()
     above_ground = cut_above_plane(mesh, ground.normal, ground.offset + s.clearance)
@@ -227,7 +229,7 @@ def cut_above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     heights = np.asarray(mesh.vertices @ normal - offset)
     is_above = heights[mesh.faces] > 0
     count = is_above.sum(1)
-    # Rotate the corners of each face so that the corner that is alone on its side of the plane comes first.
+    # Rotate the corners of each face so that the single corner on one side of the plane comes first.
     lone_corner = np.where(count == 1, is_above.argmax(1), (~is_above).argmax(1))
     rotated_faces = np.take_along_axis(mesh.faces, (lone_corner[:, None] + np.arange(3)) % 3, 1).astype(
         np.int64

@@ -17,7 +17,8 @@ _MIN_DOWN_COSINE = 0.0
 """Minimum cosine between down and the outward direction of a rim that faces down. The limit is low because
 rims are jagged."""
 _CLEAR_RADIUS_M = 0.02
-"""Horizontal distance around a rim vertex, metres, within which no part of the mesh may lie below it."""
+"""Horizontal radius around a rim vertex, metres. For the lowest rims, no part of the mesh lies below the
+vertex within it."""
 _MIN_HEIGHT_BELOW_M = 0.03
 """Minimum height difference, metres, for a vertex to lie below another vertex. It is larger than the
 roughness of a rim."""
@@ -28,7 +29,7 @@ def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
 
     Args:
         mesh: upright, on y = 0.
-        low: metres above the floor up to which rims count.
+        low: maximum height above the floor, metres, of rims that count.
     """
     vertices, faces = mesh.vertices, mesh.faces
     lowest = np.zeros(len(vertices), bool)
@@ -82,7 +83,7 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
 
 
 def _orient_down(faces: Int, vertices: Float) -> Int:
-    """Reverses the corner order of each face that faces up."""
+    """Returns the faces (F, 3), with reversed corner order for each face that faces up."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     faces_up = np.cross(b - a, c - a)[:, 1] > 0
     faces[faces_up] = faces[faces_up, ::-1]

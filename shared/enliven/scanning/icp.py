@@ -12,7 +12,8 @@ from enliven.scanning.blocks import SIDE, find, key_of
 MOMENTS = 32
 """Index of the first sum that is used to estimate the noise of the slopes."""
 BINS = 16
-"""Bins of the angle between the image's normals and the surface's. Bin edges grow quadratically."""
+"""Number of histogram bins for the angle between the image's normal and the surface's normal. Bin edges grow
+quadratically."""
 SQUARES = MOMENTS + 9 + BINS
 """Index of the sum of squared weights. The 21 sums after it are the upper half of the products of the
 surface's slopes and the image's normals, row by row. They are computed only on request."""
@@ -26,7 +27,8 @@ _MIN_NORMAL_COSINE = 0.5
 """Minimum cosine between the normals of a point and of the surface if both belong to the same side of an
 object."""
 MAX_CHORD = 1.0
-"""Twice the sine of half the angle of ``_MIN_NORMAL_COSINE``: the upper edge of the last bin of angles."""
+"""Upper edge of the last bin of angles: the chord (twice the sine of half the angle) of the largest allowed
+angle (``_MIN_NORMAL_COSINE``)."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -34,7 +36,7 @@ def look_up(field, x, y, z, found, last):
     """Interpolates the signed distance and its gradient at a point of the world, trilinearly between voxels.
 
     Args:
-        field: :class:`FieldArrays`.
+        field: the signed distances of the volume, as :class:`FieldArrays`.
         found: (4,) the signed distance (m) and its gradient; written.
         last: (4,) int64 cache of the last block: its number and its position (3); read and written.
 
@@ -81,15 +83,15 @@ def look_up(field, x, y, z, found, last):
 def residuals(points, stride, span, pose, soft, field, closely, sums, first, last):
     """Accumulates the normal equations of the points in some rows of a half-size image.
 
-    The residual of a point is the volume's signed distance there. Its derivative along a camera move is the
-    gradient.
+    The residual of a point is the volume's signed distance at the point. The derivative for a motion of the
+    camera follows from the gradient.
 
     Args:
-        points: :class:`PointArrays`.
-        stride: every how many pixels a point is used, in each direction.
-        span: (2,) depth range of the points that are used, metres.
+        points: the points of the half-size image, as :class:`PointArrays`.
+        stride: step in pixels between the points that are used, in each direction.
+        span: (2,) minimum and maximum depth of the points that are used, metres.
         pose: (4, 4) world_from_camera.
-        field: :class:`FieldArrays`.
+        field: the signed distances of the volume, as :class:`FieldArrays`.
         closely: True to accumulate the products of slopes and normals as well.
         soft: metres at which a residual has a quarter of its weight (Geman-McClure).
         sums: (R, SUMS) one row for each row of points, written. The six unknowns are a translation (m) and a

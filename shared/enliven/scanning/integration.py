@@ -14,23 +14,23 @@ _MAX_BANDS_BEHIND = 2.0
 """Maximum distance of a voxel behind a surface along the ray, in truncation bands, for any slant of the
 surface. A deeper voxel may be behind the other side of a thin part."""
 _FREE_SPACE_BANDS = 8.0
-"""Distance in front of a surface along the ray, in truncation bands, beyond which a voxel is free space for
-any slant of the surface. It is the inverse of the smallest trusted cosine between ray and normal."""
+"""Minimum distance in front of a surface along the ray, in truncation bands, at which a voxel is free space
+for any slant of the surface. It is the inverse of the smallest trusted cosine between ray and normal."""
 _MIN_BAND_WEIGHT = 0.1
-"""Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
-constrains the surface least."""
+"""Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. An
+observation constrains the surface least at these edges."""
 _VOXEL_X = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
 _VOXEL_Y = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
-"""(512,) y of each voxel in a block."""
+"""(512,) y of each voxel in a block, in voxels."""
 _VOXEL_Z = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
-"""(512,) z of each voxel in a block."""
+"""(512,) z of each voxel in a block, in voxels."""
 _COLOUR_RANGE_VOXELS = 1.8
 """Distance from a surface, in voxels, within which a voxel stores a colour. It includes the corners of all
 cells that the surface crosses."""
 _MAX_COLOUR_WEIGHT = 8.0
-"""Maximum weight in the running average of a voxel's colour, so that the light of the first observation
-fades."""
+"""Maximum weight in the running average of a voxel's colour. It lets the lighting of the first observations
+fade."""
 UNSEEN = 0
 """State of a block that is not visible in an image."""
 FREE = 1
@@ -44,10 +44,10 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
     """Allocates the missing blocks around the points of a half-size image.
 
     Args:
-        points: :class:`PointArrays`.
-        stride: every how many pixels a point is used, in each direction.
+        points: the points of the image, as :class:`PointArrays`.
+        stride: step in pixels between the points that are used, in each direction.
         phase: index of the first used point, 0 to stride^2 - 1.
-        reach: metres; farther points are left out.
+        reach: maximum depth of the points, metres. Farther points are left out.
         turn, place: world_from_camera, (3, 3) and (3,).
 
     Returns:
@@ -95,7 +95,8 @@ def classify(places, band, camera, tiles, shape, state, first, last):
         z = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
         if z < camera.limits[0] + radius:
             continue
-        # Compute the bounds of the block's bounding sphere in the image. They are slightly too wide.
+        # Compute the bounds of the block's bounding sphere in the image. These bounds are slightly too wide,
+        # which does no harm.
         u, v = fx * x / z + cx, fy * y / z + cy
         ru = fx * radius / (z - radius) * (1.0 + abs(x) / z)
         rv = fy * radius / (z - radius) * (1.0 + abs(y) / z)
@@ -122,7 +123,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
 
     Args:
         jobs: (N,) numbers of blocks that are near or free.
-        voxels: :class:`VoxelArrays`; read and written.
+        voxels: the contents of the voxels, as :class:`VoxelArrays`; read and written.
     """
     local, pixel = np.empty((3, VOXELS), np.float32), np.empty(VOXELS, np.int32)
     shown, sizes = np.empty(VOXELS, np.float32), np.empty(3, np.float32)
@@ -154,7 +155,7 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _depth_of(places, b, band, camera):
-    """Returns the depth of a block's centre."""
+    """Returns the depth of the centre of block ``b`` in the camera frame, metres."""
     size, turn = band.voxel * SIDE, camera.turn
     return (
         turn[2, 0] * (places[b, 0] + 0.5) * size
@@ -166,8 +167,8 @@ def _depth_of(places, b, band, camera):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_free_space(distance, weight, front, more):
-    """Integrates a free-space observation into all voxels of a block. Returns the number of voxels behind a
-    surface.
+    """Integrates a free-space observation (distance ``front`` with weight ``more``) into all voxels of a
+    block. Returns the number of voxels behind a surface.
     """
     inside = 0
     for i in range(VOXELS):
@@ -189,8 +190,8 @@ def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
     """
     turn, lens, size = camera.turn, camera.lens, np.float32(band.voxel * SIDE)
     voxel = np.float32(band.voxel)
-    # Copy the values into local scalars, because array elements are loaded again after every write to another
-    # array.
+    # Copy the values into local scalars, because the compiler loads array elements again after every write to
+    # another array.
     xx, xy, xz = voxel * turn[0, 0], voxel * turn[0, 1], voxel * turn[0, 2]
     yx, yy, yz = voxel * turn[1, 0], voxel * turn[1, 1], voxel * turn[1, 2]
     zx, zy, zz = voxel * turn[2, 0], voxel * turn[2, 1], voxel * turn[2, 2]
@@ -221,15 +222,15 @@ def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _measure_voxels(pixel, local, planes, weights, behind, before, along, worth):
-    """Computes three values per voxel: its distance (m) in front of the plane of its pixel, normal . voxel
-    (along the normal), and the weight of the plane.
+    """Computes three values for each voxel. ``before`` is its distance (m) in front of its pixel's plane,
+    ``along`` is normal . voxel (m), and ``worth`` is the plane's weight.
 
     Args:
         planes: (4, H W), weights: (H W,) as in a view.
         behind: metres, truncation distance behind a surface.
 
     Returns:
-        The number of voxels that are observed. The others are occluded in the image.
+        The number of voxels that are observed. The other voxels are occluded in the image.
     """
     observed = np.int32(0)
     for i in range(VOXELS):
@@ -280,12 +281,12 @@ def _average_distances(sizes, local, shown, before, along, worth, distance, weig
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _average_colours(pixel, shown, before, worth, near, picture, weight, hue):
-    """Updates the running averages of colour in those voxels of a block that lie next to the surface."""
+    """Updates the running averages of colour in the voxels of a block that are near the surface."""
     for i in range(VOXELS):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue
         share = worth[i] / (min(weight[i], np.float32(_MAX_COLOUR_WEIGHT)) + worth[i])
-        # If the earlier observations had no colour, take the new colour alone. 0 means no colour, and black
+        # If the earlier observations had no colour, store only the new colour. 0 means no colour, and black
         # is stored as 1.
         share = np.float32(1.0) if hue[i, 0] == 0 else share
         for c in range(3):

@@ -1,4 +1,4 @@
-"""Named arrays that the compiled loops of fusion and tracking take as arguments."""
+"""Named tuples of arrays: the arguments of the compiled loops of fusion and tracking."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class DistanceBand(NamedTuple):
 
 
 class ImageArrays(NamedTuple):
-    """A depth view in the form that the fusion kernels require.
+    """A depth view as an argument of the fusion kernels.
 
     Attributes:
         planes: (4 H W,), weights: (H W,) float32 as in a :class:`DepthView`.
         colours: (3 H W,) uint8 sRGB, empty if there are none.
-        shape: (H, W).
+        shape: (H, W) of the image, in pixels.
     """
 
     planes: Float32
@@ -48,7 +48,7 @@ class VoxelArrays(NamedTuple):
 
 
 class CameraArrays(NamedTuple):
-    """A camera and its pose in the form that kernels require.
+    """A camera and its pose as an argument of the kernels.
 
     Attributes:
         turn: (3, 3) float32 rotation of camera_from_world.
@@ -67,9 +67,9 @@ class PointArrays(NamedTuple):
     """The points of a half-size image, camera frame.
 
     Attributes:
-        places: (h, w, 3) float32 metres.
+        places: (h, w, 3) float32 metres, the positions.
         normals: (h, w, 3) float32 towards the camera.
-        worth: (h, w) float32 weights, 0 if there is no point.
+        worth: (h, w) float32 weights, 0 for a pixel without a point.
     """
 
     places: Float32

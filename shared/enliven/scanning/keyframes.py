@@ -14,8 +14,8 @@ much."""
 _COLUMNS = 20
 """Number of cell columns in a reduced image."""
 _MIN_KEYFRAME_DISTANCE_M = 0.15
-"""Minimum distance between neighbouring keyframes, metres. Tracking can recover the pose from a keyframe at a
-smaller distance."""
+"""Minimum distance between neighbouring keyframes, metres. From a smaller distance, tracking can recover the
+pose."""
 _MIN_KEYFRAME_ROTATION = 0.2
 """Minimum rotation between neighbouring keyframes, radians (11 degrees): a sixth of a camera's field of
 view."""
@@ -52,8 +52,8 @@ class Keyframes:
 
 
 def image_differences(reduced: Float32, others: list[Float32]) -> Float:
-    """Returns (N,) mean differences in inverse depth (1/m) between N reduced images and another one; inf if
-    they share too few known cells.
+    """Returns (N,) mean differences in inverse depth (1/m) between a reduced image and N other reduced
+    images. A difference is inf if the two share too few known cells.
     """
     differences = []
     for other_image in others:
@@ -68,8 +68,8 @@ def image_differences(reduced: Float32, others: list[Float32]) -> Float:
 
 
 def reduce_view(view: DepthView) -> Float32:
-    """Reduces a view to (15, 20) cells: the mean inverse depth (1/m) of the points in each cell, 0 for a cell
-    with too few points.
+    """Returns a view reduced to (15, 20) cells: the mean inverse depth (1/m) of the points in each cell, or 0
+    for a cell with too few points.
     """
     depth = view.points[..., 2]
     height, width = depth.shape

@@ -15,12 +15,13 @@ from enliven.scanning.tsdf_volume import TsdfVolume
 _EDGE_STARTS = np.array(STARTS, np.int32)
 """(3, 4) for each axis, the corners at which the four edges along it begin."""
 _MIN_VOXEL_WEIGHT = 0.1
-"""Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
+"""Minimum sum of weights of a voxel that counts as observed: one observation from nearby, or two from two
+metres away."""
 
 
 def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
     """Returns the surface as a mesh (metres, world). The mesh is open at unobserved voxels, and has colours
-    if the volume has.
+    if the volume has colours.
 
     Args:
         support: minimum sum of weights of a voxel.
@@ -51,7 +52,8 @@ def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> M
 
 
 def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
-    """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
+    """Returns the colours (V, 3). A vertex without a colour gets the colour of the nearest vertex that has
+    one."""
     if has_colour.any() and not has_colour.all():
         colours[~has_colour] = colours[has_colour][
             cKDTree(vertices[has_colour]).query(vertices[~has_colour])[1]
@@ -61,8 +63,8 @@ def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
 
 @njit(cache=True, nogil=True)
 def _gather_distances(b, beside, distance, weight, support, cells):
-    """Gathers (9, 9, 9) distances: those of a block, and of the adjacent layer of its neighbours. Voxels with
-    too little support get NaN.
+    """Gathers (9, 9, 9) signed distances into ``cells``: those of block ``b``, and of the adjacent layer of
+    its neighbours. Voxels with a weight below ``support`` get NaN.
     """
     for z in range(SIDE + 1):
         for y in range(SIDE + 1):
@@ -75,7 +77,7 @@ def _gather_distances(b, beside, distance, weight, support, cells):
 
 @njit(cache=True, nogil=True)
 def _cell_case(cells, x, y, z):
-    """Returns the configuration of a cell; 0 if a corner is unknown."""
+    """Returns the case of a cell (its row in the triangle table), or 0 if a corner is unknown."""
     case = 0
     for k in range(8):
         d = cells[z + (k >> 2), y + ((k >> 1) & 1), x + (k & 1)]
@@ -87,7 +89,8 @@ def _cell_case(cells, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _edge_at(b, beside, x, y, z, edge):
-    """Returns the block, the voxel and the axis of a cell's edge."""
+    """Returns where edge ``edge`` of the cell (x, y, z) of block ``b`` begins, as block and voxel number, and
+    its axis."""
     axis, corner = edge // 4, _EDGE_STARTS[edge // 4, edge % 4]
     x, y, z = x + (corner & 1), y + ((corner >> 1) & 1), z + (corner >> 2)
     owner = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
@@ -96,7 +99,8 @@ def _edge_at(b, beside, x, y, z, edge):
 
 @njit(cache=True, nogil=True)
 def _number_vertices(blocks, beside, distance, weight, support, table, rows, numbers):
-    """Numbers the edges that the surface crosses. Returns the number of faces and of vertices."""
+    """Numbers the voxel edges that the surface crosses, and writes the vertex numbers into ``numbers``.
+    Returns the numbers of faces and vertices."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
     for b in blocks:
@@ -152,7 +156,7 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
 
 @njit(cache=True, nogil=True)
 def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers, faces):
-    """Fills the faces of all cells."""
+    """Writes the faces of all cells into ``faces`` (F, 3)."""
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     face = 0
     for b in blocks:

@@ -17,14 +17,14 @@ PIECE = 8
 STEPS = 512
 """Quantization steps of vertex positions per voxel. The side of a piece, 64 voxels, has 32768 steps."""
 PIECE_STEPS = PIECE * SIDE * STEPS
-"""Quantization steps along a piece's side."""
+"""Number of quantization steps along the side of a piece."""
 _VOXELS_PER_CELL = 2
-"""Voxels along the side of a preview cell. Two voxels give a quarter of the triangles, and legs of 2 cm are
-still connected."""
+"""Number of voxels along the side of a preview cell. With two voxels, a preview has a quarter of the
+triangles, and legs of 2 cm are still connected."""
 _CELLS_PER_BLOCK = SIDE // _VOXELS_PER_CELL
-"""Cells along a side of a block."""
+"""Number of preview cells along a side of a block."""
 _MIN_VOXEL_WEIGHT = 0.05
-"""Minimum sum of weights of a voxel that is shown: half of the minimum for the final surface."""
+"""Minimum sum of weights of a voxel that is shown. It is half of the minimum for the final surface."""
 _WELL_OBSERVED_WEIGHT = 1.2
 """Sum of weights of a well-observed voxel: six observations from 1.5 m."""
 _EDGE_STARTS = np.array(STARTS, np.int32)
@@ -40,7 +40,7 @@ class ScanPiece:
         places: (V, 3) uint16 vertex positions, in units of ``step`` metres from the piece's corner.
         colours: (V, 3) uint8 sRGB, or None.
         seen: (V,) uint8 quality of the observation; 255 if the surface was observed well.
-        faces: (F, 3) int32.
+        faces: (F, 3) int32 vertex numbers.
         step: quantization step of ``places``, metres.
     """
 
@@ -77,7 +77,7 @@ class PieceSums:
 
 
 def sum_pieces(volume: TsdfVolume) -> PieceSums:
-    """Returns a summary of each piece of a volume, to detect which pieces changed."""
+    """Returns a summary of each piece of a volume. A changed summary shows that the piece has changed."""
     count = volume.blocks.count
     neighbours, solid = volume.blocks.beside[:count], volume.solid[:count]
     # A cell begins in its own block, but its far corners may lie in neighbouring blocks.
@@ -116,7 +116,7 @@ def extract_piece(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) 
 
 @njit(cache=True, nogil=True)
 def _sum_weights(blocks, weight, sums):
-    """Fills the sums of the blocks' weights."""
+    """Writes the sum of the voxel weights of each of the ``blocks`` (B,) into ``sums`` (B,)."""
     for n in range(len(blocks)):
         total = 0.0
         for i in range(VOXELS):
@@ -126,8 +126,8 @@ def _sum_weights(blocks, weight, sums):
 
 @njit(cache=True, nogil=True)
 def _block_and_voxel(b, x, y, z, beside):
-    """Returns the block and the voxel at a position relative to a block. The position may lie up to one block
-    beyond its end.
+    """Returns the block and the voxel number at the voxel position (x, y, z) relative to block ``b``. The
+    position may be in the next block.
     """
     other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
@@ -135,7 +135,7 @@ def _block_and_voxel(b, x, y, z, beside):
 
 @njit(cache=True, nogil=True)
 def _cell_case(b, x, y, z, beside, distance, weight):
-    """Returns the configuration of a cell; 0 if a corner is unknown."""
+    """Returns the case of a cell (its row in the triangle table), or 0 if a corner is unknown."""
     case = 0
     for k in range(8):
         at = (
@@ -152,7 +152,8 @@ def _cell_case(b, x, y, z, beside, distance, weight):
 
 @njit(cache=True, nogil=True)
 def _write_corners(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
-    """Writes the corners of the triangles, three per triangle, and returns their number."""
+    """Writes the corners of the triangles in the given ``blocks``, three per triangle. Returns the number of
+    corners."""
     used = 0
     place = np.empty(3, np.int64)
     for b in blocks:

@@ -51,7 +51,8 @@ def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> R
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _draw_faces(points, faces, lens, depth, face, shares):
-    """Draws every face, in the camera frame, and keeps the nearest face at each pixel."""
+    """Draws the ``faces`` (F, 3) of ``points`` in the camera frame. At each pixel, the nearest face is
+    kept."""
     height, width = depth.shape
     u, v, inverse = np.empty(3), np.empty(3), np.empty(3)
     for f in range(len(faces)):

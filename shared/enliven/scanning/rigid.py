@@ -25,7 +25,7 @@ def move_pose(pose: Float, step: Float) -> Float:
 
 
 def invert_pose(pose: Float) -> Float:
-    """Returns the inverse of a pose."""
+    """Returns the inverse (4, 4) of a rigid pose (4, 4)."""
     inverse = np.eye(4)
     inverse[:3, :3] = pose[:3, :3].T
     inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
@@ -39,7 +39,7 @@ def pose_difference(first: Float, second: Float) -> tuple[float, float]:
 
 
 def interpolate_poses(first: Float, second: Float, fraction: float) -> Float:
-    """Returns the pose interpolated between two poses, at a fraction from 0 to 1."""
+    """Returns the pose (4, 4) interpolated between two poses, at a fraction from 0 (first) to 1 (second)."""
     rotation_vector = rotation.to_rotation_vector(rotation.from_matrix(second[:3, :3] @ first[:3, :3].T))
     return move_pose(
         first, np.concatenate([fraction * (second[:3, 3] - first[:3, 3]), fraction * rotation_vector])

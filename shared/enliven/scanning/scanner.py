@@ -1,4 +1,4 @@
-"""A scan (dense SLAM): tracks the camera frame by frame and fuses its images.
+"""The scanner (dense SLAM): tracks the camera frame by frame, and fuses its images into a surface.
 
 An image with an uncertain pose is not fused.
 """
@@ -33,10 +33,11 @@ from enliven.scanning.threads import compute_ahead
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _MAX_CAMERA_SPEED_M_S = 4.0
-"""Maximum speed of the camera. A faster match is rejected as a similar-looking place."""
+"""Maximum speed of the camera. If an alignment implies a higher speed, it is rejected, because the camera
+probably sees a similar-looking part of the scene."""
 
 _VOXEL_RATIO = 4.0
-"""Ratio of voxel sizes between successive volumes. The truncation band grows by the same factor."""
+"""Ratio of voxel sizes between successive volumes. The truncation bands have the same ratio."""
 _VOLUME_COUNT = 3
 """Number of volumes. The default voxel sizes are 4, 16 and 64 mm. The coarsest volume recovers a camera that
 is up to 25 cm off."""
@@ -45,42 +46,41 @@ _KEYFRAMES_PER_FRAME = 4
 _CLEANING_INTERVAL = 90
 """Number of frames between removals of blocks without a surface: three seconds at 30 Hz."""
 _MIN_FRAME_S = 1.0 / 30.0
-"""Minimum time between two images, seconds, used if a recording's timestamps stand still."""
+"""Minimum time between two images, seconds. It is used if a recording's timestamps do not increase."""
 _MIN_REFUSION_IMAGES = 120
-"""Minimum number of images that are fused again. If twice as many are stored, every second one is left
-out. This number is enough to average the noise out, and more images would take longer while the stage
-waits."""
+"""Minimum number of images that are fused again. If twice as many are stored, every second one is left out.
+This number is enough to average the noise out, and more images would make the user wait longer."""
 _COARSE_FUSION_INTERVAL = 3
-"""If there are very many images, only every third is fused into the coarse volumes, which only guide the
-tracking. If there are few images, all are fused, because each may show something that no other image
+"""If there are very many images, only every third is fused into the coarse volumes, because these only guide
+the tracking. If there are few images, all are fused, because each may show a surface that no other image
 shows."""
 _MIN_DISPLACEMENT_VOXELS = 0.25
 """All images are fused again if a loop closure displaces an image by at least this distance (voxels). Fusing
 again after 1.3 mm reduces the error of leaves, which are 2 mm thick, by a tenth."""
 _SURE_DEVIATION_FACTOR = 0.5
-"""For an image that first left the camera's position uncertain, maximum standard deviation of the position
-after a closer alignment, relative to the usual limit."""
+"""Maximum standard deviation of the camera's position after ``align_closely``, relative to the usual limit.
+It applies to images that left the position uncertain at first."""
 _POSITION_TOLERANCE_M = 0.05
 """Change in camera position, metres, that is never rejected as too fast. It is twice the effect of noise and
 hand tremor."""
 _MAX_AGREEMENT_LOSS = 0.02
-"""A loop closure is accepted if the agreement of the images decreases by at most this value. Some decrease is
-normal: on a doubled surface, each image agreed with its own copy."""
+"""A loop closure is accepted if the fraction of agreeing points decreases by at most this value. Some
+decrease is normal: if a surface was doubled, each image agreed with its own copy of the surface."""
 
 
 class ScanState(Enum):
     """The result of processing a frame."""
 
     EMPTY = "empty"
-    """The image shows hardly any surface, and was skipped."""
+    """The image shows almost no surface, and was skipped."""
     SCANNING = "scanning"
     """The camera was found, and the image was fused."""
     UNSURE = "unsure"
-    """The image does not constrain the camera's pose (a blank wall, for example); it was not fused."""
+    """The image does not constrain the camera's pose (a blank wall, for example), and was not fused."""
     LOST = "lost"
     """Tracking failed, so the camera pose is unknown. The image was not fused."""
     FOUND = "found"
-    """A lost camera may have been relocalized; fusion resumes once the next frame agrees."""
+    """A lost camera may have been relocalized. Fusion resumes once the next frame agrees."""
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ class ExcludedPixels:
     """Half-size pixels (h, w) that are excluded from camera tracking.
 
     Attributes:
-        moving: pixels that show an independently moving object, which are not fused; or None.
-        doubtful: pixels that show something that may begin to move; or None. They are excluded if the other
-            pixels determine the camera's pose reliably, and they are fused unless they are ``moving``.
+        moving: pixels that show an independently moving object, or None. They are not fused.
+        doubtful: pixels of an object that may begin to move, or None. They are excluded if the other pixels
+            determine the camera's pose reliably, and they are fused unless they are ``moving``.
     """
 
     moving: Bool | None = None
@@ -153,7 +153,7 @@ class Scanner:
 
     @property
     def megabytes(self) -> float:
-        """Memory of all volumes and of the stored images."""
+        """Memory of all volumes and of the stored images, in megabytes."""
         return sum(volume.megabytes for volume in self.volumes) + self.history.megabytes
 
     @property
@@ -291,8 +291,8 @@ class Scanner:
             v = self.settings.volume
             self._camera = frame.intrinsics, DepthPreparation(frame.intrinsics, v.noise, v.near, v.far)
         if frame.intrinsics != self._camera[0]:
-            problem = "the camera of this frame is not that of the first"
-            raise InputError(problem, where=frame.sensor, remedy="Scan with one camera, of one image size.")
+            problem = "this frame is from another camera than the first frame"
+            raise InputError(problem, where=frame.sensor, remedy="Scan with one camera and one image size.")
         colour = frame.colour if self.settings.volume.colour else None
         self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
         return self._prepared[1]
@@ -355,7 +355,8 @@ class Scanner:
     def _fuse_image(
         self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None
     ) -> ScanStep:
-        """Fuses an image at a pose."""
+        """Fuses an image at the pose (4, 4), and stores it for loop closure. Returns the result of the
+        frame."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
         if self.is_full:
             return ScanStep(ScanState.SCANNING, pose, alignment, has_memory=False)
@@ -378,6 +379,6 @@ def _without_pixels(frame: DepthFrame, excluded: Bool) -> DepthFrame:
 
 
 def _fit_score(alignment: Alignment) -> float:
-    """Returns how well an image fits at a pose: the agreeing share of its overlap with the surface, times the
-    overlap. The pose with the highest score is chosen."""
+    """Returns a score for choosing among poses: the agreeing fraction of an image's points in observed space,
+    times the overlap fraction. The pose with the highest score is used."""
     return alignment.agreeing * alignment.overlap

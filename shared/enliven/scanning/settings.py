@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from enliven.settings import group, parameter, setting
 
 MIN_OVERLAP_FRACTION = 0.25
-"""Minimum fraction of points that lie in known space."""
+"""Minimum fraction of an image's points in known space. Below it, tracking is lost."""
 MIN_AGREEING_FRACTION = 0.6
 """Minimum fraction of the points in known space that lie on its surface. Below it, tracking is lost."""
 
 _MIN_OBJECT_FRACTION = 0.01
-"""Minimum fraction of an image that the object fills if nothing else is in view: a hand's width at a
-metre."""
+"""Minimum fraction of an image that the object must fill if nothing else is in view. It is a hand's width at
+one metre."""
 _MAX_OBJECT_UNCERTAINTY_M = 0.25
 """Maximum camera position uncertainty, metres, if only the object is in view. A few images of an object
 half a metre high leave its rotation uncertain by some degrees, and only more images can resolve it."""
@@ -146,7 +146,7 @@ class ObjectSettings:
 
 @dataclass(frozen=True)
 class ScanSettings:
-    """A scan."""
+    """All settings of a scan."""
 
     volume: VolumeSettings = group(VolumeSettings, "Fusion of images into a surface.")
     tracking: TrackingSettings = group(TrackingSettings, "Tracking of the camera.")

@@ -1,4 +1,5 @@
-"""Work of a scan on the second thread: the next items of an iterator, or half of the items."""
+"""Uses a second thread in a scan: it computes the next items of an iterator, or processes half of the
+items."""
 
 from __future__ import annotations
 

@@ -21,9 +21,9 @@ from enliven.scanning.kernel_arguments import (
 from enliven.scanning.settings import VolumeSettings
 
 _TRUNCATION_VOXELS = 4.0
-"""Truncation distance of the TSDF in front of a surface. Raise it for noisy depth."""
+"""Truncation distance of the TSDF in front of a surface. Noisy depth needs a larger distance."""
 _TRUNCATION_BEHIND_VOXELS = 3.0
-"""Truncation distance behind a surface. Keep it below the thickness of thin parts."""
+"""Truncation distance of the TSDF behind a surface. It should be smaller than the thickness of thin parts."""
 
 _BLOCKS_PER_PIECE = 64
 """Number of blocks that a thread processes at a time, which takes 0.1 ms."""
@@ -34,8 +34,8 @@ each image."""
 
 @dataclass(frozen=True)
 class FusionResult:
-    """The effect of an image on a volume: the number of changed blocks and of new blocks, and whether the
-    memory was sufficient.
+    """The effect of an image on a volume: the numbers of changed and new blocks, and True if the memory was
+    sufficient.
     """
 
     changed: int
@@ -54,7 +54,7 @@ class TsdfVolume:
         voxel: side of a voxel, metres.
         settings: the truncation distances about a surface, in voxels, the camera's noise, and the memory
             limit.
-        reach: surfaces farther than this from the camera, metres, get no blocks.
+        reach: maximum distance from the camera, metres, at which a surface gets blocks.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class TsdfVolume:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the voxels and of their table."""
+        """Memory of the voxels and of their table, in megabytes."""
         arrays = (
             self.distance,
             self.weight,
@@ -88,7 +88,7 @@ class TsdfVolume:
         return sum(array.nbytes for array in arrays) * 1e-6
 
     def integrate(self, view: DepthView, world_from_camera: Float) -> FusionResult:
-        """Averages a depth image into the volume.
+        """Fuses a depth image into the volume, as a running average of distances.
 
         Args:
             world_from_camera: (4, 4) pose of the camera.
@@ -144,7 +144,8 @@ class TsdfVolume:
         return had_memory
 
     def _image_arrays(self, view: DepthView) -> UInt8:
-        """Returns the image's colours in the form that a kernel takes, empty if colours are off."""
+        """Returns the image's colours (3 H W,) as a kernel argument. The array is empty if colours are
+        off."""
         if view.colour is None or not self.settings.colour:
             return np.empty(0, np.uint8)
         if len(self.hue) < len(self.distance):
@@ -167,12 +168,12 @@ class TsdfVolume:
 
     @property
     def field(self) -> FieldArrays:
-        """The signed distances in the form that kernels take."""
+        """The signed distances as an argument of kernels."""
         b = self.blocks
         return FieldArrays(b.keys, b.slots, b.beside, self.distance, self.weight, self.band)
 
     def _camera_arrays(self, view: DepthView, world_from_camera: Float) -> CameraArrays:
-        """Returns the camera in the form that kernels take."""
+        """Returns the camera as an argument of kernels."""
         rotation_matrix = np.ascontiguousarray(world_from_camera[:3, :3].T)
         i = view.intrinsics
         return CameraArrays(

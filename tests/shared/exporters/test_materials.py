@@ -181,11 +181,11 @@ def test_two_characters_with_one_material_share_it(tmp_path):
 @pytest.mark.parametrize(
     ("wood", "materials", "said"),
     [
-        (b"GIF89a" + bytes(40), (OAK, GLASS), "texture 1 is not kept (a texture is neither PNG nor JPEG)"),
-        (WOOD, ({**OAK, "normalTexture": {"index": 9}}, GLASS), "texture 9 is not kept"),
+        (b"GIF89a" + bytes(40), (OAK, GLASS), "texture 1 is left out (a texture is neither PNG nor JPEG)"),
+        (WOOD, ({**OAK, "normalTexture": {"index": 9}}, GLASS), "texture 9 is left out"),
         (WOOD, ({**OAK, "normalTexture": {"index": "0"}}, GLASS), "material 0 cannot be read"),
         (WOOD, ({**OAK, "emissiveFactor": [float("nan")]}, GLASS), "material 0 cannot be read"),
-        (WOOD, ({**OAK, "normalTexture": {"index": -1}}, GLASS), "is not kept"),
+        (WOOD, ({**OAK, "normalTexture": {"index": -1}}, GLASS), "is left out"),
     ],
 )
 def test_a_damaged_material_is_left_out_with_a_note(tmp_path, wood, materials, said):

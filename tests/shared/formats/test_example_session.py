@@ -270,7 +270,7 @@ WRONG = [
     ("time = 0.2", "time = 99.0", "[[pose]] 1: take 'walk': 99 s is outside of the take. It has 0..3 s."),
     ("time = 0.2", "time = 1e308", "is outside of the take. It has 0..3 s."),
     ("time = 0.2", "tiem = 0.2", "[[pose]] 1: unknown key tiem. Did you mean time?"),
-    ("frame = 30", "frame = 6", "[[pose]] 2: puppet 'stool': key pose 0 is of frame 6 of 'walk' already"),
+    ("frame = 30", "frame = 6", "[[pose]] 2: puppet 'stool': frame 6 of 'walk' already has key pose 0"),
     ('take = "walk"', 'take = "run"', "[[pose]] 2: the take 'run' does not exist. Known: walk."),
     ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "control point 'wrong foot' does not exist"),
     ("moves = {", 'places = {"left foot" = [0, 0, 0]}\nmoves = {', "[[pose]] 1: it has places and moves"),

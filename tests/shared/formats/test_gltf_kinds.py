@@ -137,7 +137,7 @@ def test_part_that_is_never_visible_is_left_out(tmp_path):
     path = hidden(False).write(tmp_path / "a.glb")
     for mesh, notes in ((read_gltf(path).shape.mesh, read_gltf(path).notes), load_mesh(path)):
         assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(1.6)
-        assert "'hat' is of size 0 at all times and left out" in notes
+        assert "'hat' is always of size 0 and left out" in notes
 
 
 def test_all_instances_are_shown(tmp_path):

@@ -245,7 +245,7 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
         (lambda d: d.update(extensionsRequired=["ACME_wobble"]), "it needs ACME_wobble"),
         (lambda d: d["meshes"][0]["primitives"][0].update(mode=1), "no triangle"),
         (lambda d: d["nodes"][0].update(children=[0]), "has the child 0"),
-        (lambda d: d["bufferViews"][1].update(byteLength=10**6), "cut short or damaged"),
+        (lambda d: d["bufferViews"][1].update(byteLength=10**6), "truncated or damaged"),
         (lambda d: d["accessors"][1].update(count=10**6), "beyond its buffer"),
         (lambda d: d["nodes"][2].update(mesh=7), "mesh 7 that does not exist"),
         (lambda d: d["skins"][0].update(joints=[0]), "follows joint 1 of 1"),

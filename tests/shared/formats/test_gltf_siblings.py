@@ -50,7 +50,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "empty scene": (lambda t: t.json.update(scenes=[{"nodes": []}]), "scene has no triangle"),
     "node that is not there": (lambda t: t.json["scenes"][0].update(nodes=[999]), "does not exist"),
     "no finite place": (lambda t: t.json["nodes"][0].update(translation=[float("nan"), 0, 0]), "not finite"),
-    "falling times": (clip([1, 0.5], [HALF] * 2), "do not rise"),
+    "falling times": (clip([1, 0.5], [HALF] * 2), "not in ascending order"),
     "short matrix": (lambda t: t.json["nodes"][0].update(matrix=[1.0] * 15), "do not fit together"),
     "own child": (lambda t: t.json["nodes"][0].update(children=[0]), "has the child 0"),
     "lines": (lambda t: t.json["meshes"][0]["primitives"][0].update(mode=1), "lines or points"),

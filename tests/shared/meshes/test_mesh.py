@@ -163,7 +163,7 @@ def test_every_repair_is_reported():
     for words in (
         "1 vertices that are not finite, with 1 faces",
         "1 degenerate",
-        "2 faces that repeat",
+        "2 duplicate faces",
         "2 of 10",
     ):
         assert words in report
@@ -176,7 +176,7 @@ def test_shells_duplicates_and_flat_meshes_are_kept_and_reported():
     assert "2 separate shells" in repair(two)[1][0]
     mesh, notes = repair(soup(box()))
     assert len(mesh.vertices) == 36
-    assert "28 vertices repeat a position" in notes[0]
+    assert "28 vertices have duplicate positions" in notes[0]
     assert "flat" in repair(Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])))[1][0]
 
 

@@ -92,9 +92,9 @@ def test_pcd_files_are_read_and_become_meshes(tmp_path, kind) -> None:
     ("damage", "said"),
     [
         (lambda data: b"solid\n" + data[200:], "not a PCD file"),
-        (lambda data: data[:-500], "do not agree"),
+        (lambda data: data[:-500], "do not match its header"),
         (lambda data: data.replace(b"DATA binary", b"DATA binary_compressed"), "binary_compressed"),
-        (lambda data: data.replace(b"rgb x y z", b"rgb u v w"), "do not agree"),
+        (lambda data: data.replace(b"rgb x y z", b"rgb u v w"), "do not match its header"),
     ],
 )
 def test_damaged_pcd_files_are_reported(tmp_path, damage, said) -> None:

@@ -44,7 +44,7 @@ def test_notes_tell_part_and_whole():
     vertices, faces = boxes((0, 1))
     assert repair_winding(Mesh(vertices, faces[:, ::-1]))[1] == ["it was inside out: turned to face outwards"]
     _, notes = repair_winding(Mesh(vertices, turned(faces, np.arange(12) < 3)))
-    assert notes == ["turned 3 of 12 faces that were wound against their neighbours"]
+    assert notes == ["turned 3 of 12 faces that were wound differently from neighbours"]
 
 
 @pytest.mark.parametrize("all_inside_out", [False, True])

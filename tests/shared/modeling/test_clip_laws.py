@@ -61,7 +61,7 @@ def test_a_split_lane_plays_as_before_at_all_times(rig, share, time, speed, loop
     for split in (once, twice):
         # At the first instant of a loop one side has the end of a round, and the other the begin of the next.
         near(compute_vertices(split, name, time), compute_vertices(project, name, time), 1e-5)
-    with pytest.raises(InputError, match="no clip is there"):
+    with pytest.raises(InputError, match="no clip plays at"):
         split_clip(once, name, numbers, inside(clip, share))
 
 

@@ -244,7 +244,7 @@ def test_a_merge_goes_on_with_the_keys_of_its_host(rig):
     project, graft = copy_character(project, name, offset=(0.3, 0, 0))
     notes = []
     whole = merge_characters(project, name, graft, 0.5, loose=True, notes=notes)
-    assert any("rides on" in note for note in notes)
+    assert any("now follows" in note for note in notes)
     assert find_keys(whole, name, None) == find_keys(project, name, None) and list(whole.characters) == [name]
 
 

@@ -154,7 +154,7 @@ def test_the_ends_of_a_stroke_may_run_past_each_other():
         ([[0, 0], [1, 1], [1, 0], [0, 1]], "crosses itself"),
         ([[0, 0], [1, 0]], "dot or a line"),
         ([[0, 0], [0, 0], [0, 0]], "dot or a line"),
-        ([[0, 0], [1, 0], [2, 0], [1, 1e-9]], "encloses nothing"),
+        ([[0, 0], [1, 0], [2, 0], [1, 1e-9]], "encloses no area"),
         ([[0, 0], [1, np.nan], [1, 1]], "not numbers"),
         (np.zeros((0, 2)), "dot or a line"),
     ],

@@ -113,7 +113,7 @@ def test_target_is_the_intersection_of_optical_axes():
 def test_empty_cut_out_is_refused():
     vertices, faces = grid(-1, 1, -1, 1, 0.0)
     floor = Mesh(vertices, faces)
-    with pytest.raises(InputError, match="nothing that stands on the floor"):
+    with pytest.raises(InputError, match="no object on the floor"):
         cut_out(floor, find_ground(floor), np.zeros(3), CutOutSettings())
     wall = Mesh(vertices[:, [0, 2, 1]], faces)
     with pytest.raises(InputError, match="no floor and no table"):

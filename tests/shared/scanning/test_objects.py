@@ -176,5 +176,5 @@ def test_object_at_the_view_target_comes_first():
     near = CutOutSettings(about=0.45)
     heights = [cut_out(scene, GROUND, focus, replace(near, number=n)).bounds[1, 1] for n in (1, 2)]
     np.testing.assert_allclose(heights, [0.3, 0.8])
-    with pytest.raises(InputError, match="object number 3 does not exist where the camera looked; 2 stand"):
+    with pytest.raises(InputError, match="object number 3 does not exist; the camera looked at 2 objects"):
         cut_out(scene, GROUND, focus, replace(near, number=3))

@@ -263,5 +263,5 @@ def test_measured_gravity_constrains_undetermined_rotation():
 def test_another_camera_is_refused():
     scanner, _ = scan([0.0])
     other = replace(frame_of(room_depth(carried(0.0))), intrinsics=replace(CAMERA, fx=140.0))
-    with pytest.raises(InputError, match="not that of the first"):
+    with pytest.raises(InputError, match="from another camera than the first"):
         scanner.add(other)

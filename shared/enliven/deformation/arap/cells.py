@@ -79,8 +79,8 @@ def _weighted_sums(i: Int, values: Float, count: int) -> Float:
 
 @njit(cache=True, nogil=True)
 def _gather_covariances(cells, frames, block, at, count):
-    """Fills the rows S of a block with the transposed covariances of eq. 5, sum w_ij (v'_i - v'_j)(v_i -
-    v_j)ᵀ."""
+    """Fills the rows S of a block for ``count`` cells, starting with cell ``at``: the transposed covariances
+    of eq. 5, sum w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
     room = np.empty(12)
     for n in range(64):
         if n >= count:
@@ -106,9 +106,10 @@ def _gather_covariances(cells, frames, block, at, count):
 def turn_and_scale(cells, frames, hold, low, high, first, last):
     """Computes T_i = s_i R_i (rotation and uniform scale, eq. 6 and 8) of the cells ``first`` to ``last``.
 
-    For the best R_i, e'ᵀ(R e) of eq. 8 is the largest eigenvalue, and the rotation was computed from it.
-    Clamping the best s_i to ``low`` and ``high`` still gives the optimum. If both limits are 1, this is plain
-    ARAP. ``hold`` adds to eq. 4 the energy hold c_i (s_i - 1)², with c_i the cell's size.
+    The rotation R_i is computed from the largest eigenvalue of a matrix
+    (:mod:`enliven.deformation.arap.polar`). This eigenvalue is also the sum e'ᵀ(R e) in eq. 8. Clamping the
+    best s_i to ``low`` and ``high`` still gives the optimum. If both limits are 1, this is plain ARAP.
+    ``hold`` adds to eq. 4 the energy hold c_i (s_i - 1)², with c_i the cell's size.
     """
     block = np.empty(ROWS * N)
     for at in range(first, last, N):
@@ -133,8 +134,7 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):
 
     V_i scales by s along the main axis of the deformation that remains after the rotation, and by sqrt(1/s)
     perpendicular to it. The projector on the axis is the matrix of eq. 11, squared five times. If two axes
-    are equally good (a cell that only grows), both contribute, so that the result does not flicker between
-    them.
+    are equally good (a cell that only grows), both contribute. So the result does not flicker between them.
     """
     block, spread = np.empty(ROWS * N), np.empty(_BLOCK_ROWS * N)
     for at in range(first, last, N):
@@ -154,8 +154,8 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):
 
 @njit(cache=True, nogil=True)
 def _gather_spread(cells, frames, spread, at, count):
-    """Fills rows 18 to 30 of ``spread`` for each cell: the deformed covariance, sum of w e' e'ᵀ (xx, xy, xz,
-    yy, yz, zz), the rest covariance, and the size.
+    """Fills rows 18 to 30 of ``spread`` for ``count`` cells, starting with cell ``at``: the deformed
+    covariance, sum of w e' e'ᵀ (xx, xy, xz, yy, yz, zz), the rest covariance, and the size.
     """
     room = np.empty(12)
     for n in range(64):

@@ -2,15 +2,15 @@
 vertices.
 
 Samples are drawn in a fixed random order. Each is at least one spacing along the surface from all earlier
-ones. Control points that are not among them are added. The Voronoi cell of a sample is the set of vertices
+ones. Control points that are not samples yet are added. The Voronoi cell of a sample is the set of vertices
 nearest to it along the surface. If three cells meet in a face of the fine mesh, their samples form a coarse
 face. If two cells meet elsewhere (around a thin limb), their samples are linked. A shell (connected part)
 that is smaller than a few spacings and has no control point gets no samples. It follows the nearest surface.
 
-A fine vertex follows the samples that are near it *along the surface*, so that fingers that touch do not
-stick. The weights are from R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data",
-1980: w_k ~ ((r - d_k) / (r d_k))², with the distance d_k to sample k and the radius r. They blend without
-creases, and a sample follows exactly itself.
+A fine vertex follows the samples that are near it *along the surface*. So fingers that touch do not stick
+together. The weights are from R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered
+data", 1980: w_k ~ ((r - d_k) / (r d_k))², with the distance d_k to sample k and the radius r. The blended
+motion has no creases, and a sample follows only itself.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from enliven.meshes import Mesh, shells, space_curve, weld
 
 _ERROR_CONTEXT = "puppet surface"
 _SAMPLES_PER_SQUARED_SPACING = 0.45
-"""Number of samples per squared spacing that dart throwing produces."""
+"""Number of samples that dart throwing produces in an area of one squared spacing."""
 _FOLLOW_RADIUS_SPACINGS = 1.5
 """Maximum distance, in spacings, of a sample that a vertex follows. At least one sample is nearer than 1
 spacing."""
@@ -167,8 +167,8 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
 
 
 def _reorder_along_curve(mesh: Mesh, welded: Int) -> tuple[Mesh, Int]:
-    """Returns the mesh and its welding map, with vertices and faces sorted along a space-filling curve, so
-    that neighbours are near in memory.
+    """Returns the mesh and its welding map (V,), with vertices and faces sorted along a space-filling curve.
+    So neighbours are near in memory.
     """
     order = space_curve(mesh.vertices)
     new_index = np.empty(len(order), np.int64)

@@ -5,7 +5,8 @@
     vertices = surface.solve_from_rest(places)       # independent of earlier frames, for scrubbing and export
 
 A mesh of more than ``coarse_above`` vertices is solved on an evenly distributed subset of its vertices
-(:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells near them, with all detail.
+(:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells of this subset near them, so all
+surface detail is kept.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ from enliven.meshes import Mesh
 
 _ERROR_CONTEXT = "puppet surface"
 _MIN_GUIDE_VERTEX_RATIO = 3
-"""Minimum ratio of the solver's number of vertices to the guide's. With a smaller ratio, a guide costs more
-time than it saves."""
+"""Minimum ratio of the solver's number of vertices to that of the guide (a coarse proxy). With a smaller
+ratio, a guide costs more time than it saves."""
 _DETAIL_SETTLING_FRAMES = 6
-"""Number of frames after the guide in which local details converge."""
+"""Number of frames that are solved after the guide has moved the surface. Local details converge in these
+frames."""
 
 
 class PuppetSurface:
@@ -72,7 +74,7 @@ class PuppetSurface:
         """Replaces the control points, and resets the mesh to rest.
 
         Raises:
-            InputError: as in the constructor. In that case nothing has changed.
+            InputError: in the same cases as the constructor. In that case the control points stay unchanged.
         """
         vertices = np.array(held, np.int64).reshape(-1)
         soft_weights = [None] * len(vertices) if weights is None else list(weights)
@@ -123,7 +125,7 @@ class PuppetSurface:
             (V, 3) metres, the mesh's vertices, read-only. Hard control points are exactly at their targets.
 
         Raises:
-            InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
+            InputError: if ``places`` has the wrong shape, is not finite or is too far away. The last valid
                 pose is kept.
         """
         targets = self._checked_places(places)
@@ -141,7 +143,7 @@ class PuppetSurface:
         The control points are moved from rest in small steps.
 
         Raises:
-            InputError: if the places have the wrong shape, or are not finite. The last valid pose is kept.
+            InputError: if ``places`` has the wrong shape, or is not finite. The last valid pose is kept.
         """
         targets = self._checked_places(places)
         if not len(targets):
@@ -157,10 +159,10 @@ class PuppetSurface:
         return self.pose
 
     def settle_separately(self, places: Float) -> Float:
-        """Returns the result of :meth:`solve_from_rest` from a second solver, without changing the current
-        pose.
+        """Returns the vertices (V, 3) of :meth:`solve_from_rest` from a second solver, without changing the
+        current pose.
 
-        It may be called from another thread than the other methods, but not by two threads at once.
+        It may be called from another thread than the other methods, but not by two threads at the same time.
         """
         if self._second_surface is None:
             self._second_surface = self._twin_surface()
@@ -193,7 +195,7 @@ class PuppetSurface:
         targets = np.array(places, np.float64)
         if targets.shape != (len(self._held), 3):
             raise InputError(
-                f"the places have shape {targets.shape} instead of ({len(self._held)}, 3)",
+                f"the positions have shape {targets.shape} instead of ({len(self._held)}, 3)",
                 where=_ERROR_CONTEXT,
                 remedy="Give one row of three numbers for each control point.",
             )

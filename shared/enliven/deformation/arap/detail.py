@@ -79,8 +79,8 @@ def carry(maps, start, near, weights, rest, out, first, last):
     room = np.empty(4)
     for v in range(first, last):
         c0 = c1 = c2 = t = splat4(0.0)
-        # Compute the last weight as one minus the others. Float32 weights do not add up to exactly 1, so a
-        # character far from the origin would shake.
+        # Compute the last weight as one minus the others. Float32 weights do not add up to exactly 1, so the
+        # vertices of a character far from the origin would jitter.
         left, last_one = 1.0, start[v + 1] - 1
         for k in range(start[v], last_one + 1):
             w, at = left if k == last_one else np.float64(weights[k]), 16 * near[k]

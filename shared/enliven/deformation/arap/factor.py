@@ -104,7 +104,7 @@ def _find_supernodes(start, row):
         size += 1
         first[size] = c + 1
         # The previous supernode is a child of this supernode if its first row below the diagonal belongs to
-        # this one.
+        # this supernode.
         while size > 1:
             child = first[size - 1] - 1
             if start[child + 1] - start[child] < 2 or row[start[child] + 1] != first[size - 1]:

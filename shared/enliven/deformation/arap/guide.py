@@ -3,8 +3,8 @@ need hundreds of frames.
 
 The ARAP iteration alternates between rotations and positions, and propagates a bend by about one edge per
 iteration. With ten thousand vertices, an arm needs hundreds of iterations. A proxy of a few hundred vertices
-bends at once, and moves the fine surface with it (:mod:`enliven.deformation.arap.detail`). After that, only
-the details of the fine surface have to converge.
+bends within a frame, and moves the fine surface with it (:mod:`enliven.deformation.arap.detail`). After that,
+only the details of the fine surface have to converge.
 """
 
 from __future__ import annotations
@@ -72,8 +72,7 @@ class Guide:
         The offsets of the fine surface from the proxy are rotated by the best rotation of all handles.
 
         Raises:
-            InputError: if the places have the wrong shape, or are not finite. In that case nothing has
-                changed.
+            InputError: if ``places`` has the wrong shape, or is not finite. In that case nothing has changed.
         """
         self._solver.solve(targets_from_places(places))
         rotation, _, _ = fit_rigid_motion(self._places, places)

@@ -3,7 +3,7 @@
 Only the Laplacian is factorized (with vertex 0 fixed, which gives one of its solutions). The forces f on the
 handle vertices E and a translation c of the whole surface are the solution of
 
-    [ EᵀGE + D   1 ] [ f ]   [ wanted - EᵀG r ]
+    [ EᵀGE + D   1 ] [ f ]   [ target - EᵀG r ]
     [ 1ᵀ         0 ] [ c ] = [ -1ᵀ r          ]        x = G (r + E f) + c
 
 Here r is the residual, G is the inverse of the factorized matrix, and D is 0 for a hard handle and 2 / weight
@@ -81,7 +81,7 @@ def build_held_vertices(
 
 @njit(cache=True, nogil=True)
 def _transposed_products(start, rows, values, count, matrix):
-    """Computes UᵀU into the upper left part of ``matrix``."""
+    """Computes UᵀU into the upper left part of ``matrix``, given the ``count`` columns of U in CSC form."""
     work = np.zeros(count)
     for i in range(len(start) - 1):
         for k in range(start[i], start[i + 1]):

@@ -25,19 +25,19 @@ S = 0
 R = 9
 """First of the nine rows of a block with the rotations R, column by column."""
 TRACE = 18
-"""Row of a block with trace(RᵀS)."""
+"""Index of the row of a block with trace(RᵀS), which measures how well R fits S."""
 ROOT_DERIVATIVE = 19
 """Row of a block with the derivative of the characteristic polynomial at its largest root. It is 0 if this
 eigenvalue is double."""
 ROWS = 20
-"""Number of rows of a block."""
+"""Number of rows of a block that this module uses."""
 _MAX_UNRELIABLE_DERIVATIVE = 0.05
 """Below this derivative, the adjugate is too small for a reliable eigenvector in float64."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _polar_fast(block):
-    """Computes the rows R, TRACE and CLEAR of a block from its rows S."""
+    """Computes the rows R, TRACE and ROOT_DERIVATIVE of a block from its rows S, by Laguerre's method."""
     for n in range(64):
         a, b, c = block[n], block[n + 3 * 64], block[n + 6 * 64]
         d, e, f = block[n + 64], block[n + 4 * 64], block[n + 7 * 64]

@@ -17,8 +17,9 @@ _MAX_DUST_SIZE_SPACINGS = 2.0
 def select_followed_samples(points, samples, start, near, way, reach, detour):
     """Returns the samples that each vertex follows, with weights, as CSR.
 
-    ``start``, ``near`` and ``way`` are the samples near each vertex, and their distances along the surface in
-    metres.
+    ``start``, ``near`` and ``way`` are the samples near each vertex (CSR), and their distances along the
+    surface in metres. Samples within ``reach`` metres are followed. A path up to ``detour`` times longer than
+    the straight distance counts as straight.
     """
     count = points.shape[0]
     offsets, kept, weights = (
@@ -52,10 +53,11 @@ def select_followed_samples(points, samples, start, near, way, reach, detour):
 
 
 def find_tiny_shells(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """Returns (W,) True for vertices of tiny shells.
+    """Returns (W,) True for vertices of tiny shells (connected parts smaller than
+    ``_MAX_DUST_SIZE_SPACINGS``).
 
     Args:
-        points: (W, 3) metres.
+        points: (W, 3) metres, the vertices of the welded mesh.
         label: (W,) the shell of each vertex.
         awake: shells that never count as tiny.
         spacing: metres between samples.
@@ -111,7 +113,8 @@ def add_tiny_shells(
 
 
 def repeat_rows(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """Returns a CSR matrix in which row v is row ``of[v]`` of the given CSR matrix."""
+    """Returns a CSR matrix (offsets, samples, weights) in which row v is row ``of[v]`` of the given CSR
+    matrix."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

@@ -83,7 +83,7 @@ def _bounding_boxes(vertices, corners):
 
 @njit(cache=True, nogil=True)
 def _are_boxes_disjoint(boxes, a, b):
-    """Returns True if two boxes are disjoint."""
+    """Returns True if the boxes ``a`` and ``b`` of ``boxes`` (B, 6) are disjoint."""
     return (
         boxes[a, 0] > boxes[b, 3]
         or boxes[b, 0] > boxes[a, 3]
@@ -102,7 +102,8 @@ def _crossing_faces(vertices, corners, of_face, boxes):
     stack = np.empty((128, 2), np.int64)
     stack[0, 0], stack[0, 1] = 1, 1
     size = 1
-    # Traverse the tree against itself. Split each pair of overlapping nodes until both nodes are leaves.
+    # Compare the tree with itself: start with the pair (root, root), and split each pair of overlapping nodes
+    # until both nodes are leaves.
     while size > 0:
         size -= 1
         a, b = stack[size]
@@ -125,7 +126,8 @@ def _crossing_faces(vertices, corners, of_face, boxes):
 
 @njit(cache=True, nogil=True)
 def _leaves_cross(vertices, corners, of_face, a, b, hit):
-    """Marks in ``hit`` the crossing faces of two leaves, which begin at the faces ``a`` and ``b``."""
+    """Marks in ``hit`` (F,) the crossing faces of two leaves, which consist of up to four faces from ``a``
+    and ``b`` on."""
     count = corners.shape[0]
     for f in range(a, min(a + 4, count)):
         for g in range(f + 1 if a == b else b, min(b + 4, count)):
@@ -139,7 +141,7 @@ def _leaves_cross(vertices, corners, of_face, a, b, hit):
 
 @njit(cache=True, nogil=True)
 def _share_position(corners, f, g):
-    """Returns True if two faces share a position of the mesh."""
+    """Returns True if the faces f and g share a corner. ``corners`` (F, 3) are numbers of welded vertices."""
     for i in range(3):
         for j in range(3):
             if corners[f, i] == corners[g, j]:
@@ -149,8 +151,8 @@ def _share_position(corners, f, g):
 
 @njit(cache=True, nogil=True)
 def _signed_side(vertices, a, b, c, d):
-    """Returns six times the signed volume of a tetrahedron. It is positive
-    on one side of the plane a, b, c and negative on the other.
+    """Returns six times the signed volume of the tetrahedron of the vertices a, b, c, d. Its sign shows on
+    which side of the plane a, b, c the vertex d is.
     """
     x, y, z = vertices[d, 0], vertices[d, 1], vertices[d, 2]
     ax, ay, az = vertices[a, 0] - x, vertices[a, 1] - y, vertices[a, 2] - z
@@ -178,7 +180,7 @@ def _edge_pierces_face(vertices, corners, f, g):
 
 @njit(cache=True, nogil=True)
 def _line_meets_face(vertices, a, b, c, p, q):
-    """Returns True if the line through p and q passes through the inside of the face a, b, c."""
+    """Returns True if the line through the vertices p and q passes through the inside of the face a, b, c."""
     u, v, w = (
         _signed_side(vertices, p, q, a, b),
         _signed_side(vertices, p, q, b, c),

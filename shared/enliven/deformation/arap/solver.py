@@ -114,7 +114,7 @@ class ArapSolver:
         )
         if is_used.sum() > _MAX_HANDLE_VERTICES:
             raise InputError(
-                f"the handles hold {is_used.sum()} vertices, more than {_MAX_HANDLE_VERTICES}",
+                f"the handles have {is_used.sum()} vertices, more than {_MAX_HANDLE_VERTICES}",
                 where=ERROR_CONTEXT,
                 remedy="Give fewer vertices per handle; a few dozen are enough.",
             )
@@ -135,8 +135,7 @@ class ArapSolver:
 
         Args:
             targets: (K, 3) metres for each handle that moves, one row per vertex of the handle. The other
-            handles
-                keep their targets.
+                handles keep their targets.
 
         Returns:
             (V, 3) metres, the mesh's vertices. Hard handles are exactly at their targets.
@@ -168,7 +167,7 @@ class ArapSolver:
             raise InputError(
                 "the handles give a shape that is not finite",
                 where=ERROR_CONTEXT,
-                remedy="Move the handles less far.",
+                remedy="Move the handles by smaller distances.",
             )
         vertices, target_rows = self._exact
         pose[vertices] = np.concatenate([all_targets[name] for name in self.handles])[target_rows]

@@ -1,5 +1,5 @@
-"""Triangular solves with the Cholesky factor of :mod:`enliven.deformation.arap.factor`. One register has x,
-y, z."""
+"""Triangular solves with the Cholesky factor of :mod:`enliven.deformation.arap.factor`. One vector register
+contains x, y and z."""
 
 from __future__ import annotations
 
@@ -128,7 +128,8 @@ def backward(factor, z, room):
 
 @njit(cache=True, nogil=True)
 def _panel_index(factor, s, width, height, r, c):
-    """Returns the index of the value in row r and column c of a panel."""
+    """Returns the index in ``factor.values`` of the value in row r and column c of the panel of supernode
+    s."""
     return factor.value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
 
 

@@ -20,7 +20,7 @@ def apply_correction(frames, z, shift, eliminated):
 
 @njit(cache=True, nogil=True)
 def set_zero(z):
-    """Sets the correction to zero."""
+    """Sets the correction z (4 V,) to zero."""
     for i in range(len(z)):
         z[i] = 0.0
 
@@ -41,7 +41,7 @@ def carry_positions(frames, shown, place_of, centre, before, after, turn):
     for each vertex.
 
     Args:
-        before, after: (V, 3) metres, the mesh as carried by a proxy in the last frame, and in this one.
+        before, after: (V, 3) metres, the mesh as moved by the proxy in the last frame, and in this frame.
         turn: (3, 3) the rotation of the offset from the proxy.
     """
     done = np.zeros(len(shown), np.bool_)

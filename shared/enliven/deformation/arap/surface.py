@@ -20,17 +20,17 @@ from enliven.meshes import Mesh, weld
 
 
 class PreparedSurface(NamedTuple):
-    """A welded, connected, reordered and factorized mesh of V vertices, with P different positions (places)
-    and E edges.
+    """A welded, connected, reordered and factorized mesh of V vertices, with P different positions and E
+    edges.
 
     Attributes:
-        place_of: (V,) the place of each vertex of the mesh in the solver's order. Welded vertices share a
-        place.
+        place_of: (V,) the index of each mesh vertex's position in the solver's order. Welded vertices share a
+            position.
         rest: (P, 3) metres relative to ``centre``, the positions at rest in the solver's order.
         centre: (3,) the centre of the mesh's box, so that a mesh far from the origin loses no precision.
         extent: length of the diagonal of the mesh's box in metres.
         loose: (V,) True for vertices that belong to no face.
-        edges: (E, 2) pairs of places. Virtual edges, which join shells, are last.
+        edges: (E, 2) pairs of position indices. Virtual edges, which join shells, are last.
         weights: (E,) the weights of the edges, above 0.
         joints: (J, 2) vertices of the mesh that are connected without a face.
         volume: the enclosed volume, or None.
@@ -56,7 +56,7 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
 
     Args:
         links: (L, 2) pairs of vertices that are connected without a face. With links, no vertex counts as
-        loose.
+            loose.
 
     Raises:
         InputError: if the mesh has no faces, positions that are not finite, or too many vertices.
@@ -79,7 +79,7 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
     extra_links = np.empty((0, 2), np.int64) if links is None else welded_of[links]
     is_used |= links is not None
     if not is_used.all():
-        notes.append(f"{(~is_used).sum()} vertices belong to no face; they follow the nearest surface.")
+        notes.append(f"{(~is_used).sum()} vertices belong to no face. They follow the nearest surface.")
     edges, weights = surface_edges(points, welded.faces)
     edges = np.concatenate([edges, extra_links])
     weights = np.concatenate([weights, np.full(len(extra_links), VIRTUAL_EDGE_WEIGHT)])
@@ -115,7 +115,8 @@ def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) ->
 
 
 def _cache_friendly_order(count: int, edges: Int) -> Int:
-    """Returns (P,) an order of the places in which neighbours are near in memory (reverse Cuthill-McKee)."""
+    """Returns (P,) an order of the positions in which neighbours are near in memory (reverse
+    Cuthill-McKee)."""
     ones = np.ones(len(edges), bool)
     graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)).tocsr()
     return np.asarray(reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True), np.int64)
@@ -133,7 +134,7 @@ def check_mesh(mesh: Mesh, most_vertices: int) -> None:
         raise InputError(
             f"{len(mesh.vertices):,} vertices are too many to drag; at most {most_vertices:,} are allowed",
             where=mesh.name,
-            remedy="Give a mesh with fewer vertices, or raise most_vertices and wait.",
+            remedy="Give a mesh with fewer vertices, or raise most_vertices (slower).",
         )
     wrong_vertices = np.flatnonzero(~np.isfinite(mesh.vertices).all(1))
     if len(wrong_vertices):

@@ -26,7 +26,8 @@ class ThreadChoice:
     """A choice of one or two threads by their recent times, because a second thread is faster only on idle
     cores.
 
-    Both counts are timed, and the recently faster count is used. The other is timed again now and then.
+    Both thread counts are timed, and the recently faster count is used. The slower count is timed again every
+    ``_RETIMING_CALLS`` calls.
     """
 
     def __init__(self) -> None:

@@ -37,9 +37,9 @@ class Volume(NamedTuple):
     """The volume that a closed surface encloses.
 
     Attributes:
-        faces: (F, 3) the corners of the faces, as places in the solver's order.
-        border: (B,) places at open edges; empty for a closed surface. The volume is computed about their
-        centre.
+        faces: (F, 3) the corners of the faces, as indices in the solver's order.
+        border: (B,) indices of the positions at open edges, empty for a closed surface. The volume is
+            computed about their centre.
         rest: volume at rest in cubic metres, above 0.
         ease: growth of the volume under a pressure of 1 on the whole surface, at rest.
     """
@@ -51,7 +51,7 @@ class Volume(NamedTuple):
 
 
 def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
-    """Returns the volume of a surface with places (P, 3) in metres at rest, or None if it encloses no
+    """Returns the volume of a surface with the positions ``rest`` (P, 3) in metres, or None if it encloses no
     volume."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)
@@ -79,7 +79,8 @@ def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Vo
 
 @njit(cache=True, nogil=True)
 def gradient(x, faces, border, out):
-    """Returns the volume for places x (P, 3) in metres, and computes its gradient into ``out`` (P, 3)."""
+    """Returns the volume for the positions x (P, 3) in metres, and computes its gradient into ``out`` (P,
+    3)."""
     ox = oy = oz = 0.0
     for k in border:
         ox, oy, oz = ox + x[k, 0] / len(border), oy + x[k, 1] / len(border), oz + x[k, 2] / len(border)
@@ -109,7 +110,7 @@ def add_pressure(volume, frames, eliminated, pose, forces, pressure, kept, z):
         pose: (V, 3) metres, the positions shown last, in the solver's order.
         forces: (V, 3) scratch space.
         pressure: the pressure of the last frame.
-        kept: 0 to 1, the fraction of the change of volume that is corrected.
+        kept: the fraction of the change of volume that the pressure corrects, from 0 to 1.
     """
     missing = volume.rest - gradient(pose, volume.faces, volume.border, forces)
     whole = pressed = 0.0

@@ -27,7 +27,8 @@ _LINKS_PER_SHELL = 4
 """Number of vertices on each side that link a shell to the next shell. Three links are enough to prevent a
 rotation of one shell relative to the other."""
 _MAX_EXACTLY_JOINED_SHELLS = 64
-"""Maximum number of shells that are joined at their exactly nearest vertices."""
+"""Maximum number of shells that are joined at their exactly nearest vertices. With more shells, this search
+would take too long."""
 
 
 def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:

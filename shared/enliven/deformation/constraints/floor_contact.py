@@ -1,9 +1,9 @@
 """Floor contact and foot lock: no part of the mesh sinks into the floor, and a standing foot does not slide.
 
-There are two methods. A mesh can be raised as a whole by the depth of its lowest point, which keeps its shape
-and never jumps. Or planes can bend the parts that would sink. But a straight leg that is pushed up from below
-can bend to either side, and may switch sides from one frame to the next. So the second method suits soft or
-hanging meshes, and the first method suits meshes that stand on stiff legs.
+There are two methods. The first method raises the whole mesh by the depth of its lowest point, which keeps
+its shape and never jumps. The second method bends only the parts that would sink, by planes. But a straight
+leg that is pushed up from below can bend to either side, and may switch sides from one frame to the next. So
+the second method suits soft or hanging meshes, and the first method suits meshes that stand on stiff legs.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from enliven.document import Character
 from enliven.settings import parameter, setting
 
 _FEET_SAMPLE_COUNT = 96
-"""Number of sample points for all feet."""
+"""Number of points that are sampled on all feet together."""
 _BODY_SAMPLE_COUNT = 160
-"""Number of sample points for the rest of the mesh."""
+"""Number of points that are sampled on the rest of the mesh."""
 _FOOT_HEIGHT_FRACTION = 0.04
 """Maximum height of a vertex of a foot, as a fraction of the mesh's height."""
 
@@ -72,8 +72,7 @@ class Foot:
     Attributes:
         points: indices of the foot's points among all points of the soles.
         contact_points: (P, 2) metres, x and z of its points when the foot started to stand. None if it does
-        not
-            stand.
+            not stand.
         nodes_at_contact: (N, 2) metres, x and z of all nodes when the foot started to stand.
         lock_strength: 0..1, the strength of the lock. During a release, it falls as the foot moves to
             ``free_points``.
@@ -128,7 +127,8 @@ class FloorContact:
     def planes(
         self, linear: Float, positions: Float, seconds: float, floor: float = 0.0
     ) -> PlaneConstraints | None:
-        """Returns the floor's planes for the current mesh.
+        """Returns the planes of the floor contact and of locked feet for the current pose of the mesh.
+        Returns None if nothing touches the floor.
 
         Args:
             linear: (N, 3, 3) the nodes' current linear parts.
@@ -213,8 +213,8 @@ class FloorContact:
 
 
 def _carried_points(start: Float, end: Float, points: Float) -> Float:
-    """Returns (P, 2) ``points``, moved like the points that moved from ``start`` to ``end`` (M, 2): rotated
-    and shifted over the floor (Procrustes)."""
+    """Fits the rigid motion over the floor that best moves ``start`` to ``end`` (M, 2) (Procrustes), and
+    applies it to ``points`` (P, 2)."""
     start_offsets, end_offsets = start - start.mean(0), end - end.mean(0)
     cosine, sine = (
         float((start_offsets * end_offsets).sum()),

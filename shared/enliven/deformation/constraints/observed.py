@@ -70,7 +70,7 @@ class ObservedPoints:
 
 
 class ObservedSurface:
-    """The points of a mesh that can follow the observed surface."""
+    """Sample points of a mesh that are matched with the observed surface and pulled onto it."""
 
     def __init__(self, character: Character, settings: ObservedSettings | None = None) -> None:
         self.settings = settings or ObservedSettings()

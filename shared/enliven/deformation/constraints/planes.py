@@ -39,7 +39,7 @@ class PlaneConstraints:
         normals: (M, 3) unit normals n of the planes, in the frame of the targets.
         offsets: (M,) metres, the offsets b of the planes from the origin.
         weights: (M,) the weights w, not negative; 0 disables a plane. The solver multiplies them by its own
-        weight.
+            weight.
         one_sided: (M,) True if a plane only pushes, that is, if it is active only while n·φ(p) < b.
     """
 

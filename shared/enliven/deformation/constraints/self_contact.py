@@ -20,7 +20,7 @@ from enliven.settings import parameter, setting
 
 @dataclass(frozen=True)
 class SelfContactSettings:
-    """Settings for keeping limbs apart."""
+    """Settings of self-contact, which keeps limbs from passing through each other."""
 
     use: bool = setting(False, "Turns on self-contact: parts of the mesh that touch push each other away.")
     detour: float = setting(
@@ -109,8 +109,8 @@ def _inner_radii(points, normals, surface, largest):
                 d = points[i, a] - surface[j, a]
                 square += d * d
                 deep += normals[i, a] * d
-            # Skip points that are far to the side. They tell little about the thickness, and depend much on
-            # the roughness of the surface.
+            # Skip points that are far to the side of the normal. They contain little information about the
+            # thickness, and depend much on the roughness of the surface.
             if deep > 0.3 * np.sqrt(square) and square < 2.0 * deep * out[i]:
                 out[i] = square / (2.0 * deep)
     return out
@@ -122,7 +122,7 @@ def _near_pairs(centres, radii, pairs, sides):
     3), unit vectors from the second to the first ball.
 
     While a pair is near, its direction rotates but never flips. If the balls overlap deeply, the direction
-    stays constant. Balls that passed through each other are then pushed back the way they came.
+    stays constant. So balls that have passed through each other are pushed back to their earlier sides.
     """
     near = np.zeros(pairs.shape[0], np.bool_)
     for p in range(pairs.shape[0]):

@@ -59,7 +59,8 @@ class ConstrainedPoints:
         weights: Float | float,
         one_sided: bool,
     ) -> PlaneConstraints:
-        """Returns one plane for each point with an index in ``which`` (M,), or a True in it (P,)."""
+        """Returns one plane for each selected point. ``which`` contains the indices (M,) of the points, or is
+        a mask (P,)."""
         count = len(normals)
         return PlaneConstraints(
             self.at[which],
@@ -104,14 +105,16 @@ def subsample_on_grid(points: Float | Float32, max_count: int) -> Int:
 
 
 def _first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
-    """Returns the index of the first point in each cell of a grid."""
+    """Returns the index (K,) of the first point in each occupied cell of a grid with the corner ``low`` (3,)
+    and cells of ``cell`` metres."""
     cells = np.floor((points - low) / cell).astype(np.int64)
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])
 
 
 @njit(cache=True, nogil=True)
 def _deformed_points(at, nodes, weights, pivots, linear, positions):
-    """Computes the positions of :meth:`Points.deformed`: the deformation map of KinÊtre, eq. 2."""
+    """Computes the positions of :meth:`ConstrainedPoints.deformed`, with the deformation map of KinÊtre, eq.
+    2."""
     out = np.zeros((at.shape[0], 3))
     for i in range(at.shape[0]):
         for k in range(4):

@@ -138,8 +138,9 @@ def _add_rigid(lower, start, frames, t, edge_block, m):
 
 @njit(cache=True, nogil=True)
 def _point_jacobian(frames, nodes, rows, m, arms, out):
-    """Computes the Jacobian (4, 3, 8) of point ``m`` by the rotation and translation of each of its nodes:
-    [-u]x and the node's weight.
+    """Computes the Jacobian (4, 3, 8) of point ``m`` by the rotation and translation of each of its four
+    nodes. The rotation's part is the cross product matrix of the arm -u, and the translation's part is the
+    node's weight.
     """
     for k in range(4):
         share = rows[m, k, 3]
@@ -227,8 +228,7 @@ def _add_planes(planes, s):
 
 @njit(cache=True, nogil=True)
 def _add_lines(s, i, j, u, v, w):
-    """Adds w u vᵀ to the block of the nodes i >= j, or the bound of it if the pattern does not couple
-    them."""
+    """Adds w u vᵀ to the block of the nodes i >= j, or its bound if the pattern does not couple them."""
     low, high = s.start[j], s.start[j + 1] - 1
     while low < high:
         middle = (low + high) // 2

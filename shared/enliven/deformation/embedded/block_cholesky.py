@@ -3,9 +3,9 @@
 One node of a deformation graph is one block (its rotation and its translation), so the work for indices is a
 36th of the work in a scalar factorization. Everything that depends only on the pattern (order, fill, target
 of each product) is computed in advance. L has identity blocks on its diagonal, and D consists of blocks. So
-no node waits for a division by another node's block. During factorization, a block has float32 numbers in six
-rows of eight lanes, so that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two
-blocks takes 10 to 15 ns, compared with 60 to 95 ns in plain Numba loops.
+the work for a node does not wait for a division by another node's block. During factorization, a block has
+float32 numbers in six rows of eight lanes, so that a row is one vector register (:mod:`enliven.lane_blocks`).
+A product of two blocks takes 10 to 15 ns, compared with 60 to 95 ns in plain Numba loops.
 
 Solving is limited by memory bandwidth: a matrix of 1,024 nodes is larger than a core's cache. So L is stored
 row by row, in int16 with one scale per block (resolution 1.5e-5 of the block's largest number; any L keeps
@@ -25,10 +25,11 @@ from enliven.lane_blocks import invert6, loadshort8, mirror6, shorten6, totals6,
 from enliven.lanes import fma8, load8, splat8, store8
 
 SIZE = 48
-"""Numbers of a block during factorization: six rows of eight. The last two numbers of each row are 0."""
+"""Count of numbers in a block during factorization: six rows of eight. The last two numbers of each row are
+0."""
 SOLVING_SIZE = 36
-"""Numbers of a block during solving: six rows of six int16 numbers. They are stored compactly because solving
-is limited by memory bandwidth."""
+"""Count of numbers in a block during solving: six rows of six int16 numbers. They are stored compactly
+because solving is limited by memory bandwidth."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,7 @@ class BlockPattern:
         start: (N + 1,) int32 the index at which each column starts.
         row: (B,) int32 the row of each block.
         product: (P,) int32 the block (i, j) that receives each product: for each column in turn, for each of
-        its
-            blocks j below the diagonal, for each i >= j.
+            its blocks j below the diagonal, for each i >= j.
         row_start: (N + 1,) int32 the index at which each row starts among the blocks below the diagonal, row
             by row.
         column: (B - N,) int32 the column of each block below the diagonal, ascending in a row.
@@ -90,7 +90,8 @@ def elimination_order(count: int, pairs: Int) -> Int:
 
 @njit(cache=True, nogil=True)
 def _minimum_degree_order(is_coupled):
-    """Eliminates the node with the fewest neighbours, again and again. Overwrites (N, N) ``is_coupled``.
+    """Returns the nodes in minimum degree order: each step eliminates the node with the fewest neighbours.
+    Overwrites ``is_coupled`` (N, N).
 
     SuperLU's multiple minimum degree leaves as many blocks. But SciPy, which contains it, is slow to load.
     """
@@ -194,8 +195,8 @@ def factorise(pattern, lower, column, rows, scales, inverse):
 
 @njit(cache=True, nogil=True)
 def _take_products(lower, column, product, p, first, last):
-    """Subtracts b Lᵀ from the block of each pair of a column's blocks, where b is from A, and L from the
-    factor.
+    """Subtracts the product b Lᵀ from the block of each pair of a column's blocks. b is a block of A, and L
+    is a block of the factor.
 
     L is stored transposed in ``column``. The rows of Lᵀ stay in registers. Returns the next index in
     ``product``.

@@ -2,7 +2,7 @@
 machine.
 
 No clock is read while a frame is solved. On a machine that is busy with other programs, a clock could end a
-frame before its first step. The mesh would then lag behind, in addition to the late image.
+frame before its first step. The mesh would then lag behind even more than the late image.
 """
 
 from __future__ import annotations

@@ -46,11 +46,10 @@ class Terms(NamedTuple):
             rigid motion. 0.0 uses eq. 7 as printed, |t_k - t_j|^2.
         nodes: (L, 4) int32 the nodes of each constraint, ascending. Nodes with weight 0 are skipped.
         rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
-        held_start: (N + 1,) int32 the index at which the holds of each node start. A hold is a constraint
-        with a
-            weight on the node.
-        held_by: (H,) int32 the constraint of each hold.
-        arms: (4 H,) the coefficients of each hold, copied from ``rows``.
+        held_start: (N + 1,) int32 the index at which the constraints of each node start. A constraint belongs
+            to each node that has a weight in it.
+        held_by: (H,) int32 the constraints, sorted by node.
+        arms: (4 H,) the coefficients of each constraint on the node, copied from ``rows``.
         forces: (4 L,) scratch space for the derivative by each phi(p).
         targets: (L, 4) q_l and a 0.
         pulls: (L,) w_con times the weight of each constraint, or 0 if its target is lost.
@@ -136,7 +135,7 @@ def _smoothness_energy(x, edges, offsets, w, out):
 
 @njit(cache=True, nogil=True)
 def _deformed_point(x, nodes, rows, m):
-    """Returns phi(p), eq. 2, of point ``m``."""
+    """Returns the deformed position phi(p) (eq. 2) of point ``m`` as a vector (x, y, z, 0), in metres."""
     even = odd = splat4(0.0)
     for k in range(4):
         at = 16 * nodes[m, k]
@@ -162,8 +161,8 @@ def _add_point_gradient(nodes, rows, m, force, out):
 def _constraint_energy(x, t, out):
     """Adds E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
 
-    Each node collects the forces of all constraints that hold it. So its gradient is read and written once,
-    not once per constraint.
+    Each node collects the forces of all its constraints. So its gradient is read and written once, not once
+    per constraint.
     """
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)

@@ -1,11 +1,12 @@
-"""Checks if a frame ended near the minimum, by continuing the descent from the frame's result.
+"""Checks whether a frame ended near the minimum of the energy, by continuing the descent from the frame's
+result.
 
 A frame ends when the predicted decrease of a step is small. If a limb is about to buckle, the state may be on
 a ridge of the energy. The gradient there does not show that the energy falls again ten steps later. Of 16,300
 frames of creatures in fast motion, 29 ended like this, 0.2 to 6 % above the minimum. Their steps looked like
 those of any other frame. Lanczos' method detects most of them (the smallest eigenvalue of the second
 derivative against the matrix is below 0.13), at the cost of twelve steps. Continuing the descent costs little
-more and is certain.
+more and detects all of them.
 """
 
 from __future__ import annotations

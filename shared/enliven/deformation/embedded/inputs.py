@@ -22,7 +22,7 @@ NO_PLANES = Planes(
     _EMPTY_ARRAY,
     np.empty(0, np.bool_),
 )
-"""The value for a frame without planes."""
+"""An empty set of planes, for a frame without planes."""
 
 
 def coefficient_rows(
@@ -52,15 +52,16 @@ def coefficient_rows(
 
 
 def sort_by_node(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
-    """Sorts the constraints by the nodes that they hold, in the format of :class:`Terms`.
+    """Sorts the constraints by the nodes that they act on, in the format of :class:`Terms`.
 
     Args:
-        nodes, rows: (L, 4) and (L, 4, 4), from :func:`coefficient_rows`. A node with weight 0 is not held.
+        nodes, rows: (L, 4) and (L, 4, 4), from :func:`coefficient_rows`. A constraint does not act on a node
+            with weight 0.
         count: N, the number of nodes.
 
     Returns:
-        (N + 1,) the index at which each node's holds start, (H,) the constraint of each hold, (4 H,) its
-        coefficients.
+        (N + 1,) the index at which each node's constraints start, (H,) these constraints, (4 H,) their
+            coefficients for the node.
     """
     constraint, place = np.nonzero(rows[:, :, 3])
     node = nodes[constraint, place]

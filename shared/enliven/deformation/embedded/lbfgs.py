@@ -78,8 +78,7 @@ class SolverBuffers(NamedTuple):
         last: (16 N,) the unknowns one frame ago.
         energies: (6,) energies of the state: E_rot, E_reg, E_con, E_rig, E_planes and their sum E.
         age: (4,) the use of the matrix: the number of frames that used it; their steps; 1 if the last frame
-        ended
-            by its stopping rule, 0 if it ran out of steps; and the steps of the last frame.
+            ended by its stopping rule, 0 if it ran out of steps; and the steps of the last frame.
     """
 
     steps: Float32
@@ -97,7 +96,7 @@ class SolverBuffers(NamedTuple):
 
     @staticmethod
     def empty(count: int) -> SolverBuffers:
-        """Returns buffers for ``count`` nodes."""
+        """Returns new buffers for a graph of ``count`` nodes."""
         pairs = np.zeros((2, _REMEMBERED_STEPS, 16 * count), np.float32)
         now, before, own = np.zeros((3, 16 * count), np.float32)
         raw, here, trial, last = np.zeros((4, 16 * count))
@@ -161,8 +160,8 @@ def record_age(age, done):
 def is_aged(age, worth):
     """Returns True if a new matrix would lower the mean number of steps per frame.
 
-    This is the case if the last frame took more steps than the mean over the frames of this matrix, including
-    the cost ``worth`` of a new matrix.
+    This is the case if the last frame took more steps than the mean over all frames of this matrix. The mean
+    includes the cost ``worth`` of a new matrix, in steps.
 
     If the old matrix were kept longer, the mean would rise. This criterion needs no estimate of the number of
     steps with a new matrix.
@@ -177,9 +176,9 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
     ``work.raw`` must be the gradient at ``x``, and ``work.energies`` the energies at ``x``.
 
     The descent ends after the first step with a predicted relative decrease of the energy below
-    ``tolerance``. Normally, little of the predicted decrease remains after a step. But if this step or the
-    previous step gained more than predicted, the energy is softer there than the matrix, and the prediction
-    is not a bound. Then a smaller prediction is required.
+    ``tolerance``. Normally, little of the predicted decrease remains after a step. If this step or the
+    previous step gained more than predicted, the energy is softer there than the matrix. The prediction is
+    then not a bound, and a smaller prediction is required.
 
     ``work.age[2]`` is set to 1 if the descent ended like this, and to 0 if it ended after ``most`` iterations
     or at the limit of the ``allowance``. At least one step is made. Before it, the matrix is computed if

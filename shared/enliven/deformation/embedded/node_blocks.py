@@ -58,8 +58,9 @@ def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
     receives the inverse of the Schur complement C - Bᵀ A⁻¹ B. Returns True if the complement is positive
     definite. Otherwise ``coupling`` is not changed. ``inverse`` (48,) is scratch space.
 
-    A stretch alone moves all points that the node holds. Together with the rotation and translation that
-    respond to it, it hardly moves them. So the two parts of the matrix become nearly independent.
+    A stretch alone moves all points that follow the node. Together with the rotation and translation that
+    respond to it, the stretch barely moves these points. So the two parts of the matrix become nearly
+    independent.
     """
     mirror6(lower, own, inverse, 0, -1.0)
     if not invert6(inverse, 0, -1.0):

@@ -3,8 +3,9 @@
 The state of a node, R and its position, has twelve numbers. A step also has twelve numbers: a rotation w, a
 translation, and a symmetric stretch S, with dR = (w x R) + R S. These numbers are relative to the node. If
 the node rotates, the columns of R change, but these numbers stay the same. So the step pairs of L-BFGS remain
-valid after a step. In the unknowns x they would not remain valid, because there a rotation is stored as a
-change of directions that later rotate. Then only the first step had much effect.
+valid after a step. In the unknowns x they would become invalid, because x stores a rotation as changes of the
+columns of R, and these columns rotate in later steps. With step pairs in x, only the first step of a frame
+has much effect.
 
 A node has sixteen numbers: w and a 0, the translation and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
 """

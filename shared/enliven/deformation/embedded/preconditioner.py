@@ -72,8 +72,7 @@ class RigidSystem(NamedTuple):
         rows, scales, inverse: (36 (B - N) + 8,) int16, (B - N,) and (48 N,) float32 the factor.
         linear, frames: (9 N,) and (12 N,) the columns of each node's R, and those orthonormalized with a 0.
         turns: (24 N,) float32 each node's rotation since the factorization, in rows of four, and the
-        transpose of
-            this rotation.
+            transpose of this rotation.
         held, first: (9 N,), (3 N,) the sums of w u uᵀ and w u over the arms u that pull at a node.
         coupling, coupled: (48 N,) float32 the rotation and translation that respond to each number of a
             node's stretch, and their transpose.

@@ -1,9 +1,9 @@
 """Computes the next matrix of the preconditioner on a second thread, between two frames.
 
-Computing it within a frame took half of the time with 1,024 nodes, and made single frames slow. The next
-frame always uses the matrix that was started at the end of the last frame, and waits for it if necessary. So
-the same input gives the same result on fast and slow machines. Like any matrix, it rotates with the nodes
-(``preconditioner.align_with_nodes``).
+Within a frame, this computation would take half of the time with 1,024 nodes, and would make single frames
+slow. The next frame always uses the matrix that was started at the end of the last frame, and waits for it if
+necessary. So the same input gives the same result on fast and slow machines. Like any matrix, it rotates with
+the nodes (``preconditioner.align_with_nodes``).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class MatrixRenewal:
 
     @property
     def system(self) -> RigidSystem:
-        """The matrix in use."""
+        """The matrix that the solver currently uses."""
         return self._systems[0][0]
 
     @property
@@ -63,7 +63,8 @@ class MatrixRenewal:
         self._pending = _second_thread().submit(refactor, x, terms, planes, raw, self._systems[1][0])
 
     def latest(self) -> bool:
-        """Switches to the matrix that was started, once it is complete; returns False if none was started."""
+        """Waits until the matrix that was started is complete, and switches to it. Returns False if none was
+        started."""
         if self._pending is None:
             return False
         self._pending.result()

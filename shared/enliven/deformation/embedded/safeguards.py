@@ -10,10 +10,11 @@ from enliven.rotation import nearest_rotations
 _MIN_SOUND_DETERMINANT = 0.02
 """A node counts as collapsed or inside out if the determinant of its linear part is below this value."""
 _LEAST_VOLUME = 0.05
-"""Minimum determinant of a node's linear part after a repair: a twentieth of its thickness."""
+"""Minimum determinant of a node's linear part after a repair. The node then has a twentieth of its thickness
+at rest."""
 _NEWTON_STEPS = 8
-"""Number of Newton steps that restore the determinant. Each squares the error. From 0.02, three are
-enough."""
+"""Number of Newton steps that restore the determinant. Each step squares the error, so three steps are enough
+for a determinant of 0.02."""
 
 
 @njit(cache=True, nogil=True)
@@ -48,7 +49,7 @@ def repair_inverted_nodes(flat, edges):
                 nearest_rotations(mean, turn)
                 _copy_turn(x[n], turn[0])
         if (repaired == sound).all():
-            # No node is sound, so give each node the rotation that is nearest to its own matrix.
+            # No node is intact, so give each node the rotation that is nearest to its own matrix.
             for n in range(count):
                 if not sound[n]:
                     _copy_turn(mean[0], x[n])
@@ -64,7 +65,8 @@ def restore_flat_nodes(flat):
     """Restores the minimum volume of the nodes of ``flat`` (16 N,) that are pressed flatter.
 
     The cofactor matrix of R has the singular vectors of R, and is largest in the direction in which R is
-    flattest. A change along it hardly changes the energy. Returns True if any node was changed.
+    flattest. A change along this matrix has almost no effect on the energy. Returns True if any node was
+    changed.
     """
     x = flat.reshape(-1, 4, 4)
     has_flat = False

@@ -1,5 +1,5 @@
-"""The embedded deformation solver: one symbolic analysis at the start, and a small matrix that is factorized
-again from time to time.
+"""The embedded deformation solver. It analyses the pattern of its matrix once, and factorizes the matrix
+again only when it is outdated.
 
 The energy (KinÊtre, eq. 8) is minimized by L-BFGS. The preconditioner is a matrix of six unknowns per node, a
 rotation and a translation, and a block of each node's stretch
@@ -16,9 +16,9 @@ is kept for many frames, as long as that lowers their mean number of steps, incl
 A frame is complete after a step with a small predicted decrease: half of g.Bg, where B is the inverse of the
 matrix, updated by L-BFGS. If the matrix is accurate, this bounds the distance to the minimum. If the last
 steps gained more than predicted, the energy is softer than the matrix, and a ten times smaller prediction is
-required. Of 16,300 frames of creatures in fast motion, 29 ended more than 0.2 % above the minimum. In these,
-a limb was about to buckle, which no gradient shows. ``settled`` is then False (``final_refinement``), and the
-next frame starts from the lower state.
+required. Of 16,300 frames of creatures in fast motion, 29 ended more than 0.2 % above the minimum. In these
+frames a limb was about to buckle, which the gradient does not show. ``settled`` is then False
+(``final_refinement``), and the next frame starts from the lower state.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from enliven.settings import parameter, setting
 _STALE_MATRIX_AGE = 1 << 30
 """Value of the step count that marks a matrix as outdated, so that it is always computed again."""
 _MAX_STILL_FRAME_STEPS = 2
-"""A frame with at most this number of steps has moved so little that it needs no other matrix."""
+"""Maximum number of steps of a frame that has moved so little that its matrix is not computed again."""
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,10 @@ class EmbeddedSolver:
         graph: the deformation graph.
         attachment: the constrained points. Without any point, the graph does not move.
         settings: weights of the energy, and limits of a frame.
-        start: (N, 3, 3) linear parts and (N, 3) positions to start from; at rest if None.
+        start: (N, 3, 3) linear parts and (N, 3) positions of the initial state. None starts at rest.
         stiffness: (N,) above 0, factors on E_rot, E_reg and E_rig around each node (an edge uses the
-        geometric
-            mean of its ends). A part is stiffer if its factor is above 1. Below 1 it is softer, which
-            exaggerates its motion.
+            geometric mean of its ends). A part is stiffer if its factor is above 1. Below 1 it is softer,
+            which exaggerates its motion.
 
     Attributes:
         iterations: number of iterations of the last frame.
@@ -265,7 +264,7 @@ class EmbeddedSolver:
 
     @property
     def _current_matrix(self) -> RigidSystem:
-        """The matrix in use."""
+        """Returns the matrix that the solver currently uses."""
         return self._matrix.system
 
     def state(self) -> tuple[Float, Float]:

@@ -1,5 +1,4 @@
-"""The choice of the state that a frame starts from: the extrapolated last frame, or a state with lower
-energy."""
+"""Chooses the initial state of a frame: the extrapolated last frame, or another state with lower energy."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ from enliven.lanes import cross4, fma4, load4, splat4, store4, total4
 from enliven.rotation import nearest_rotations
 
 _BAD_START_ENERGY_RATIO = 4.0
-"""If a start has more than this multiple of the last frame's energy, more candidates are tried."""
+"""Maximum ratio of a start's energy to the energy of the last frame. Above it, more candidates are tried."""
 
 _MIN_VOLUME_FRACTION = 0.5
 """Minimum fraction of its volume that a node must keep for its matrix to be extrapolated."""
@@ -25,7 +24,8 @@ def choose_start(x, rest, t, planes, work):
     The rigid motion is the motion that best moves the points to their targets. It does not change E_rot and
     E_reg, so a leap of the whole body does not increase the energy. If the state was distorted by wrong
     targets, the rest pose soon becomes the better start. The rigidly moved candidates are tried only if the
-    others are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen start.
+    other candidates are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen
+    start.
     """
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
@@ -81,7 +81,8 @@ def _go_on(x, last, out):
 
 @njit(cache=True, nogil=True)
 def _rotated_state(x, turn, middle, goal, out):
-    """Rotates the state ``x`` about the point ``middle``, and moves this point to ``goal``, into ``out``."""
+    """Rotates the state ``x`` (16 N,) by ``turn`` about the point ``middle``, and moves this point to
+    ``goal``. The result is written into ``out``."""
     for j in range(x.shape[0] // 16):
         for c in range(4):
             at = 16 * j + 4 * c
@@ -95,8 +96,8 @@ def _rotated_state(x, turn, middle, goal, out):
 
 @njit(cache=True, nogil=True)
 def _rigid_motion(x, t, turn, middle, goal):
-    """Computes the rigid motion that moves the points to their targets: a rotation ``turn`` about ``middle``,
-    which moves to ``goal``. Returns False if no constraint has weight."""
+    """Computes the rigid motion that moves the points to their targets: a rotation ``turn`` (3, 3) about the
+    point ``middle`` (3,), which moves to ``goal`` (3,). Returns False if no constraint has weight."""
     count = t.nodes.shape[0]
     points = np.zeros((count, 3))
     middle[:] = 0.0

@@ -82,8 +82,8 @@ def find_weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
 
 
 def _neighbours_with_edges(count: int, edges: Int32) -> tuple[Int, Int, Int]:
-    """Returns the neighbours of each node as CSR: offsets, neighbours, and the number of the edge to each of
-    them."""
+    """Returns the neighbours of each node as CSR: offsets (N + 1,), neighbours (2 E,), and (2 E,) the number
+    of the edge to each neighbour."""
     ends = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
     number = np.tile(np.arange(len(edges)), 2)
     order = np.argsort(ends[:, 0], kind="stable")
@@ -93,7 +93,8 @@ def _neighbours_with_edges(count: int, edges: Int32) -> tuple[Int, Int, Int]:
 
 @njit(cache=True, nogil=True)
 def _bridges_and_cut_vertices(offsets, neighbours, edge_of, edge_count):
-    """Finds Tarjan's bridges and cut vertices by depth-first search, without recursion."""
+    """Returns masks of the bridges (E,) and the cut vertices (N,). This is Tarjan's algorithm: depth-first
+    search, here without recursion."""
     count = offsets.shape[0] - 1
     bridges, cuts = np.zeros(edge_count, np.bool_), np.zeros(count, np.bool_)
     order, low = np.full(count, -1, np.int64), np.zeros(count, np.int64)

@@ -12,8 +12,9 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def nearest_sources(offsets, neighbours, lengths, sources):
-    """Runs Dijkstra's algorithm from all sources at once. Returns (C,) the distance in metres to the nearest
-    source (infinite if no source reaches a point), and (C,) the number of this source (-1 if there is none).
+    """Runs Dijkstra's algorithm once for all sources together. Returns (C,) the distance in metres to the
+    nearest source (infinite if no source reaches a point), and (C,) the number of this source (-1 if there is
+    none).
     """
     count = offsets.shape[0] - 1
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
@@ -114,8 +115,8 @@ def dijkstra_workspace(offsets, neighbours):
 
 @njit(cache=True, nogil=True)
 def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):
-    """Runs Dijkstra's algorithm from one source. Returns the number of points within ``limit`` metres, and
-    lists them in ``reached``, nearest first.
+    """Runs Dijkstra's algorithm from one source. Returns the number of points within ``limit`` metres. Their
+    numbers are written into ``reached``, nearest first.
     """
     metres[source] = 0.0
     size = push(keys, items, np.int64(0), 0.0, source)

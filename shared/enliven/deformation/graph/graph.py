@@ -69,17 +69,17 @@ class DeformationGraph:
 
         Nodes are linked with their four nearest under D (eq. 6), with three additions to the paper:
 
-        - Nodes that are near in space but not along the surface are not linked. These are two nodes of one
-          shell that are much farther apart along the surface (two legs), or nodes of two shells that do not
-          nearly touch.
-        - If the surface bends much, few nodes have similar normals, and the four nearest under D may be a
-          metre away. So neighbours must lie within 2.5 node spacings along the surface. A node with fewer
+        - Nodes that are near in space but not along the surface are not linked. Examples are nodes of two
+          legs, and nodes of two shells with a gap between them.
+        - If the surface bends much, few nodes have similar normals, and the four nodes nearest under D may be
+          a metre away. So neighbours must lie within 2.5 node spacings along the surface. A node with fewer
           than four such neighbours also gets those that are nearest along the surface.
-        - The two faces of a part thinner than half a node spacing are linked, each node with the nearest one
-          opposite. Thin parts then keep their thickness.
+        - The two faces of a part thinner than half a node spacing are linked. Each node is linked with the
+          nearest node on the opposite face. Thin parts then keep their thickness.
 
-        Remaining components are joined by the minimum spanning tree over the components: along the surface
-        within a shell; between shells by D, or by the Euclidean distance if D is infinite.
+        Remaining components are joined by the minimum spanning tree over the components. Within a shell, its
+        distances are those along the surface. Between shells they are D, or the Euclidean distance if D is
+        infinite.
 
         Args:
             mesh: any triangles, in metres.
@@ -107,7 +107,7 @@ class DeformationGraph:
             edges: (E, 2) pairs of nodes.
 
         Raises:
-            InputError: if the mesh has no face, or there is no node.
+            InputError: if the mesh has no face, or no node is given.
         """
         if not len(mesh.faces) or not len(positions):
             problem = f"{len(mesh.faces)} faces and {len(positions)} nodes are not enough for a graph"
@@ -194,8 +194,8 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     surface_distances = path_lengths(count, cells.borders, cells.lengths)
     detours = surface_distances > DETOUR * straight_distances + SLACK * spacing
     is_far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
-    # Pairs that are far apart, or at an infinite distance, rank after all other pairs, by the length of the
-    # path along the surface. Pairs with a detour are never linked here.
+    # Pairs that are far apart, or at an infinite distance D, come after all other pairs. They are sorted by
+    # the length of the path along the surface. Pairs with a detour are never linked here.
     surface_ranking = np.where(
         detours, np.inf, distances[np.isfinite(distances)].max(initial=0.0) + surface_distances
     )

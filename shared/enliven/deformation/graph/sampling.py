@@ -13,7 +13,7 @@ from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
 _DARTS_PER_NODE = 80
-"""Number of candidate points per node. It is large enough that hardly any gap for another sample remains."""
+"""Number of candidate points per node. It is large enough to leave almost no gap for another sample."""
 _MIN_SMOOTH_COSINE = 0.75
 """Minimum cosine between a vertex normal and its faces' normals for the surface to count as smooth."""
 _ROUNDING_TOLERANCE = 1e-9
@@ -27,7 +27,7 @@ class SurfaceSamples(NamedTuple):
     """Sample points on a mesh.
 
     Attributes:
-        positions: (N, 3) metres.
+        positions: (N, 3) metres, the sample points.
         normals: (N, 3) outward unit normals.
         faces: (N,) the face that each point lies on.
         radius: minimum distance D between points, metres; 0 for independent points.
@@ -104,8 +104,8 @@ def _nearest_faces(corners, middles, reach, points, faces, weights):
 
 @njit(cache=True, nogil=True)
 def _clamp_to_triangle(corners, point, shares):
-    """Computes clamped barycentric coordinates into ``shares``, and returns the squared distance to their
-    point."""
+    """Computes the barycentric coordinates of a point (3,) in a triangle, clamped to the triangle, into
+    ``shares`` (3,). Returns the squared distance from the point to the clamped point."""
     uu = uv = vv = along = across = 0.0
     for i in range(3):
         u, v, w = corners[1, i] - corners[0, i], corners[2, i] - corners[0, i], point[i] - corners[0, i]
@@ -187,8 +187,8 @@ def sample_poisson_disk(
 
 
 def _largest_sample_radius(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
-    """Returns the largest radius that gives at least ``count`` points, and the first ``count`` of these
-    points."""
+    """Returns the largest radius that gives at least ``count`` points, and the indices (count,) of the first
+    of these points."""
     min_radius, max_radius = radius, radius
     accepted = throw_darts(positions, normals, min_radius)
     while len(accepted) < count and min_radius > 1e-9 * radius:

@@ -23,8 +23,8 @@ from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
 _MAX_SUBDIVIDED_VERTICES = 200_000
-"""Maximum number of vertices of a subdivided mesh, unless the mesh itself has more. It limits the memory and
-time for the net."""
+"""Maximum number of vertices of a subdivided mesh, unless the mesh itself has more. This limits the memory
+and time for the net."""
 _CELLS_PER_SPACING = 6
 """Number of cells of the net per node spacing."""
 _MAX_EDGE_IN_SPACINGS = 1 / 3
@@ -102,8 +102,8 @@ def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None
     cells = kernels.grid_cells(vertices, cell)
     label, count = kernels.cluster_vertices(faces, cells)
     if count > _MIN_SOUP_TEST_POINTS:
-        # A mesh of many tiny pieces has several pieces in each cell, and paths along them lead nowhere. So
-        # merge all points of a cell into one.
+        # A mesh of many tiny pieces has several pieces in each cell, and paths along them end after a short
+        # way. So merge all points of a cell into one.
         occupied, cell_index = np.unique(cells, return_inverse=True)
         if count > _MIN_SOUP_PIECES_PER_CELL * len(occupied):
             label, count = cell_index.reshape(-1).astype(np.int32), len(occupied)
@@ -121,8 +121,8 @@ def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None
 
 
 def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
-    """Returns the vertices and faces of a subdivided mesh, and for each face the number of the given face
-    that contains it. The numbers are None if no face was subdivided.
+    """Returns the vertices (W, 3) and faces (G, 3) of a subdivided mesh, and (G,) the original face that
+    contains each face. The last is None if no face was subdivided.
     """
     vertices, faces = welded.vertices, welded.faces
     origin: Int | None = None
@@ -260,7 +260,7 @@ def node_distances(
     Args:
         nodes: (M,) the nodes that are considered, ascending.
         joints: (E, 2) pairs of linked nodes without a path between them. Their distance counts as ``spacing``
-        metres.
+            metres.
 
     Returns:
         CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and distances (K,) in
@@ -284,8 +284,8 @@ def node_distances(
 
 
 def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
-    """Returns the points within ``reach`` metres of each point along the net, sorted by distance, itself
-    first.
+    """Returns the points within ``reach`` metres of each point along the net, sorted by distance, starting
+    with the point itself.
 
     Returns:
         CSR: offsets (C + 1,), points (K,) and distances (K,) in metres.

@@ -27,8 +27,8 @@ _NET_NODE_COUNT = 200
 """Number of graph nodes that determines the resolution of the net. The net has about forty points per
 node."""
 _PATH_SOURCE_COUNT = 32
-"""Number of points that are far from each other, with paths from each to all other points. A vertex at the
-end of a limb is far from most of them."""
+"""Number of source points, far from each other, of the paths to all other points. A vertex at the end of a
+limb is far from most of the sources."""
 _MIN_END_PERSISTENCE = 0.02
 """Minimum persistence of a limb's end, as a fraction of the longest path along the mesh."""
 
@@ -114,7 +114,7 @@ def _local_maxima(offsets, neighbours, height, order):
     """Returns the local maxima of ``height``, and the height of each above its pass to a higher maximum.
 
     This height is the persistence. The points are added from the highest down, and merged into components
-    (union-find). When two components meet, the lower of their two peaks has reached its pass.
+    (union-find). When two components merge, the pass of the lower of their two peaks has been found.
 
     Args:
         order: (C,) the points, sorted from the highest down.
@@ -167,7 +167,7 @@ def shell_connections(points: Float, label: Int) -> Int:
     component (Borůvka's algorithm). This needs only a few rounds, for any number of shells.
 
     Args:
-        points: (C, 3) metres.
+        points: (C, 3) metres, the points of all shells.
         label: (C,) the shell that each point is on, from 0.
     """
     edges, count = np.empty((0, 2), np.int64), int(label.max()) + 1
@@ -192,7 +192,7 @@ def _nearest_other_shell_points(points: Float, label: Int) -> Iterator[tuple[Int
     largest = int(size.argmax())
     small = np.flatnonzero((size[label] <= _MAX_SMALL_SHELL_POINTS) & (label != largest))
     if len(small):
-        # Ask for one more neighbour than the largest small shell has points. Then at least one neighbour is
+        # Search for one more neighbour than the largest small shell has points. So at least one neighbour is
         # on another shell.
         near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)

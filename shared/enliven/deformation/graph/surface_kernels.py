@@ -138,7 +138,7 @@ def adjacent_clusters(vertices, faces, label, count):
 
 @njit(cache=True, nogil=True)
 def _grown_table(size, pairs, found, count):
-    """Returns the hash table of :func:`adjacent_clusters` with twice the size."""
+    """Returns a copy of the hash table of :func:`adjacent_clusters` with twice the number of slots."""
     size *= 2
     table = np.full(size, -1, np.int64)
     larger = np.empty((size // 2, 2), np.int32)
@@ -184,7 +184,7 @@ def link_near_points(points, normals, shell, order, starts, around, reach):
     Args:
         order, starts, around: the result of :func:`grid`, with cells at least as large as every reach.
         reach: (3,) metres, the maximum length of links through a part, across a seam, and between touching
-        shells.
+            shells.
     """
     thin, seam, touch = reach[0], reach[1], reach[2]
     farthest = max(thin, seam, touch) ** 2

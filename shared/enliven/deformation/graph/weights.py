@@ -6,16 +6,15 @@ follow the other leg. If five nodes are about equally far away, the weights shif
 millimetres, and the surface creases. This module differs in three steps:
 
 1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g is the geodesic distance along
-the
-   surface, and s is the node spacing. d equals e until the path along the surface is a detour; from there it
-   grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes. The
-   paths of g also go through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the
-   surface, and so are the weights, even when nodes enter and leave the four: a node enters with weight zero.
+the surface, and s is the node spacing. d equals e until the path along the surface is a detour. From there, d
+grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes. The paths
+of g also go through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface,
+and so are the weights, even if the set of four nodes changes, because a node enters the set with weight zero.
    d_max is at most two spacings, so that the tip of an arm does not follow the other arms.
 2. Only *carriers* are followed: nodes that are not too near to each other along the surface. Eq. 6 clusters
    nodes where the surface bends. The other nodes act on the carriers through the graph.
-3. A vertex takes the mean of these weights over the surface around it. The four largest are kept, minus the
-   fifth, which keeps them continuous; they are scaled to sum to one.
+3. A vertex takes the mean of these weights over the surface around it. The four largest weights are kept. The
+  fifth is subtracted from them, so that they stay continuous, and they are scaled to sum to one.
 
 (R. W. Sumner et al., "Embedded deformation for shape manipulation", 2007, eq. 4, squares the fall-off.)
 """
@@ -31,8 +30,8 @@ from enliven.document import SkinWeights
 from enliven.kernels import njit
 
 DETOUR = 1.5
-"""If the path along the surface is longer than the straight distance by more than this factor, it is a
-detour. The curvature of the surface alone makes paths longer."""
+"""Maximum ratio of the path along the surface to the straight distance. A longer path is a detour. Below it,
+the curvature of the surface alone can explain the length."""
 SLACK = 0.5
 """Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
 _MIN_NODE_DISTANCE_SPACINGS = 0.6
@@ -61,7 +60,7 @@ def choose_carriers(positions: Float, distances: Float, spacing: float, min_coun
     If there would be fewer than ``min_count`` carriers, returns all nodes.
 
     Args:
-        positions: (N, 3) metres.
+        positions: (N, 3) metres, the nodes at rest.
         distances: (N, N) metres, the distances along the surface.
         spacing: metres between nodes.
     """
@@ -84,7 +83,7 @@ def blending_weights(
         net: the net of the mesh.
         near: the carriers near each point of the net, and their distances along the surface, from
             :func:`enliven.deformation.graph.surface.node_distances`.
-        positions: (N, 3) metres.
+        positions: (N, 3) metres, the nodes at rest.
         spacing: metres between nodes, the s of the module's docstring.
         k: nodes per vertex, at most 4.
     """
@@ -118,8 +117,8 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
             near_count = insert_sorted(near, near_nodes, near_count, length, np.int64(j))
-        # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
-        # farthest node, so that this node keeps a little weight.
+        # With four nodes or fewer, the fifth distance for the radius is missing. Use a slightly larger radius
+        # than the distance of the farthest node, so that this node keeps a little weight.
         most = near[k] if near_count > k else 1.25 * near[near_count - 1] + 1e-12
         most = min(most, max(_MAX_DISTANCE_IN_SPACINGS * spacing, 1.5 * near[0]))
         total = 0.0
@@ -184,7 +183,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
     for c in range(points.shape[0]):
         if starts[c] == starts[c + 1]:
             continue
-        # Collect the nodes of all points around this one. They become the columns of a table of weights.
+        # Collect the nodes of all points around this point. They become the columns of a table of weights.
         first, some = offsets[c], 0
         last = first
         while last < min(offsets[c + 1], first + _MAX_SOURCE_POINTS) and metres[last] <= cells[1]:
@@ -237,8 +236,8 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
 
 @njit(cache=True, nogil=True)
 def _drop_small_columns(table, rows, union, some, largest, who):
-    """Removes columns that cannot be among the largest in any mean of the rows. Returns the number of columns
-    left.
+    """Removes columns of ``table`` that cannot be among the k largest in any mean of the rows. Returns the
+    number of remaining columns.
 
     A column is removed if its largest entry is below the smallest entries of k + 1 others.
     """

@@ -1,4 +1,4 @@
-"""The bind pose of a glTF file: the world transforms of its nodes at the time of skinning.
+"""The bind pose of a glTF file: the world transforms of its nodes when the mesh was bound to its skeleton.
 
 A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v. G is world_from_joint, and IBM is the inverse bind
 matrix: the inverse of mesh_from_joint at binding. The file does not contain the pose of the mesh in the world
@@ -15,8 +15,8 @@ from enliven.meshes.gltf.motion import bind_locals, world_matrices
 from enliven.meshes.gltf.parts import GltfPart, moving_nodes
 
 _MAX_SCALE_ROUNDING = 1e-3
-"""Maximum relative difference of a joint's scale from its scale at binding that counts as rounding. A joint
-with a larger difference was scaled."""
+"""Maximum relative difference between a joint's scale and its scale at binding that counts as rounding. With
+a larger difference, the joint was scaled."""
 _MAX_JOINT_DISTANCE = 0.1
 """Maximum distance of a mesh node from its joints, as a fraction of the model's size. A node that is farther
 away is not used for the bind pose."""
@@ -69,7 +69,8 @@ class Bind:
         return vertices_in_world
 
     def world_from_mesh(self, part: GltfPart, node: int) -> Float:
-        """Returns the (4, 4) transform world_from_mesh of a vertex that follows only ``node``."""
+        """Returns the (4, 4) transform world_from_mesh of a vertex that follows only ``node``, in the bind
+        pose."""
         return (
             self.world[node]
             if part.skin < 0
@@ -77,7 +78,8 @@ class Bind:
         )
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
-        """Returns the inverse bind matrix of each joint of a skin; the identity if the file gives none."""
+        """Returns the inverse bind matrix (4, 4) of each joint of a skin, by the joint's node. It is the
+        identity if the file contains none."""
         skin_entry = self._file.document.skins[skin]
         if skin_entry.inverseBindMatrices is None:
             matrices = np.tile(np.eye(4), (len(skin_entry.joints), 1, 1))
@@ -85,14 +87,14 @@ class Bind:
             stored = np.asarray(self._file.accessor(skin_entry.inverseBindMatrices), np.float64)
             matrices = stored.reshape(-1, 4, 4).transpose(0, 2, 1)
         if len(matrices) < len(skin_entry.joints) or not np.isfinite(matrices).all():
-            raise self._file.wrong(f"skin {skin} has no good inverse bind matrix for each of its joints")
+            raise self._file.wrong(f"skin {skin} lacks valid inverse bind matrices for its joints")
         flat = [
             self._file.name(n)
             for n, m in zip(skin_entry.joints, matrices, strict=False)
             if not _is_invertible(m)
         ]
         if flat:
-            raise self._file.wrong(f"the bind matrix of these joints is flat: {', '.join(flat[:5])}")
+            raise self._file.wrong(f"inverse bind matrices of joints are singular: {', '.join(flat[:5])}")
         return {int(n): m for n, m in zip(skin_entry.joints, matrices, strict=False)}
 
     def _world_from_mesh(self, skin: int, carrier: int, known: set[int]) -> Float:
@@ -119,7 +121,7 @@ class Bind:
 
     @property
     def _has_joint_clips(self) -> bool:
-        """True if animations move the joints."""
+        """True if the file has animations, unless the surface is read as a ``still``."""
         return bool(self._file.document.animations) and not self._still
 
     def _uniform_rest(self, node: int) -> Float:
@@ -188,8 +190,8 @@ class Bind:
         """Returns the non-uniform part (3,), per axis, of a node's scale in the file relative to its scale at
         binding.
 
-        For a model with animations, all three are 1, and the clips contain that scale. Otherwise rotating
-        children would be sheared.
+        For a model with animations, all three values are 1, and the animation clips contain the scale
+        instead. Otherwise rotating children would be sheared.
         """
         if self._has_joint_clips:
             return np.ones(3)
@@ -203,7 +205,7 @@ class Bind:
     def _mirror_signs(self, node: int) -> Float:
         """Returns (3,) signs: -1 for each axis along which the file mirrors a node.
 
-        If the axis cannot be determined from the file, it is the first one.
+        If the axis cannot be determined from the file, the first axis is used.
         """
         signs = np.sign(self._scale[node])
         return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
@@ -220,7 +222,7 @@ def _is_even(matrix: Float) -> bool:
 
 
 def _blends_mirrored(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
-    """Returns True if a vertex follows both a mirrored joint and one that is not mirrored."""
+    """Returns True if a vertex follows both mirrored and unmirrored joints."""
     for part in parts:
         mirrored_mask = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
         mirrored_mask[[node for node, flag in mirrored.items() if flag]] = True

@@ -69,5 +69,5 @@ class Blob:
         return len(self.views) - 1
 
     def bytes(self) -> bytes:
-        """Returns the whole binary chunk."""
+        """Returns the complete binary chunk with all added arrays."""
         return b"".join(self._pieces)

@@ -14,8 +14,8 @@ from enliven.meshes.pictures import open_picture
 
 _WHITE = np.ones(3)
 _MAX_PIXELS = 1 << 28
-"""Maximum total number of pixels of all textures of a file: four textures of 8192 x 8192, or 0.8 GB. Even a
-file of a few kilobytes can declare more."""
+"""Maximum total number of pixels of all textures of a file: four textures of 8192 x 8192, or 0.8 GB. A limit
+is needed, because even a file of a few kilobytes can declare more."""
 
 
 class Colours:
@@ -71,7 +71,8 @@ class Colours:
         return linear_from_srgb(picture[rows, columns])
 
     def _texture_image(self, texture: int) -> UInt8 | None:
-        """Returns (H, W, 3) sRGB, or None with a note."""
+        """Returns the decoded image (H, W, 3) sRGB of a texture. If it cannot be read, adds a note and
+        returns None."""
         if texture not in self._pictures:
             try:
                 source = self._file.document.textures[texture].source
@@ -83,7 +84,7 @@ class Colours:
                 self._pictures[texture] = self._decode_image(data)
             except Exception as error:  # Third-party decoders may raise any exception for damaged data.
                 reason = plain_reason(error)
-                self.notes.append(f"texture {texture} cannot be read ({reason}): it is taken as white")
+                self.notes.append(f"texture {texture} cannot be read ({reason}): it is replaced by white")
                 self._pictures[texture] = None
         return self._pictures[texture]
 
@@ -92,5 +93,5 @@ class Colours:
         with open_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MAX_PIXELS:
-                raise InputError(f"with the others it has {self._pixels} pixels, more than {_MAX_PIXELS}")
+                raise InputError(f"the textures have {self._pixels} pixels in total, more than {_MAX_PIXELS}")
             return np.asarray(picture.convert("RGB"))

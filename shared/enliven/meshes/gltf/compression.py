@@ -1,6 +1,7 @@
 """Decodes the compressed parts of a glTF file.
 
-Draco compresses the accessors of a primitive. Meshoptimizer compresses a buffer view of rows or of indices.
+Draco compresses the accessors of a primitive. Meshoptimizer compresses a buffer view that contains rows of
+numbers or indices.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def draco_arrays(
     Args:
         data: the content of the extension's buffer view.
         attributes: the number of each attribute in the compressed mesh.
-        where: the file, which an error about a missing decoder names.
+        where: the name of the file, for the message about a missing decoder.
 
     Raises:
         InputError: if the bytes are damaged, or lack an attribute.
@@ -58,16 +59,17 @@ def draco_arrays(
 
 
 def check_meshopt(packed: Entry) -> int:
-    """Returns the declared number of bytes of a buffer view's extension, checked before decompression.
+    """Checks the numbers in the extension of a compressed buffer view. Returns the declared number of
+    decompressed bytes.
 
     Raises:
-        InputError: if its numbers are not allowed by the extension.
+        InputError: if the extension does not allow these numbers.
     """
     count, size, mode = packed.count, packed.byteStride, packed.mode
     filtered = "NONE" if packed.filter is None else packed.filter
     whole = all(isinstance(value, int) and not isinstance(value, bool) for value in (count, size))
     if not whole or mode not in _MODES or filtered not in _FILTERS or count < 1:
-        raise InputError("it states no count, size, mode or filter that is known")
+        raise InputError("its count, size, mode or filter is missing or unknown")
     if mode == "ATTRIBUTES":
         fits = 0 < size <= _MAX_ROW_BYTES and size % 4 == 0
         fits &= filtered not in ("OCTAHEDRAL", "COLOR") or size in (4, 8)
@@ -83,7 +85,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
     """Returns the bytes of a buffer view that meshoptimizer packed into ``data``.
 
     Args:
-        where: the file, which an error about a missing decoder names.
+        where: the name of the file, for the message about a missing decoder.
 
     Raises:
         InputError: if :func:`check_meshopt` refuses the numbers, or the bytes are damaged.
@@ -113,6 +115,6 @@ def _load_decoder(module: str, where: str) -> Any:
     except ImportError as error:
         is_missing = isinstance(error, ModuleNotFoundError) and error.name == module
         state = "is not installed" if is_missing else "does not load"
-        problem = f"it is compressed, and the library {module} that unpacks it {state}"
+        problem = f"it is compressed, and the library {module} for its decompression {state}"
         advice = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
         raise ResourceError(problem, where=where, remedy=advice) from None

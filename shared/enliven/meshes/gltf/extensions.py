@@ -17,11 +17,11 @@ DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 """Buffer views compressed by meshoptimizer, which are decoded."""
 INSTANCING = "EXT_mesh_gpu_instancing"
-"""One mesh that is instanced by a table of transforms."""
+"""Several instances of one mesh, given by a table of transforms."""
 VISIBILITY = "KHR_node_visibility"
 """Nodes that are hidden with their whole subtree."""
 POINTER = "KHR_animation_pointer"
-"""Channels that animate any value of the file. A JSON pointer names the value."""
+"""Channels that can animate any value of the file. A JSON pointer refers to the value."""
 _SUPPORTED_EXTENSIONS = {
     "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -50,9 +50,10 @@ _HARMLESS_PATTERN = re.compile(
 )
 """Names of extensions that change neither the surface at rest nor the animations of a file."""
 _VISIBILITY_POINTER = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
-"""A JSON pointer to a node's visibility."""
+"""Pattern of a JSON pointer to the visibility of a node. Its group is the node's number."""
 _NODE_POINTER = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
-"""A JSON pointer to a value that an ordinary channel can also animate."""
+"""Pattern of a JSON pointer to a value that an ordinary channel can also animate. Its groups are the node's
+number and the value."""
 
 
 def extension_notes(document: Entry) -> list[str]:
@@ -70,7 +71,7 @@ def extension_notes(document: Entry) -> list[str]:
     for name in required:
         if _is_harmless(name):
             content = _PICTURE_EXTENSIONS.get(name, "no part of the shape or its motion")
-            notes.append(f"it requires {name}, which is left out: it holds {content}")
+            notes.append(f"it requires {name}, which is left out: it contains {content}")
     for name in used:
         if name not in required and name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name):
             notes.append(f"it uses {name}, which is not supported: its content is left out")
@@ -100,11 +101,12 @@ def follow_pointers(document: Entry) -> list[str]:
     if not skipped_targets:
         return []
     shown = ", ".join(name[:80] for name in list(dict.fromkeys(skipped_targets))[:5])
-    return [f"animations of values other than a node's place, turn and size are left out: {shown}"]
+    return [f"only animations of a node's position, rotation and scale are read, not of: {shown}"]
 
 
 def _show_node(document: Entry, pointer: Any) -> None:
-    """Makes a node visible if its visibility is animated, because its surface is needed."""
+    """Makes a node visible if the animation target ``pointer`` is its visibility, because its surface is then
+    needed."""
     match = _VISIBILITY_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
     if match is not None and int(match[1]) < len(document.nodes):
         node = document.nodes[int(match[1])]

@@ -1,4 +1,5 @@
-"""A glTF or GLB file: its node tree and its checked accessors, in every packing that glTF 2.0 allows."""
+"""A glTF or GLB file: its node tree and its checked accessors. It supports all layouts of accessors that glTF
+2.0 allows."""
 
 from __future__ import annotations
 
@@ -30,14 +31,14 @@ _COMPONENT_DTYPES: dict[int, Any] = {
 }
 """NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
 _EXPORT_ADVICE = "Export the model again."
-"""The advice for a damaged model."""
+"""The remedy that the error message for a damaged model suggests."""
 
 
 class GltfFile:
     """A parsed file with its buffers.
 
     Attributes:
-        path: the path of the file, which errors mention.
+        path: the path of the file. Error messages contain it.
         document: the JSON of the file. Missing entries are None.
         parents: parent of each node, -1 at a root.
         hidden: the nodes that the file hides.
@@ -67,7 +68,7 @@ class GltfFile:
             raise self.damaged(error) from None
 
     def wrong(self, what: str, remedy: str = _EXPORT_ADVICE) -> InputError:
-        """Returns an error that names the file."""
+        """Returns an InputError with the path of the file and the problem ``what``."""
         return InputError(what, where=str(self.path), remedy=remedy)
 
     def damaged(self, error: Exception) -> InputError:
@@ -76,8 +77,8 @@ class GltfFile:
         return self.wrong(f"it is damaged: {plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
-        """Returns the values of a sampler (K, C). For cubic interpolation, returns values and tangents (3 K,
-        C).
+        """Returns the values (K, C) of a sampler at its K keys. For cubic interpolation, returns values and
+        tangents (3 K, C).
 
         Raises:
             InputError: if the number or the width of the values is wrong, or a value is not finite.
@@ -88,13 +89,14 @@ class GltfFile:
         fits = values.shape == (values_per_key * count, 4 if path == "rotation" else 3) and count > 0
         if not fits or not np.isfinite(values).all():
             raise self.wrong(
-                f"an animation of {path} has {len(values)} values for {count} times, or bad ones"
+                f"an animation of {path} has {len(values)} values for {count} times, or invalid values"
             )
         return values
 
     @cached_property
     def scale_keys(self) -> dict[int, dict[int, Float]]:
-        """The scales (K, 3) at the keys of each scaled node, by the number of the animation."""
+        """Returns the scales (K, 3) at the keys of each node with an animated scale. The keys of the
+        dictionary are the node and the number of the animation."""
         keys_by_node: dict[int, dict[int, Float]] = {}
         for number, animation in enumerate(self.document.animations):
             for channel in animation.channels or []:
@@ -130,8 +132,8 @@ class GltfFile:
     def name(self, node: int) -> str:
         """Returns a node's name. A nameless node gets its number.
 
-        A human bone of a VRM gets its name in VRM's humanoid map, which every tool knows, whatever the node's
-        name is.
+        A human bone of a VRM file gets its name from VRM's humanoid map instead of the node's name, because
+        every tool knows these names.
         """
         return self._human.get(node) or str(self.document.nodes[node].name or f"joint {node}")
 
@@ -147,7 +149,8 @@ class GltfFile:
         return bytes(self._read_guarded(self._view_bytes, view, f"buffer view {view}"))
 
     def _read_guarded(self, read: Callable[[int], Any], index: int, what: str) -> Any:
-        """Returns the result of ``read``. Its exceptions become an error that names the file."""
+        """Returns ``read(index)``. Converts any exception into an InputError that contains the name of the
+        file and ``what`` was read."""
         try:
             return read(index)
         except EnlivenError:
@@ -188,7 +191,7 @@ class GltfFile:
         size = kind.itemsize * width
         stride = view_entry.byteStride or size
         if count and offset + (count - 1) * stride + size > len(data):
-            raise self.wrong("an accessor reaches beyond its buffer: the file is cut short or damaged")
+            raise self.wrong("an accessor reaches beyond its buffer: the file is truncated or damaged")
         if not count:
             return np.zeros((0, width), kind)
         shape, steps = (count, width), (stride, kind.itemsize)
@@ -209,7 +212,7 @@ class GltfFile:
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
-            raise self.wrong("a buffer is shorter than the file says: it is cut short or damaged")
+            raise self.wrong("a buffer is shorter than declared: the file is truncated or damaged")
         return data
 
     def _decompress_view(self, view: int, packed: Entry, extension: str) -> bytes:
@@ -234,7 +237,7 @@ class GltfFile:
             uri = self.document.buffers[index].uri
             data = self._blob if uri is None else self.data_of_uri(uri)
             if data is None:
-                raise self.wrong("the bytes that belong into the file are missing")
+                raise self.wrong("the binary chunk is missing")
             self._buffers[index] = bytes(data)
         return self._buffers[index]
 
@@ -260,8 +263,8 @@ def compose_matrices(translation: AnyArray, rotation: AnyArray, scale: AnyArray)
 
 
 def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
-    """Parses the file. Returns the document, the parent of each node, and the binary chunk of a GLB. Errors
-    become one clear message.
+    """Parses the file. Returns the document, the parent of each node, and the binary chunk of a GLB. Any
+    error becomes an InputError with a message for the user.
     """
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
         raise InputError("it is not a glTF file", where=str(path), remedy="Give a .glb, .gltf or .vrm file.")
@@ -272,12 +275,14 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
         parsed = gltf_document(data)
         version = None if parsed[0].asset is None else parsed[0].asset.version
         if not str(version).startswith("2."):
-            raise InputError("it states another version" if version else "it states no version")
+            raise InputError("it declares another version" if version else "it declares no version")
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         problem = f"it cannot be read as glTF 2: {plain_reason(error)}"
         raise InputError(
-            problem, where=str(path), remedy="Check that it is complete and that its ending is right."
+            problem,
+            where=str(path),
+            remedy="Check that it is complete and that its file extension is correct.",
         ) from None
     return parsed
 
@@ -286,7 +291,7 @@ def _check_references(document: Entry) -> None:
     """Checks that nodes, skins and animations refer only to existing entries.
 
     Raises:
-        InputError: for the first reference to a missing entry.
+        InputError: if a reference is invalid. The message describes the first invalid reference.
     """
     nodes, skins = document.nodes, document.skins
     used = {node.skin for node in nodes}
@@ -310,5 +315,5 @@ def _check_references(document: Entry) -> None:
 
 
 def _is_number(value: Any, count: int) -> bool:
-    """Returns True if a value is a valid index into a list of ``count`` entries."""
+    """Returns True if a JSON value is a valid index into a list of ``count`` entries."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count

@@ -1,7 +1,7 @@
 """Reads the JSON of a glTF or GLB file, and limits all amounts that the file declares.
 
-A small file can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes, or
-nodes in an endless chain. So these amounts are counted in linear time before any data is read.
+A small file can declare millions of numbers, for example by an accessor without bytes, or by a mesh that a
+thousand nodes show. So these amounts are counted in linear time before any data is read.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ MAX_LISTED_ENTRIES = 1 << 16
 """Maximum number of entries in one list of a file (nodes, accessors, meshes, ...). Scenes have thousands, and
 reading an entry takes 0.1 ms."""
 MAX_NODE_DEPTH = 512
-"""Maximum depth of the node tree. The deepest known rigs have about 100 levels. The limit bounds the time of
-walks up the tree."""
+"""Maximum depth of the node tree. It bounds the time for visiting all ancestors of a node. The deepest known
+rigs have about 100 levels."""
 MAX_ELEMENTS = 1 << 25
 """Maximum number of elements of an accessor, and of all shown vertices and indices together: 0.8 GB as
 float64. It is 16 times the limit of the network protocol (2 million vertices)."""
@@ -93,7 +93,7 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
 
 
 def node_parents(children: list[list[int]]) -> list[int]:
-    """Returns the parent of each node, -1 at a root, from the children of each.
+    """Returns the parent of each node (-1 at a root), given the children of each node.
 
     Raises:
         InputError: if a child is missing or has two parents, and for a cycle or a tree that is too deep.
@@ -119,9 +119,10 @@ def node_parents(children: list[list[int]]) -> list[int]:
 
 
 def _error_position(error: Exception) -> str:
-    """Returns the position at which a parser stopped, as a suffix for a message. Empty if it is unknown."""
+    """Returns the position at which a parser stopped, as a suffix for a message, or "" if the position is
+    unknown."""
     if isinstance(error, RecursionError):
-        return ": it is nested too deep"
+        return ": it is nested too deeply"
     return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
@@ -131,7 +132,7 @@ def _json_text(data: bytes) -> str:
     if data[:4] == b"glTF":
         chunk = _first_chunk(data, b"JSON")
         if chunk is None:
-            raise InputError("it is cut short or damaged: it has no JSON")
+            raise InputError("it is truncated or damaged: it has no JSON")
         text = chunk
     return text.decode("utf-8-sig")
 
@@ -212,7 +213,7 @@ def _element_count(accessor: dict[str, Any]) -> int:
     """Returns the declared number of elements of an accessor."""
     count = accessor.get("count")
     if not isinstance(count, int) or not 0 <= count <= MAX_ELEMENTS:
-        raise InputError(f"an accessor states {count} elements, and no more than {MAX_ELEMENTS} are read")
+        raise InputError(f"an accessor declares {count} elements, and no more than {MAX_ELEMENTS} are read")
     return count
 
 

@@ -1,4 +1,4 @@
-"""Stores the materials of a glTF file with their textures, without decoding them."""
+"""Collects the materials of a glTF file with their encoded textures."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from enliven.meshes.gltf.gltf_json import Entry
 from enliven.meshes.materials import MeshMaterials, Texture, textures_in
 
 _MAX_IMAGE_BYTES = 1 << 28
-"""Maximum total bytes of all encoded images of a file. Detailed characters have a tenth of it. A limit is
-needed because a file can reference one small buffer as an image thousands of times."""
+"""Maximum total bytes of all encoded images of a file. Detailed characters have a tenth of this amount. A
+limit is needed because a file can reference one small buffer as an image thousands of times."""
 _MAX_TEXTURE_SETS = 4
 """Maximum number of sets of texture coordinates. One or two are usual."""
 
@@ -54,7 +54,8 @@ class Materials:
         return self._known[material_number]
 
     def corners(self, primitive: Any, count: int) -> Corners:
-        """Returns those texture coordinates and colours of a primitive's vertices that its material uses."""
+        """Returns the texture coordinates and the colours of a primitive's vertices, as far as its material
+        uses them."""
         attributes, sets, material_number = primitive.attributes, list[Float32](), self.number(primitive)
         textured = material_number >= 0 and bool(textures_in(json.loads(self.definitions[material_number])))
         for number in range(_MAX_TEXTURE_SETS if textured else 0):
@@ -96,7 +97,7 @@ class Materials:
             self.definitions.append(json.dumps(self._renumbered_json(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
             self.notes.append(
-                f"material {at} cannot be read ({plain_reason(error)}): only its colour is kept"
+                f"material {at} cannot be read ({plain_reason(error)}): only its colour is used"
             )
             return -1
         return len(self.definitions) - 1
@@ -120,18 +121,19 @@ class Materials:
                     del renumbered[key]
                 else:
                     renumbered[key]["index"] = number
-            # Drop empty objects, but keep an empty extension, because its mere presence has a meaning.
+            # Remove empty objects, but keep an empty extension, because its presence alone has a meaning.
             elif not in_extensions and _is_empty(renumbered[key]):
                 del renumbered[key]
         return renumbered
 
     def _store_texture(self, number: int) -> int | None:
-        """Stores a texture and returns its number, or None with a note."""
+        """Stores a texture and returns its number. If the texture cannot be stored, adds a note and returns
+        None."""
         try:
             texture = _find_entry(self._file.document.textures, number)
             packed = [name for name in vars(texture.extensions or Entry({})) if name.partition("_")[2]]
             if texture.source is None and packed:
-                raise InputError(f"its picture is in {packed[0][:60]}")
+                raise InputError(f"its image is stored by {packed[0][:60]}")
             image = _find_entry(self._file.document.images, texture.source)
             if image.bufferView is not None:
                 data = self._file.data_of_view(image.bufferView)
@@ -139,7 +141,7 @@ class Materials:
                 data = self._file.data_of_uri(image.uri)
             self._bytes += len(data)
             if self._bytes > _MAX_IMAGE_BYTES:
-                raise InputError(f"with the others it has more than {_MAX_IMAGE_BYTES} bytes")
+                raise InputError(f"the images have more than {_MAX_IMAGE_BYTES} bytes in total")
             sampler = texture.sampler
             sampler_text = (
                 ""
@@ -148,7 +150,7 @@ class Materials:
             )
             kept_texture = Texture(np.frombuffer(data, np.uint8), sampler_text)
         except (InputError, *DAMAGE) as error:
-            self.notes.append(f"texture {number} is not kept ({plain_reason(error)})")
+            self.notes.append(f"texture {number} is left out ({plain_reason(error)})")
             return None
         self.textures.append(kept_texture)
         return len(self.textures) - 1
@@ -165,7 +167,7 @@ def _find_entry(entries: list[Any] | None, number: int) -> Any:
         LookupError: if it is missing.
     """
     if not entries or not 0 <= number < len(entries):
-        raise LookupError(f"entry {number} is not there")
+        raise LookupError(f"entry {number} does not exist")
     return entries[number]
 
 

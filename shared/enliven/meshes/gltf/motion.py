@@ -19,7 +19,8 @@ file's motion."""
 _MIN_STEP_S = 1 / 120
 """Minimum seconds between samples. Denser keys have no visible effect and need more memory."""
 _ZERO_SCALE_FRACTION = 1e-5
-"""Fraction of a node's largest scale that replaces scale 0: too small to be visible, but invertible."""
+"""Fraction of a node's largest scale that replaces a scale of 0. The result is invertible, but too small to
+be visible."""
 _CURVED_STEP_S = 1 / 120
 """Maximum seconds between samples of cubic channels. Between samples, the curve is replaced by a straight
 line."""
@@ -31,10 +32,10 @@ _GROWTH_STEP_S = 1 / 240
 _MAX_INSERTED_FRAMES = 64
 """Maximum number of frames inserted between two keys. In a long interval, the scale changes slowly."""
 JUMP_DURATION_S = 2.5e-4
-"""Duration of a jump, seconds. The previous value is held until this time before the key. No display shows
-the transition, and float32 times can represent it for up to an hour."""
+"""Duration of a jump of a STEP channel, seconds. The previous value stays constant until this time before the
+key. No display shows the transition, and float32 times can represent it for up to an hour."""
 _SAME_TIME_S = 1e-4
-"""Maximum difference, in seconds, between two times that count as equal. It allows for the rounding of
+"""Maximum difference, in seconds, between two times that count as equal. It allows for rounding errors of
 float32."""
 MAX_NODE_SAMPLES = 1 << 23
 """Maximum product of frames and nodes, summed over all animations of a file. It corresponds to 2 GB of
@@ -56,8 +57,8 @@ class Locals:
 
 
 def rest_locals(file: GltfFile) -> Locals:
-    """Returns the nodes' rest transforms in the file (one frame, F = 1). Scales of 0 are replaced by tiny
-    ones.
+    """Returns the nodes' rest transforms in the file (one frame, F = 1). Scales of 0 are replaced by a tiny
+    scale.
     """
     transforms = _rest_transforms(file)
     _replace_zero_scales(transforms, file.scale_keys)
@@ -143,7 +144,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
         np.isfinite(values).all()
         for values in (transforms.translation, transforms.rotation, transforms.scale)
     ):
-        raise file.wrong("a node's place, turn or size is not finite")
+        raise file.wrong("a node's position, rotation or scale is not finite")
     return transforms
 
 
@@ -179,7 +180,7 @@ def _compute_world(parents: list[int], world: Float, local: Float, done: set[int
 def frame_times(file: GltfFile, animation: int) -> Float:
     """Returns (F,) evenly spaced sample times of an animation, in seconds.
 
-    The times of evenly spaced keys are among them.
+    If the keys are evenly spaced, their times are among the sample times.
     """
     samplers = _used_samplers(file, animation)
     keys = [_key_times(file, sampler.input) for sampler in samplers]
@@ -199,7 +200,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 
 def key_times(file: GltfFile, animation: int, even: Float) -> Float:
-    """Returns the times (K,), in seconds, of those keys that are not among the evenly spaced times ``even``
+    """Returns the times (K,), in seconds, of the keys that are not at one of the evenly spaced times ``even``
     (F,).
 
     Each jump of a STEP channel adds two times: just before its key, and at the key.
@@ -218,12 +219,13 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
     seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME_S]
-    # Drop a key that follows another one too closely, because their times would be equal in float32.
+    # Drop a key that follows another key too closely, because their times would be equal in float32.
     return np.asarray(seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME_S])
 
 
 def _scale_change_times(file: GltfFile, animation: int) -> list[Float]:
-    """Returns additional sample times between keys at which a node's scale changes strongly.
+    """Returns additional sample times (K,), in seconds, between keys with strongly different scales of a
+    node.
 
     They are needed because a clip interpolates the logarithm of a scale between frames, but the file
     interpolates the scale itself.
@@ -282,7 +284,7 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
 def _key_times(file: GltfFile, accessor: int) -> Float:
     keys = np.asarray(file.accessor(accessor)[:, 0], np.float64)
     if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
-        raise file.wrong("the times of an animation do not rise")
+        raise file.wrong("the times of an animation are not in ascending order")
     return keys
 
 
@@ -292,7 +294,7 @@ def sample_channel(keys: Float, values: Float, interpolation: str, path: str, ti
     Before the first and after the last key, the value stays constant.
 
     Args:
-        keys: (K,) seconds.
+        keys: (K,) times of the keys in seconds.
         values: (K, C) values at the keys. For CUBICSPLINE (3K, C): in-tangent, value and out-tangent of each
             key.
     """
@@ -318,7 +320,8 @@ def sample_channel(keys: Float, values: Float, interpolation: str, path: str, ti
 
 
 def _hermite_spline(values: Float, previous_keys: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
-    """Evaluates (F, C) the cubic Hermite spline between two keys with their tangents."""
+    """Returns the values (F, C) of the cubic Hermite spline between two keys, given their values and
+    tangents."""
     p0, out_tangent = values[3 * previous_keys + 1], span * values[3 * previous_keys + 2]
     p1, in_tangent = values[3 * previous_keys + 4], span * values[3 * previous_keys + 3]
     return np.asarray(

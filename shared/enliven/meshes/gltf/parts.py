@@ -18,9 +18,11 @@ from enliven.meshes.gltf.motion import zero_scale_nodes
 _MODE_TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1). Points and lines are left out."""
 _MODE_STRIP = 5
-"""glTF's mode of a triangle strip."""
+"""glTF's mode of a triangle strip: each vertex after the second forms a triangle with the two vertices before
+it."""
 _MODE_FAN = 6
-"""glTF's mode of a triangle fan."""
+"""glTF's mode of a triangle fan: each vertex after the second forms a triangle with the vertex before it and
+the first vertex."""
 _INSTANCE_COLUMNS = {
     "TRANSLATION": [0.0, 0.0, 0.0],
     "ROTATION": [0.0, 0.0, 0.0, 1.0],
@@ -31,16 +33,16 @@ _INSTANCE_COLUMNS = {
 
 @dataclass
 class GltfPart:
-    """A primitive of a mesh, with the values of the file.
+    """A primitive of a mesh, with values as in the file.
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
-        faces: (F, 3).
+        faces: (F, 3) vertex numbers.
         nodes: (V, 4) the nodes that each vertex follows, the strongest first.
         weights: (V, 4) float64, each row sums to one.
         colours: (V, 3) sRGB, or None if the file has no colour.
-        skin: the number of its skin, or -1: it is rigidly attached to the node ``carrier``.
-        carrier: the node to which the file attaches the mesh.
+        skin: the number of its skin. -1 if the primitive is rigidly attached to the node ``carrier``.
+        carrier: the node in the file that contains the mesh.
         material: the number of its material among the stored materials, or -1.
         corners: texture coordinates and colours of its vertices.
     """
@@ -70,7 +72,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
         if node.mesh is None:
             continue
         if number in hidden or (number in zero_nodes and node.skin is None):
-            reason = "hidden by the file" if number in hidden else "of size 0 at all times"
+            reason = "hidden by the file" if number in hidden else "always of size 0"
             notes.append(f"{file.name(number)!r} is {reason} and left out")
             continue
         for primitive in file.document.meshes[node.mesh].primitives:
@@ -79,7 +81,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
                 notes.append(f"lines or points of {file.name(number)!r} are left out")
                 continue
             if primitive.targets:
-                notes.append(f"the morph targets of {file.name(number)!r} are left out over time")
+                notes.append(f"the morph targets of {file.name(number)!r} are not animated")
             parts.append(_read_part(file, colours, materials, primitive, mode, number))
     notes.extend(colours.notes + materials.notes)
     return [part for part in parts if len(part.faces)], materials
@@ -99,8 +101,8 @@ def visible_nodes(file: GltfFile) -> list[int]:
 
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
-    """Returns the visible nodes of the scene and then those of joint trees outside of the scene, parents
-    first.
+    """Returns the visible nodes of the scene, and then the nodes of joint trees outside of the scene. Parents
+    come before their children.
     """
     shown = visible_nodes(file)
     listed, roots = set(shown), list[int]()
@@ -115,7 +117,7 @@ def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
 
 
 def _nodes_with_subtrees(file: GltfFile, roots: list[int]) -> list[int]:
-    """Returns nodes with their whole subtrees, parents first."""
+    """Returns the nodes ``roots`` and all their descendants, parents first."""
     document = file.document
     nodes, waiting = list[int](), roots[::-1]
     while waiting:
@@ -139,7 +141,9 @@ def _read_part(
     else:
         order = file.accessor(primitive.indices)[:, 0].astype(np.int64)
     if len(order) and order.max() >= len(vertices):
-        raise file.wrong(f"a face of {file.name(carrier)!r} names vertex {order.max()} of {len(vertices)}")
+        raise file.wrong(
+            f"a face of {file.name(carrier)!r} refers to vertex {order.max()} of {len(vertices)}"
+        )
     faces = _list_triangles(order, mode)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])]
     joints, weights = _joint_influences(file, primitive.attributes, len(vertices))
@@ -202,7 +206,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         for column, usual in zip(filled, _INSTANCE_COLUMNS.values(), strict=True)
     )
     if not fits or not all(np.isfinite(values).all() for values in filled):
-        raise file.wrong("the places of its instances do not fit together")
+        raise file.wrong("the columns of its instance table do not match")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)
     filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
     return compose_matrices(*filled)

@@ -31,7 +31,7 @@ class MeshScene:
         self._materials = SceneMaterials(self.blob)
 
     def bytes(self) -> bytes:
-        """Returns the bytes of the file."""
+        """Returns the bytes of the GLB file."""
         document = self.document
         self._materials.write_to(document)
         document.bufferViews, document.accessors = self.blob.views, self.blob.accessors
@@ -41,7 +41,7 @@ class MeshScene:
         return b"".join(document.save_to_bytes())
 
     def node(self, parent: int | None = None, **attributes: Any) -> int:
-        """Adds a node below another and returns its number."""
+        """Adds a node with these ``attributes`` as a child of ``parent``, and returns its number."""
         self.document.nodes.append(pygltflib.Node(**attributes))
         number = len(self.document.nodes) - 1
         if parent is not None:
@@ -49,7 +49,7 @@ class MeshScene:
         return number
 
     def add_roots(self, *nodes: int) -> None:
-        """Adds nodes without a parent."""
+        """Adds nodes (by number) to the roots of the scene."""
         self.document.scenes[0].nodes += list(nodes)
 
     def add_primitives(self, name: str, mesh: Mesh) -> Iterator[tuple[pygltflib.Primitive, Int]]:
@@ -92,7 +92,8 @@ def mesh_glb(mesh: Mesh) -> bytes:
 
 
 def unit_normals(normals: Float) -> Float32:
-    """Scales normals to unit length. A vertex with only zero-area faces gets +Y."""
+    """Returns normals (V, 3) with unit length. The zero normal of a vertex with only zero-area faces becomes
+    +Y."""
     missing = np.linalg.norm(normals, axis=1) < 0.5
     unit_length = np.where(missing[:, None], [0.0, 1.0, 0.0], normals).astype(np.float32)
     return np.asarray(

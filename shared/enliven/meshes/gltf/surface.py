@@ -1,4 +1,5 @@
-"""Reads the surface of a glTF file in its bind pose. All readers of glTF files use this module."""
+"""Reads the surface of a glTF file in its bind pose. All other modules that read glTF files use this
+module."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ class GltfSurface:
 
     Attributes:
         file: the parsed file.
-        parts: the primitives of the file, with unchanged values.
+        parts: the primitives of the file, with values as in the file.
         bind: the bind pose of its nodes.
         rest: the vertices (V, 3) of each part in the bind pose, metres.
         mesh: all parts in one mesh, with colours and materials.
@@ -44,14 +45,14 @@ class GltfSurface:
 
 @np.errstate(
     all="ignore"
-)  # Ignore overflow warnings: numbers of a damaged file may overflow before they are checked.
+)  # Ignore overflow warnings, because numbers of a damaged file may overflow before they are checked.
 def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> GltfSurface:
     """Reads the surface of a glTF, GLB or VRM file.
 
     Args:
         name: name of the mesh. If it is empty, the file's name is used.
-        still: True if the surface will not be animated. Mirrored joints are then mirrored in the surface
-            itself, and not only by the clips.
+        still: True if the surface will not be animated. Mirrored joints are then mirrored in the returned
+            surface, and not only by the animation clips.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.

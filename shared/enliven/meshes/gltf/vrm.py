@@ -8,7 +8,7 @@ from enliven.meshes.gltf.gltf_json import Entry
 
 
 def read_human_bones(document: Entry) -> dict[int, str]:
-    """Returns the VRM name (such as "leftUpperArm") of each node in the humanoid map. Empty if there is no
+    """Returns the VRM name (such as "leftUpperArm") of each node in the humanoid map, or {} if there is no
     map.
 
     Damaged entries are left out, because a model without its map is still usable.
@@ -26,7 +26,8 @@ def read_human_bones(document: Entry) -> dict[int, str]:
 
 
 def _bone_nodes(extension: Any) -> list[tuple[Any, Any]]:
-    """Returns (bone, node) of all entries of a map: a list in version 0, a table in version 1."""
+    """Returns the pairs (bone, node) of a humanoid map, which is a list in version 0 and an object in version
+    1."""
     bones = getattr(getattr(extension, "humanoid", None), "humanBones", None)
     if isinstance(bones, list):
         return [(entry.bone, entry.node) for entry in bones if isinstance(entry, Entry)]

@@ -1,4 +1,4 @@
-"""Edits of one character, as functions from a project to a new project. Each is written once for all rigs.
+"""Edits of one character. Each edit is a function from a project to a new project, and works with every rig.
 
     project, copied = copy_character(project, "chair", offset=(1, 0, 0), delay=0.5)
     project = mirror_character(project, copied, (1, 0, 0))
@@ -54,7 +54,7 @@ def paste_character(
 ) -> tuple[Project, str]:
     """Copies a character from another project with its motion, and returns the project and the copy's id.
 
-    Takes and streams that the project already contains, bit for bit, are reused. Others are copied.
+    Takes and streams with identical contents that the project already has are reused. All others are copied.
 
     Raises:
         InputError: if the character does not exist, or the offset or delay is not a number.
@@ -62,7 +62,7 @@ def paste_character(
     character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
     if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
-        problem = f"a copy cannot be {offset} m away and {delay} s late"
+        problem = f"a copy cannot have the offset {offset} m and the delay {delay} s"
         raise InputError(problem, where=character.where, remedy="Give three metres and seconds.")
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
@@ -82,7 +82,7 @@ def delete_character(project: Project, character_id: str) -> Project:
 
 
 def rename_character(project: Project, character_id: str, new_name: str) -> Project:
-    """Renames a character, and keeps its position in the order.
+    """Renames a character, and keeps its position in the project's list of characters.
 
     Raises:
         InputError: if the character does not exist, or the name is taken.
@@ -113,8 +113,8 @@ def move_character(
     """Moves a character at every time: x becomes turn (x - about) + about + offset.
 
     Args:
-        offset: (3,) metres.
-        turn: (4,) rotation.
+        offset: (3,) displacement in metres.
+        turn: (4,) rotation as a unit quaternion (w, x, y, z).
         about: (3,) metres, the fixed point of the rotation.
 
     Raises:
@@ -132,7 +132,7 @@ def move_character(
 
 
 def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
-    """Rotates a character by ``turn`` (4,) about its centre, at every time.
+    """Rotates a character by the unit quaternion ``turn`` (4,) about its centre, at every time.
 
     Raises:
         InputError: if the character does not exist, or the rotation is not a unit quaternion.
@@ -142,7 +142,7 @@ def turn_character(project: Project, character_id: str, turn: AnyArray) -> Proje
 
 
 def scale_character(project: Project, character_id: str, factor: float) -> Project:
-    """Scales a character by ``factor`` about its centre. Strides scale with it.
+    """Scales a character and the length of its strides by ``factor``, about its centre.
 
     Raises:
         InputError: if the character does not exist, or the factor is not above zero.
@@ -182,7 +182,7 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     All layers in ``numbers`` must have these attributes.
 
     Raises:
-        InputError: if the character or layer does not exist, or it cannot be played with these values.
+        InputError: if the character or layer does not exist, or a layer cannot be played with these values.
     """
     character, wanted = project.character(character_id), set(numbers)
     _check_layers(character, wanted)
@@ -214,13 +214,14 @@ def drag_handle(
     place: AnyArray | Sequence[float],
     time: float,
 ) -> Project:
-    """Poses a character by hand: moves one of its handles to ``place`` (3,) metres in the world, at a time.
+    """Moves one handle of a character to ``place`` at ``time``, and poses the character accordingly.
 
     Args:
         handle: a joint or a control point, given by number or name.
+        place: (3,) metres in the world.
 
     Raises:
-        InputError: if the character or handle does not exist, the place is not finite, or the character's
+        InputError: if the character or handle does not exist, ``place`` is not finite, or the character's
             motion cannot be posed by hand.
     """
     character, target = project.character(character_id), np.asarray(place, np.float64)
@@ -260,7 +261,8 @@ def _with_takes_of(
     """Adds the takes that a character plays in another project (``source``).
 
     Returns:
-        The project, and the new id of each take, by the name of its collection and its old id.
+        The project, and a dictionary with the new id of each take. Its keys are the name of the take's
+            collection and the take's old id.
     """
     ids: dict[tuple[str, str], str] = {}
     for collection, names in character.needed().items():
@@ -274,7 +276,7 @@ def _with_takes_of(
 
 
 def _check_layers(character: RigBase, numbers: set[int]) -> None:
-    """Raises an error for layer numbers that do not exist."""
+    """Raises InputError if a layer number does not exist."""
     count = len(character.playing)
     missing = numbers - set(range(count))
     if missing:

@@ -1,11 +1,11 @@
-"""Edits of the clips of a lane, for the layers of all rigs.
+"""Edits of the clips in a lane of the timeline, for the layers of all rigs.
 
     split_clip(project, "squid", [0], time)                   # the motion stays the same
     trim_clip(project, "squid", [0], 1, begin=2.0)            # the remaining part plays as before
     slip_clip(project, "squid", [0], 1, 0.5)                  # another part of the take, at the same time
     blend_clips(project, "squid", [0], 0, 0.4)                # cross-fades a clip into the next
 
-A lane is a row of the timeline with the layers of a character that have the same clips. Its clips are
+A lane is a row of the timeline. It shows all layers of a character that have the same clips. Clips are
 numbered in the order of time, and times are in seconds of the project. An invalid edit raises InputError and
 changes nothing.
 """
@@ -42,7 +42,8 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """Splits the clip at a time in two. The motion stays the same.
 
     Raises:
-        InputError: if there is no clip at that time, or the time is at its end.
+        InputError: if no clip plays at that time, the time is at the start or end of a clip, or two clips are
+            blended there.
     """
 
     numbers = tuple(numbers)
@@ -54,7 +55,7 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
         ]
         if not clips_there:
             problem, remedy = (
-                f"no clip is there at {project_time:.2f} s",
+                f"no clip plays at {project_time:.2f} s",
                 "Put the playhead over a clip, away from its ends.",
             )
             raise InputError(problem, where=f"character {character_id!r}", remedy=remedy)
@@ -81,7 +82,7 @@ def trim_clip(
     begin: float | None = None,
     end: float | None = None,
 ) -> Project:
-    """Changes the start or end time of a clip. The remaining part of it plays as before.
+    """Changes the start or end time of a clip. The remaining part of the clip plays as before.
 
     The clip cannot extend beyond its take's first or last frame.
     """
@@ -97,8 +98,8 @@ def trim_clip(
                 segment.begin + (length - segment.first) / segment.speed,
             )
         )
-        # A clip cannot be extended beyond its take. If it already extends beyond its take, it may keep that
-        # length and holds the first or last frame.
+        # A clip cannot be extended beyond its take. A clip that already extends beyond its take may keep that
+        # length. It repeats the first or last frame there.
         low, high = min(ends[0], segment.begin), max(ends[1], segment.end)
         start = segment.begin if begin is None else min(max(begin, low), segment.end - _MIN_CLIP_S)
         stop = segment.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
@@ -110,8 +111,8 @@ def trim_clip(
 def slip_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """Makes a clip play a part of its take that is ``seconds`` later, at the same time of the project (slip
-    edit)."""
+    """Slips a clip (slip edit): its start and end stay the same, but it plays a part of its take that is
+    ``seconds`` later."""
     return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.first + seconds)
     )
@@ -120,7 +121,7 @@ def slip_clip(
 def move_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, delay: float
 ) -> Project:
-    """Delays a clip by ``delay`` seconds. Where it overlaps another clip, the two are blended.
+    """Delays a clip by ``delay`` seconds. If it overlaps another clip, the two are blended.
 
     Raises:
         InputError: if the clip would be inside another clip, or three clips would overlap.
@@ -163,7 +164,7 @@ def stretch_clip(
 
 
 def reverse_clip(project: Project, character_id: str, numbers: Iterable[int], clip: int) -> Project:
-    """Reverses a clip, which keeps its start and end time."""
+    """Makes a clip play backwards. Its start and end time stay the same."""
     return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.last, speed=-one.speed)
     )
@@ -186,13 +187,14 @@ def remove_clip(project: Project, character_id: str, numbers: Iterable[int], cli
 def blend_clips(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """Cross-fades a clip into the next over ``seconds``, half of them on each side of the boundary.
+    """Blends a clip into the next clip by a cross-fade. The fade takes ``seconds``, half of them on each side
+    of the boundary.
 
-    If a take has no more frames there, its last pose is held. With 0 seconds, the clips meet in the middle of
-    their overlap.
+    If a take has no more frames there, its last pose is repeated. With 0 seconds, an existing overlap is
+    removed, and the clips meet in its middle.
 
     Raises:
-        InputError: if it is the last clip, or if the next clip does not begin at its end.
+        InputError: if the clip is the last one, or if the next clip does not begin at the end of the clip.
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
@@ -221,7 +223,8 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     """Toggles whether layers play the mirror image of their take (left and right swapped).
 
     Raises:
-        InputError: if the character is a possessed mesh, because its recording describes its own nodes.
+        InputError: if the character is a possessed mesh. Its recording contains poses of the mesh's own
+            nodes, which cannot be mirrored.
     """
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _find_layer(character, numbers[0])
@@ -238,7 +241,8 @@ def _with_changed_clip(
     clip: int,
     change: Callable[[Segment], Segment],
 ) -> Project:
-    """Changes one clip of some layers. The other clips stay unchanged."""
+    """Returns the project with ``change`` applied to one clip of some layers. The other clips stay
+    unchanged."""
 
     def lane(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _check_clip(clips, clip, character_id)
@@ -248,7 +252,8 @@ def _with_changed_clip(
 
 
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
-    """Changes the clips of some layers. All of these layers get the same clips."""
+    """Applies ``change`` to the clips of the first of the layers ``numbers``, and gives the resulting clips
+    to all of these layers."""
     character, layer_numbers = project.character(character_id), tuple(numbers)
     first = _find_layer(character, layer_numbers[0])
     length = project.length_of(first)

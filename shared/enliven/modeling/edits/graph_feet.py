@@ -1,6 +1,6 @@
 """Foot lock for a possessed mesh: a layer on top of its motion keeps the feet in place.
 
-    project = stand(project, "chair", [0], "always")       # for part 0, in its current motion
+    project = stand(project, "chair", [0], "always")       # the feet that part 0 moves
     graph_foot_lock_mode(shape, 0) -> "always"
 
 The feet are the lowest parts of the mesh at rest, or parts that an artist named. Contacts are detected once,
@@ -75,7 +75,7 @@ def graph_foot_lock_mode(shape: GraphShape, number: int) -> str:
 
 
 def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
-    """Sets the foot lock mode of a possessed mesh, in its current motion.
+    """Sets the foot lock mode of a possessed mesh. Contacts are detected in its current motion.
 
     Args:
         numbers: numbers of the mesh's layers. The mode applies to the feet of the parts that these layers
@@ -138,8 +138,8 @@ def find_feet(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
 
 
 def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
-    """Groups the numbers of points (K, 3). Points of different groups are farther apart than ``apart``
-    metres."""
+    """Groups points (K, 3) by distance, and returns the ``numbers`` (K,) of each group. Points of different
+    groups are more than ``apart`` metres apart."""
     if not len(places):
         return []
     pairs = scipy.spatial.cKDTree(places).query_pairs(apart, output_type="ndarray")
@@ -149,7 +149,7 @@ def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
 
 
 def _nodes_of_layers(shape: GraphShape, numbers: Iterable[int]) -> Int:
-    """Returns the nodes of the parts that belong to some layers of a possessed mesh, or that these layers
+    """Returns the numbers (K,) of all nodes of the parts that the given layers of a possessed mesh play or
     move."""
     starts, chosen = shape.starts, set[int]()
     for number in numbers:
@@ -215,7 +215,8 @@ def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, position
 def _foot_corrections(
     shape: GraphShape, places: Float, soles: Float, step: float, contact_mode: str
 ) -> Float:
-    """Returns the corrections (F, 3) in metres of a foot at positions (F, 3) with sole heights (F,)."""
+    """Returns the corrections (F, 3) in metres of a foot in F frames. The foot has positions (F, 3) and sole
+    heights (F,)."""
     if contact_mode == "ground":
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
     limb, how = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
@@ -232,8 +233,8 @@ def _foot_corrections(
 
 
 def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
-    """Returns the nodes that follow any foot, and (N, J) the fraction of each foot's motion that each node
-    follows."""
+    """Returns the numbers (K,) of the nodes that follow any of the J feet, and (N, J) the fraction of each
+    foot's motion that each of all N nodes follows."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
         own, follow = find_followers(shape, foot.node)
@@ -242,6 +243,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
 
 
 def _mean_displacement(shape: GraphShape, foot: StandingFoot, node_weights: Float) -> float:
-    """Returns the mean displacement of a foot's vertices if each node moves by its fraction (N,)."""
+    """Returns the mean of the fractions ``node_weights`` (N,) over a foot's vertices, weighted by the skin.
+    If each node moves by its fraction of a displacement, the foot moves by this fraction."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
     return float((np.asarray(weights, np.float64) * node_weights[indices]).sum(1).mean())

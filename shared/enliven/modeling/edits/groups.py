@@ -42,7 +42,7 @@ def move_characters(
 
 
 def turn_characters(project: Project, names: Sequence[str], turn: AnyArray) -> Project:
-    """Rotates characters by ``turn`` (4,) about the centre of the group."""
+    """Rotates characters by the unit quaternion ``turn`` (4,) about the centre of the group."""
     return move_characters(project, names, np.zeros(3), turn, group_centre(project, names))
 
 

@@ -44,8 +44,8 @@ def key_handle(
     mesh bends.
 
     Raises:
-        InputError: for the root, since no bone ends there, for a position that is not finite, or for a rig
-            with handles that cannot have keys.
+        InputError: if the handle is the root (no bone ends there), if ``place`` is not finite, or if the
+            handles of this rig cannot have keys.
     """
     character, target = project.character(character_id), np.asarray(place, np.float64)
     if target.shape != (3,) or not np.isfinite(target).all():

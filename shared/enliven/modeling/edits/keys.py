@@ -175,7 +175,7 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
 
 
 def _changed_key(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
-    """Returns the key with the given values replaced."""
+    """Returns the key with rotation and displacement replaced. None keeps a value."""
     new_degrees: Any = key.degrees if degrees is None else tuple(degrees)
     new_metres: Any = key.metres if metres is None else tuple(metres)
     return replace(key, degrees=new_degrees, metres=new_metres)
@@ -230,7 +230,8 @@ def _find_key(project: Project, character_id: str, handle: Handle, key: int) -> 
 
 
 def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
-    """Converts a time of the project to the time within a layer's keys, also after the end of the keys.
+    """Converts a time of the project to the time within a layer's take of keys, both in seconds. The result
+    may be later than the last key.
 
     Raises:
         InputError: if the time is before the start of the keys.

@@ -3,8 +3,8 @@
     project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # weight 0 at 1 s of the project
     project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half speed from 2 s on
 
-A curve with one key is constant. Times of keys are times of the project. Keys move with the start of their
-lane. Keys that would stop or reverse time are refused.
+A curve with one key is constant. Times of keys are times of the project. If the start of a lane moves, its
+keys move with it. Keys that would stop or reverse time raise an error.
 """
 
 from __future__ import annotations

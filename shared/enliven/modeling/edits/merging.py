@@ -1,4 +1,5 @@
-"""Merges two characters at a time. They may have the same kind of rig or different kinds."""
+"""Merges two characters in their poses at a given time. Their rigs may be of the same kind or of different
+kinds."""
 
 from __future__ import annotations
 
@@ -39,11 +40,11 @@ def merge_characters(
     that move the whole host then move both, and keys of the whole graft are removed.
 
     Two characters with the same kind of rig keep this kind. Two different kinds of rigs become one
-    deformation graph, in which each side is a part with its own time. A deformation graph is not changed. The
-    bones of a skeleton become nodes, which is exact at 60 frames per second and at ``time``. A puppet is
-    baked, and ``notes`` receives the error. Baked parts lose their joints and key poses (undo restores them).
-    The baked motion ends when each take was played once. A loop repeats for ever if its end matches its
-    start, and otherwise plays for 20 seconds.
+    deformation graph, in which each side is a part with its own time. A side that already is a deformation
+    graph stays unchanged. The bones of a skeleton become nodes, which is exact at 60 frames per second and at
+    ``time``. A puppet is baked, and ``notes`` receives the error. Baked parts lose their joints and key poses
+    (undo restores them). The baked motion ends when each take was played once. A loop repeats for ever if its
+    end matches its start, and otherwise plays for 20 seconds.
 
     Args:
         node, at, loose, seam, notes: as in :class:`enliven.modeling.rig.Merge`.
@@ -60,7 +61,7 @@ def merge_characters(
     for character in (host, graft):
         project = remove_root_layers(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
-        messages.append(f"The motion of {graft.where} as a whole was removed: it now rides on {host.where}.")
+        messages.append(f"The motion of {graft.where} as a whole was removed: it now follows {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
@@ -72,8 +73,8 @@ def merge_characters(
 
 
 def bake_to_graph(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
-    """Bakes a character's motion to a deformation graph. A character that is a graph already is not
-    changed."""
+    """Bakes a character's motion to a deformation graph. A character that already is a deformation graph
+    stays unchanged."""
     character = project.character(character_id)
     if character.kind == GraphShape.kind:
         return project

@@ -15,8 +15,8 @@ from enliven.examples.symmetric import reflect_points
 from enliven.meshes import Mesh
 
 Brush = Literal["stiffer", "softer", "erase"]
-"""Effect of a stroke on the vertices under it: stiffer, softer, or "erase", which resets the stiffness to
-1."""
+"""Effect of a stroke on the vertices under it. "stiffer" and "softer" change the stiffness, and "erase"
+resets it to 1."""
 MAX_DOUBLINGS = 4.0
 """Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
 rigid."""

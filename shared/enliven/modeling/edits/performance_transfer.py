@@ -21,8 +21,8 @@ _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
 
 
 def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
-    """Returns the first part of a shape that performers moved, or else the first layer on top that was
-    performed."""
+    """Returns the first part of a shape that performers moved. If no part was performed, returns the first
+    performed layer on top of the motion, or None."""
     return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
 
 
@@ -96,8 +96,8 @@ def transfer_performance(
 
 
 def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
-    """Returns the named ends and the named joints of a mesh in its pose. Each is None if the mesh does not
-    have them.
+    """Returns the ends and the joints that an artist marked on a mesh, moved to its posed vertices (V, 3).
+    Each is an array of points (K, 3) in metres, or None if there are none.
     """
     if not isinstance(target, GraphShape):
         return None, None

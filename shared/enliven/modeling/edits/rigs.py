@@ -1,4 +1,4 @@
-"""The table of rigs, and the pose of a character with any rig at a time."""
+"""The table of rigs, and functions that return the pose of a character with any rig at a time."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def compute_vertices(project: Project, character_id: str, time: float) -> Float:
 def pose_of_character(project: Project, character_id: str, time: float) -> Pose:
     """Returns the transforms of a character for the network and the viewer.
 
-    The errors are those of :func:`compute_vertices`.
+    Raises the same errors as :func:`compute_vertices`.
     """
     character = project.character(character_id)
     return get_rig_edits(character).player(project, character)(time).pose

@@ -36,7 +36,8 @@ class RigidMotion(NamedTuple):
     move: Float
 
     def __call__(self, points: AnyArray) -> Float:
-        """Transforms points (..., N, 3) to (..., N, 3) metres, with one row of points for each moment."""
+        """Transforms points (..., N, 3) in metres. The leading axes are those of the motion: one set of N
+        points for each time."""
         points = np.asarray(points, np.float64)
         return rotate(self.turn[..., None, :], points) + self.move[..., None, :]
 
@@ -54,11 +55,12 @@ class RigidMotion(NamedTuple):
 
 
 IDENTITY_MOTION = RigidMotion(IDENTITY, np.zeros(3))
-"""The identity motion."""
+"""The identity: a rigid motion that changes nothing."""
 
 
 def about(turn: Float, offset: Float, centre: Float) -> RigidMotion:
-    """Returns the motion x -> turn (x - centre) + centre + offset."""
+    """Returns the motion x -> turn (x - centre) + centre + offset, with ``turn`` (4,) and the others (3,)
+    metres."""
     return RigidMotion(turn, centre + offset - rotate(turn, centre))
 
 
@@ -69,7 +71,7 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=character.where, remedy="Give seconds.")
+        raise InputError(f"the time {time} is not finite", where=character.where, remedy="Give seconds.")
     motion = IDENTITY_MOTION
     for layer in character.root_layers:
         motion = _layer_motion(project, layer, time)[0].after(motion)
@@ -87,8 +89,8 @@ def root_motions(project: Project, character: RigBase, times: AnyArray | Sequenc
 def root_values(
     project: Project, character: RigBase, number: int, motion: RigidMotion, time: float
 ) -> tuple[Float, Float]:
-    """Computes the values of one root layer's clip at a time, for a required motion of all root layers
-    together.
+    """Computes the values that the clip of one root layer needs at a time, so that all root layers together
+    result in ``motion``.
 
     Args:
         number: index of the layer among the root layers.
@@ -117,7 +119,7 @@ def root_values(
 
 
 def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[RigidMotion, float]:
-    """Returns the motion of one layer at a time, and its weight."""
+    """Returns the motion of one layer at a time in seconds of the project, and the layer's weight."""
     clip = project.take_of(layer)
     assert isinstance(clip, Clip)
     at = layer.moment(time, clip.duration)

@@ -36,7 +36,7 @@ class RootMotionRig(RigEdits):
         return self.wrapped.centre(character)
 
     def rest(self, character: Any) -> Float:
-        """Returns the rest vertices, which root layers do not change."""
+        """Returns the vertices at rest (V, 3) in metres, which root layers do not change."""
         return self.wrapped.rest(character)
 
     def drawn(self, character: Any) -> Character:
@@ -44,11 +44,11 @@ class RootMotionRig(RigEdits):
         return self.wrapped.drawn(character)
 
     def seen(self, project: Project, character: Any, time: float) -> Float:
-        """Returns the vertices, moved by the root layers."""
+        """Returns the vertices (V, 3) in metres, moved by the root layers."""
         return root_motion(project, character, time)(self.wrapped.seen(project, character, time))
 
     def player(self, project: Project, character: Any) -> Player:
-        """Returns a function that returns poses and handles, moved by the root layers."""
+        """Returns a function from a time to the pose and the handles, both moved by the root layers."""
         rig_player = self.wrapped.player(project, character)
 
         def at(time: float) -> CharacterState:
@@ -66,8 +66,8 @@ class RootMotionRig(RigEdits):
         return self.wrapped.handle_motion(character, player, handle, layer)
 
     def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
-        """Returns a function of time in seconds. It returns the vertices (V, 3) with the root layers
-        applied.
+        """Returns a function from a time in seconds to the vertices (V, 3) in metres, moved by the root
+        layers.
         """
         rig_surface = self.wrapped.surface(project, character)
         return lambda time: root_motion(project, character, time)(rig_surface(time))
@@ -77,7 +77,8 @@ class RootMotionRig(RigEdits):
         return self.wrapped.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
-        """Raises an error if the wrapped rig refuses its layers among ``numbers``."""
+        """Raises an error if one of the layers in ``numbers`` belongs to the wrapped rig and cannot be
+        played."""
         count = len(character.playing) - len(character.root_layers)
         self.wrapped.check_layers(project, character, {number for number in numbers if number < count})
 
@@ -149,7 +150,7 @@ class RootMotionRig(RigEdits):
         return project, parts
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """Merges two characters. Their root layers were baked before."""
+        """Merges two characters. Their root layers must be baked before."""
         return self.wrapped.merged(project, merge)
 
 
@@ -177,5 +178,6 @@ def restore_root_layers(
 
 
 def _apply_motion(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
-    """Applies a motion to linear maps (..., N, 3, 3) and positions (..., N, 3)."""
+    """Returns linear maps (..., N, 3, 3) and positions (..., N, 3) with the rigid motion applied after
+    them."""
     return to_matrix(motion.turn)[..., None, :, :] @ linear, motion(positions)

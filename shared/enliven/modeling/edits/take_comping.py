@@ -1,12 +1,13 @@
-"""Alternative takes (take comping): several performances of the same part are kept, and one of them plays.
+"""Alternative takes (take comping): a project keeps several performances of the same motion, and one of them
+plays.
 
     alternative_takes(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
     choose_take(project, "take 1", "take 1")       # the first plays again, for every character
     drop_take(project, "take 1", "take 2")         # removes its layers and its takes
 
-Each layer stores the name of its recording, and the name of the group of alternatives that contains this
-recording. Cuts, merges and copies keep both. Each edit maps a project to a project. An invalid edit raises
-InputError and changes nothing.
+Each layer stores the name of its recording and the name of the recording's group of alternatives. Cuts,
+merges and copies keep both names. Each edit maps a project to a project. An invalid edit raises InputError
+and changes nothing.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def refuse_locked(old_project: Project, new_project: Project) -> None:
 
 
 def order_characters(project: Project, name: str, place: int) -> Project:
-    """Moves a character to another position in the order of the project. Position 0 is the first.
+    """Moves a character to position ``place`` in the project's list of characters. Position 0 is the first.
 
     Raises:
         InputError: if the character does not exist.
@@ -108,7 +108,7 @@ def delete_take(project: Project, name: str) -> Project:
     """
     users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
     if name not in project.takes or users:
-        problem = f"{users[0]} plays it" if users else "it is not there"
+        problem = f"{users[0]} plays it" if users else "it does not exist"
         remedy = "Remove its clips from the timeline first." if users else ""
         raise InputError(problem, where=f"take {name!r}", remedy=remedy)
     return replace(project, takes={k: take for k, take in project.takes.items() if k != name})

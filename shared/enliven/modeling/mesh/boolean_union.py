@@ -33,8 +33,8 @@ class Union:
         skin: the combined skin weights.
         first: (V,) the number of each vertex in the first mesh, or -1.
         second: (V,) the number of each vertex in the second mesh, or -1.
-        seam: (V,) True for vertices at which the two meshes meet: new vertices, and old vertices of both
-            meshes.
+        seam: (V,) True for vertices at which the two meshes meet. These are new vertices, or old vertices
+            that belong to both meshes.
         fused: True if the result is one surface, False if it is two shells in one mesh.
         notes: sentences about repairs, or about the reason why the meshes were not fused.
         failed: True if manifold3d could not compute the union: one mesh is not a solid, or the library
@@ -153,7 +153,7 @@ class UnionBuilder:
         )
         vertices = np.concatenate([vertices, self.places[new]])
         # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
-        # ones.
+        # values.
         weights, paint = self._interpolate_new(new)
         whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
@@ -196,7 +196,8 @@ class UnionBuilder:
         return join_materials(groups)
 
     def _kept_faces(self, side: Side, number: Int) -> Int:
-        """Returns the whole faces (K, 3) in their order, with unchanged corners."""
+        """Returns the uncut faces (K, 3) of one side in their old order. ``number`` gives the new number of
+        each vertex."""
         order = np.sort(side.source[side.whole])
         at = np.full(len(side.solid.mesh.vertices), -1, np.int64)
         traced = np.flatnonzero(side.old >= 0)
@@ -220,8 +221,8 @@ class UnionBuilder:
         )
 
     def _interpolate_new(self, new: Int) -> tuple[Float, Float]:
-        """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the old face of
-        each."""
+        """Returns weights (N, B) and paint (N, 4) of the new vertices. Each is interpolated within the old
+        face that contains the vertex."""
         bones = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         weights, paint = np.zeros((len(new), bones)), np.zeros((len(new), 4))
         row = np.full(len(self.places), -1, np.int64)
@@ -289,7 +290,8 @@ def _weld_vertices(union: Union) -> Union:
 
 
 def _is_membrane(faces: Int) -> Bool:
-    """Returns (F,) True for faces that lie back to back with another face. Touching caps leave such pairs."""
+    """Returns (F,) True for faces with the same corners as another face. Touching caps leave such pairs of
+    opposite faces."""
     if len(faces) == 0:
         return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)

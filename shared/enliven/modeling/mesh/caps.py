@@ -1,4 +1,4 @@
-"""Caps: triangulations that close the loops of a cut. Their inner points get interpolated values of the
+"""Caps: triangulations that close the loops of a cut. Values at their inner points are interpolated from the
 rim."""
 
 from __future__ import annotations
@@ -48,8 +48,7 @@ class Cap:
     Attributes:
         rim: (R,) the numbers of the rim's points, as given by the caller.
         faces: (T, 3) indices into the R points of the rim and the I inner points after them. The border has
-        the
-            direction of the loops.
+            the direction of the loops.
         inside: interpolates values at the inner points (I, K) from values on the rim (R, K).
     """
 

@@ -3,8 +3,8 @@ leaves (open sheets).
 
 Two faces are connected across an edge if only these two share it, with opposite directions. If more than two
 faces share an edge (such as the edge of two touching boxes), they are connected in pairs: first the two faces
-with the thinnest wedge of solid between them, then the others. The remaining holes are capped if little area
-is missing. Other open parts are leaves (open sheets such as cloth or a feather), which do not enclose a
+with the thinnest wedge of solid between them, then the others. The remaining holes are capped if their area
+is small. Parts with larger holes are leaves (open sheets such as cloth or a feather), which do not enclose a
 volume.
 """
 
@@ -41,7 +41,8 @@ class ClosedSurface:
             positions.
         label: (V',) the manifold vertex that each vertex belongs to. Vertices with equal labels are the same
             point.
-        made: for the new vertices, in their order: the vertices that they depend on, and the interpolation.
+        made: one pair for each group of new vertices, in order: the vertices that the group depends on, and
+            the function that interpolates values at the group's vertices.
         caps: number of holes that were capped.
         leaf: (F,) True for given faces that belong to leaves.
     """
@@ -140,8 +141,8 @@ def _corner_fans(mates: Int) -> Int:
 
 
 def _border_loops(mates: Int, corner: Int) -> list[Int]:
-    """Returns the half-edges of each border in the order of the cap's rim, which is opposite to the faces'
-    direction."""
+    """Returns the half-edges (R,) of each border, in the order of the cap's rim. This order is opposite to
+    the direction of the faces."""
     border_edges = np.flatnonzero(mates < 0)
     flat = corner.ravel()
     after = border_edges - border_edges % 3 + (border_edges + 1) % 3
@@ -177,7 +178,7 @@ class _Rim(NamedTuple):
 
 
 class _Work:
-    """The vertices, corners, labels and caps of a surface while it is being closed."""
+    """A surface that is being closed: its current vertices, corners, labels and caps."""
 
     def __init__(self, mesh: Mesh, corner: Int) -> None:
         count = len(mesh.vertices)
@@ -197,7 +198,7 @@ class _Work:
         self.label[place] = label
 
     def cap(self, loop: Int) -> _Rim:
-        """Returns the cap that would close a border of half-edges."""
+        """Returns the cap that would close a border, given as half-edges ``loop`` in order."""
         rim = self.corners.ravel()[loop]
         cap = triangulate_cap([np.arange(len(rim))], flatten_loop(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
@@ -214,7 +215,7 @@ class _Work:
         return _Rim(order, faces, inside, how, area)
 
     def close(self, cap: _Rim) -> None:
-        """Adds a cap to the surface."""
+        """Adds the vertices and faces of a cap to the surface."""
         numbers = np.concatenate([cap.around, len(self.vertices) + np.arange(len(cap.points))])
         labels = int(self.label.max()) + 1 + np.arange(len(cap.points))
         self._add_vertices(cap.points, cap.around, cap.how, labels)

@@ -1,5 +1,5 @@
-"""Removes slivers along a seam, so that the seam can be smoothed. Short edges are contracted, and other edges
-are flipped.
+"""Removes slivers (very thin triangles) along a seam, so that the seam can be smoothed. Short edges are
+contracted, and other edges are flipped.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ _MIN_EDGE_RATIO = 0.5
 """Minimum length of the seam's edges, as a fraction of the median edge length nearby. Shorter edges are
 contracted."""
 _KEPT_VERTEX_FACTOR = 0.5
-"""Factor on this limit for an edge with one vertex that must stay in place, because the seam is pulled to
-that vertex."""
+"""Factor on this limit for an edge with one fixed vertex. The limit is lower, because contracting the edge
+pulls the seam to that vertex."""
 
 
 def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
     """Removes slivers at the new vertices of a surface.
 
     Args:
-        vertices: (V, 3) metres.
+        vertices: (V, 3) metres, the surface's vertices.
         faces: (F, 3), closed.
         new: (V,) True for vertices that may be moved or removed.
 
@@ -32,7 +32,7 @@ def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
-    # Include the faces around these faces, because a contraction checks the neighbours of both ends.
+    # Also include the neighbours of these faces, because a contraction checks the neighbours of both ends.
     around = np.isin(faces, np.unique(near)).any(1)
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
     patch.contract(_MIN_EDGE_RATIO * _nearby_edge_length(vertices, faces[around], new))
@@ -48,7 +48,7 @@ def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int
 
 
 def _nearby_edge_length(vertices: Float, faces: Int32, new: Bool) -> float:
-    """Returns the median length of nearby edges between old vertices, in metres."""
+    """Returns the median length in metres of edges between old vertices near the new vertices."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = ends[~new[ends].any(1)]
     if len(ends) == 0:

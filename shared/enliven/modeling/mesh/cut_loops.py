@@ -18,8 +18,7 @@ class Crossings:
         faces: (K,) the crossed faces, ascending.
         edges: (E, 2) the crossed edges, with the smaller vertex number first.
         pairs: (K, 2) the two crossed edges of each crossed face. Their order is the direction of the border
-        of the
-            cap that closes the near side.
+            of the cap that closes the near side.
         loops: (K,) the loop that each crossed face belongs to.
     """
 
@@ -30,8 +29,8 @@ class Crossings:
 
 
 def find_crossings(faces: Int, is_far: Bool) -> Crossings:
-    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices on the far side
-    (``is_far`` (V,))."""
+    """Finds the crossed faces among ``faces`` (F, 3). A face is crossed if one or two of its vertices are on
+    the far side (``is_far`` (V,))."""
     side = is_far[faces]
     far_count = side.sum(1)
     crossed = np.flatnonzero((far_count == 1) | (far_count == 2))
@@ -59,7 +58,7 @@ def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
         pairs: (K, 2) links between edges; some may have the wrong direction.
 
     Returns:
-        The chains: for each, its edges in order, and True if it is closed.
+        A pair for each chain: its edges in order, and True if it is closed.
     """
     beside: dict[int, list[int]] = {}
     for k, (a, b) in enumerate(pairs.tolist()):
@@ -74,12 +73,13 @@ def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
 
 
 def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:
-    """Follows one chain from an edge until it returns to the start or ends."""
+    """Follows one chain from the edge ``start`` until it ends or returns to the start. Returns the edges (C,)
+    of the chain, and True if it is closed."""
     chain, forward, at = [start], 0, start
     while True:
         free_links = [k for k in beside[at] if unused[k]]
-        # If several links are free, prefer a link that starts here, because it has the direction of the
-        # chain.
+        # If several unused links touch this edge, prefer a link that starts at it, because this link has the
+        # direction of the chain.
         k = next((k for k in free_links if pairs[k, 0] == at), free_links[0] if free_links else -1)
         if k < 0:
             break

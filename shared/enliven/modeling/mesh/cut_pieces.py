@@ -60,7 +60,7 @@ class _PieceBuilder:
         self.number[self.kept] = np.arange(len(self.kept))
 
     def piece(self, caps: list[Cap]) -> Piece:
-        """Returns the piece."""
+        """Builds the mesh and skin of this side, closed by ``caps``."""
         split, parts, sources, edges = self._split_faces()
         base = len(self.kept)
         doubled = len(self.work.rest) < len(self.mesh.vertices)
@@ -113,8 +113,8 @@ class _PieceBuilder:
         corner = np.take_along_axis(own, (single_corner[:, None] + np.arange(3)) % 3, 1)
         lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
         pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
-        # Create one new vertex for each different pair of old vertices. A flat-shaded mesh gets one for each
-        # face.
+        # Create one new vertex for each different pair of old vertices. A flat-shaded mesh gets a new vertex
+        # for each face.
         ends = np.stack([corner[:, [0, 1]], corner[:, [2, 0]]], 1).reshape(-1, 2)
         crossed = pairs.reshape(-1)
         turned = work.of[ends[:, 0]] != work.found.edges[crossed, 0]
@@ -131,14 +131,14 @@ class _PieceBuilder:
     def _attributes(
         self, sources: Int, edges: Int, insides: list[tuple[Int, HarmonicInterpolation]], doubled: bool
     ) -> tuple[Float, Float, SkinWeights | None]:
-        """Returns positions, paint and skin of all vertices."""
+        """Returns positions (V, 3), paint (V, 4) and skin of all vertices of this side."""
         work, mesh = self.work, self.mesh
         edge_fraction = work.share[edges][:, None]
         base = len(self.kept)
 
         def grown(old: Float, rim: Float | None = None) -> Float:
-            """Interpolates values at the new vertices: along the crossed edges, and inside caps from their
-            rims."""
+            """Returns values (N, K) at the new vertices. Along crossed edges they are interpolated from the
+            values ``old`` (V, K), unless given by ``rim``, and inside caps from the rims."""
             on_edges = (
                 old[sources[:, 0]] * (1 - edge_fraction) + old[sources[:, 1]] * edge_fraction
                 if rim is None

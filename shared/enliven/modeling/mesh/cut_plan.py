@@ -26,19 +26,20 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import parameter
 
 _MAX_SLIDE_EDGES = 0.15
-"""Maximum shift of the cut to keep it away from vertices, as a fraction of an edge length: not visible."""
+"""Maximum shift that keeps the cut away from vertices, as a fraction of an edge length. Such a small shift is
+not visible."""
 _MAX_GAP_FRACTION = 0.3
-"""Maximum missing fraction of a loop that is still closed. Scans have holes."""
+"""Maximum gap in a loop, as a fraction of its length, across which the loop is closed. Scans have holes."""
 _SIDES = ((0, 1), (1, 2), (2, 0))
 """For each of a triangle's three sides: the numbers of its two corners."""
 _MIN_ISLAND_FRACTION = 0.05
-"""Minimum size of an island of vertices, as a fraction of its side, for the island to be cut out. Cuts along
-skin weights can create small islands."""
+"""Minimum size of an island (connected vertices on one side of the cut) that is cut out, as a fraction of all
+vertices on that side. Cuts along skin weights can create smaller islands, which are not cut out."""
 
 
 @dataclass(frozen=True)
 class CutSettings:
-    """Settings for cutting meshes."""
+    """Settings for the caps that close a cut."""
 
     rounding: float = parameter(0.0, "Roundness of the caps: 0 is flat, 1 a hemisphere.", low=0.0, high=1.0)
     fine: bool = parameter(True, "Adds vertices inside the caps, so that they can bend and be rounded.")
@@ -46,7 +47,8 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """The plan of a cut. It uses the topology of the welded mesh, and its result refers to the given mesh."""
+    """The plan of a cut. Connectivity is that of the welded mesh. Vertex numbers in the result are those of
+    the given mesh."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -84,8 +86,8 @@ class CutPlan:
         self.chosen = np.zeros(0, np.int64)
 
     def _offset_off_vertices(self) -> float:
-        """Returns the offset of the field that keeps the cut away from vertices: the middle of the widest gap
-        between field values near 0."""
+        """Returns an offset for the field values that keeps the cut away from vertices. It is the middle of
+        the widest gap between field values near 0."""
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = self.field[ends].min(1), self.field[ends].max(1)
         met = (low <= 0) & (high >= 0)
@@ -101,7 +103,8 @@ class CutPlan:
         return float((stops[best] + stops[best + 1]) / 2)
 
     def _without_islands(self) -> Float:
-        """Returns the field values (W,), with the sign changed for small islands of vertices."""
+        """Returns the field values (W,). The sign is changed at small islands of vertices, so that they are
+        not cut out."""
         assert self.values is not None
         values = self.values[self.first]
         far = values > 0
@@ -113,7 +116,7 @@ class CutPlan:
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
-        """Marks every loop to be cut."""
+        """Marks every loop of the plan for cutting."""
         self.chosen = np.arange(self.count)
         self.point = self.places.mean(0) if len(self.places) else np.zeros(2)
 

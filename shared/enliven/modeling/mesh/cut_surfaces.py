@@ -73,8 +73,7 @@ class StrokeCut(CutSurface):
 
     Attributes:
         stroke: (S, 2) points in any units of the image (pixels, or -1..1), with the y axis up. The far side
-        is on the
-            left in the direction of the stroke.
+            is on the left in the direction of the stroke.
         picture_from_world: (4, 4) the projection: x and y in the units of the stroke, after division by w.
     """
 
@@ -124,7 +123,7 @@ class StrokeCut(CutSurface):
 
 
 def _arc_lengths(stroke: Float) -> Float:
-    """Returns the arc length (S,) at each point."""
+    """Returns the arc length (S,) from the start of a stroke (S, 2) to each of its points."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 

@@ -1,9 +1,9 @@
 """Joins two surfaces in their poses at one time. Away from the seam, each keeps its shape at rest.
 
-The union is computed on the posed surfaces, so that artists join what they see, whatever the two look like at
-rest. Vertices away from the seam keep their rest positions and weights bit-exactly. A vertex at the seam is
-mapped back to rest by the inverse of its blended transform. So at the time of the join it has the position
-that the union gave it, and at other times it follows its weights.
+The union is computed on the posed surfaces, because these are the surfaces that an artist sees. The rest
+poses may differ much from them. Vertices away from the seam keep their rest positions and weights
+bit-exactly. A vertex at the seam is mapped back to rest by the inverse of its blended transform. So at the
+time of the join it has its position in the union, and at other times it follows its weights.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def join_surfaces(
 
 
 def unpose_vertices(seen: Float, skin: SkinWeights, maps: Float) -> Float:
-    """Computes the rest positions (V, 3) that the blended ``maps`` (B, 3, 4) move to the posed ``seen`` (V,
-    3).
+    """Computes rest positions (V, 3) from posed positions ``seen`` (V, 3), with the inverse of each vertex's
+    blended transform. ``maps`` (B, 3, 4) are the transforms of the bones.
 
     A nearly singular blend (of bones that are rotated far from each other) has no useful inverse. In that
     case the inverse transform of the bone with the largest weight is used.

@@ -1,8 +1,7 @@
 """Cuts a skinned mesh locally along a surface, into two closed meshes with their skins.
 
     cut_across_bone(mesh, skin, skeleton, bone, u) -> Cut        a plane across a bone, around that bone only
-    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, all parts it passes
-    through
+    cut_by_stroke(mesh, skin, stroke, posed=None) -> Cut         StrokeCut or PlaneCut, all parts it crosses
 
 ``Cut.near`` is the root's side of a bone (behind a plane), and ``Cut.far`` is the other side. Each is a
 :class:`Piece` with its mesh, its skin (bone numbers from before the cut) and ``kept``, the old number of each
@@ -36,7 +35,7 @@ _LARGER_SIDE_RATIO = 1.01
 
 @dataclass(frozen=True)
 class Cut:
-    """Both sides of a cut, and sentences for the user about the cut."""
+    """The two sides of a cut, and notes about the cut as sentences for the user."""
 
     near: Piece
     far: Piece
@@ -106,8 +105,8 @@ def cut_across_bone(
 
 
 def _bone_match(cut: Cut, ahead: Float, behind: Float) -> float:
-    """Returns how well the sides of a cut match the bones on its two sides: the score of the worse side, from
-    0 to 1.
+    """Returns a score from 0 to 1 of how well the two sides of a cut match the bones on these sides: the
+    lower score of the two sides.
 
     The score of a side is the fraction of its bones' total skin weight that is on this side of the cut.
 
@@ -119,8 +118,8 @@ def _bone_match(cut: Cut, ahead: Float, behind: Float) -> float:
     for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
-        # Also penalize a cut if a large part of a side has vertices of the wrong side. Otherwise cutting off
-        # a foot could remove half of the body.
+        # Also penalize a cut if many vertices of a side follow bones of the opposite side. Otherwise cutting
+        # off a foot could remove half of the body.
         size = max(np.count_nonzero(wrong.kept >= 0), 1)
         worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst
@@ -135,11 +134,12 @@ def cut_by_stroke(
 ) -> Cut:
     """Cuts all parts that a stroke passes through.
 
-    A part is cut if the stroke covers at least half of its loop.
+    The cutting surface intersects the mesh in closed loops. A loop is cut if the stroke covers at least half
+    of it.
 
     Args:
-        surface: :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut`, or a PlaneCut.
-        posed: (V, 3) positions of the vertices when the stroke was drawn; None takes the positions in the
+        surface: a :class:`enliven.modeling.mesh.cut_surfaces.StrokeCut` or PlaneCut.
+        posed: (V, 3) positions of the vertices when the stroke was drawn; None uses the positions in the
             mesh.
 
     Raises:
@@ -154,7 +154,7 @@ def _build_pieces(work: CutPlan) -> Cut:
     """Builds both sides of a cut, after its loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():
-        raise InputError("the cut separates nothing", where="cut", remedy="Cut at another place.")
+        raise InputError("the cut does not separate any part", where="cut", remedy="Cut at another place.")
     caps = work.caps()
     near, far = (
         round_caps(build_piece(work, side == half, caps, half), work.settings.rounding)
@@ -184,7 +184,7 @@ def round_caps(piece: Piece, roundness: float) -> Piece:
 
 
 def cap_normals(caps: Mesh) -> Float:
-    """Returns the mean normal of its cap for each vertex, (V, 3)."""
+    """Returns (V, 3) for each vertex the mean normal of the cap that contains the vertex."""
     part = components(len(caps.vertices), caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     total = np.zeros((int(part.max()) + 1, 3))
     np.add.at(total, part[caps.faces[:, 0]], caps.face_vectors())

@@ -5,8 +5,9 @@
 ``offset`` is added to the bone numbers of the second skin (0 if they are already numbered for the merged
 skeleton). ``Union.first`` and ``Union.second`` give the old number of each vertex in either mesh, or -1.
 ``Union.seam`` marks the vertices where the two meshes meet. Vertices and faces that the seam does not touch
-stay bit-exact. The first mesh's come first, then the second mesh's, then the new vertices and faces. If the
-union fails, the result is one mesh of separate shells without any loss, and ``Union.notes`` gives the reason.
+stay bit-exact. Those of the first mesh come first, then those of the second mesh, then the new ones. If the
+union fails, the result is one mesh that contains both surfaces as separate, unchanged shells, and
+``Union.notes`` gives the reason.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | N
     old face.
 
     Args:
-        new: (V,) True for new vertices, which could move.
+        new: (V,) True for new vertices, which may have moved.
         corners: (F, 3, 3) metres, the corners of the remaining faces.
     """
     if mesh.materials is None:

@@ -50,15 +50,15 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
 def matching_bone_numbers(old_shape: Shape, shape: Shape, otherwise: str) -> Int:
     """Returns for each bone of ``old_shape`` the number of the bone of ``shape`` with the same name, (N,).
 
-    If no bone has this name, it is the number of the bone ``otherwise``.
+    If no bone has this name, the result is the number of the bone called ``otherwise``.
     """
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in old_shape.skeleton.names], np.int64)
 
 
 def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
-    """Divides a piece by groups of bones: each shell is assigned to the group that it follows most. A group
-    without shells gets None."""
+    """Divides a piece by groups of bones. Returns one piece for each group, with the shells that follow this
+    group most, or None for a group without shells."""
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
@@ -72,7 +72,7 @@ def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece
 
 
 def _select_piece_faces(piece: Piece, inside: Bool) -> Piece | None:
-    """Returns the faces of a piece between vertices that are ``inside`` (V,), or None without such faces."""
+    """Returns the faces of a piece with all corners ``inside`` (V,), or None if no face has this property."""
     if not inside.any() or piece.skin is None:
         return None
     if inside.all():

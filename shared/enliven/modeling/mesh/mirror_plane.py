@@ -108,7 +108,8 @@ def _sample_points(points: Float, normals: Float, count: int) -> _Cloud:
 
 
 def _candidate_normals(points: Float) -> Float:
-    """Returns (C, 3) initial normals."""
+    """Returns (C, 3) unit normals of the candidate planes: the axes, the principal axes, and directions all
+    around."""
     k = np.arange(_INITIAL_NORMALS) + 0.5
     up, turn = k / _INITIAL_NORMALS, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - up * up)
@@ -155,7 +156,8 @@ def _mirror_points(points: Float, normal: Float, offset: float) -> Float:
 
 
 def _distinct_planes(planes: list[_MirrorFit]) -> list[_MirrorFit]:
-    """Returns the best few planes that differ from one another."""
+    """Returns the best planes, at most ``_MAX_PLANES_REFINED``, without planes that are nearly equal to a
+    better plane."""
     distinct: list[_MirrorFit] = []
     for plane in planes:
         if all(abs(plane.normal @ other.normal) < _SAME_NORMAL_COSINE for other in distinct):

@@ -23,7 +23,8 @@ def flip_to_delaunay(vertices: Float, faces: Int32) -> Int32:
 
 
 def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
-    """Flips the faces (F, 3) of a patch to Delaunay, except edges between two vertices of a seam (V,)."""
+    """Returns the faces (F, 3) of a patch after flips to a Delaunay triangulation. Edges between two vertices
+    of the seam (mask (V,)) are not flipped."""
     out = faces.copy()
     beside = adjacent_triangles(out, len(vertices))
     ends = out[:, [[1, 2], [2, 0], [0, 1]]]
@@ -33,8 +34,8 @@ def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
 
 
 def smooth_taubin(vertices: Float, faces: Int32, times: int) -> Float:
-    """Moves vertices (V, 3) towards the mean of their neighbours. Noise is removed, low frequencies are kept,
-    and triangles become more regular."""
+    """Smooths vertices (V, 3) by ``times`` Taubin passes. This removes noise, keeps low frequencies, and
+    makes triangles more regular."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()
     for _ in range(times):
@@ -90,7 +91,8 @@ def _share_an_edge(faces, beside, t, a, d):
 
 @njit(cache=True, nogil=True)
 def _flip_all(vertices, faces, beside):
-    """Flips edges until none improves. Skips flips that would fold the surface or duplicate an edge."""
+    """Flips edges until no flip improves the triangulation. Skips flips that would fold the surface or
+    duplicate an edge."""
     for _ in range(20):
         done = 0
         for t in range(faces.shape[0]):

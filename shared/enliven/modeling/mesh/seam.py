@@ -29,7 +29,7 @@ from enliven.modeling.skinning.skin_values import bone_count, dense_weights, kee
 from enliven.settings import parameter
 
 _SMOOTH_RINGS = 3
-"""Number of vertex rings around a seam that are smoothed: the width of a visible step."""
+"""Number of vertex rings around a seam that are smoothed. A visible step at a seam is about this wide."""
 _MIN_SMOOTH_RADII = 0.15
 """Minimum distance from the seam that is smoothed, in radii of the seam, for meshes with narrow rings."""
 _MAX_SMOOTH_RADII = 0.9
@@ -41,12 +41,12 @@ _MIN_SMOOTHED_BEND_DEG = 15.0
 _HOLD_WEIGHT = 1e-6
 """Weight that pulls vertices towards their old positions, relative to the smoothness term."""
 _MAX_DISPLACEMENT_EDGES = 1.5
-"""Maximum displacement of a vertex, in edge lengths."""
+"""Maximum displacement of a vertex by smoothing, in edge lengths."""
 
 
 @dataclass(frozen=True)
 class SeamSettings:
-    """Settings for smoothing a seam and its weights."""
+    """Settings for smoothing the surface and the skin weights around a seam."""
 
     strength: float = parameter(
         1.0, "Strength of the smoothing: 0 is off, 1 is the smoothest shape.", unit="share", low=0.0, high=1.0

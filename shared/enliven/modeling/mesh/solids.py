@@ -14,13 +14,13 @@ from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, close_su
 
 @dataclass(frozen=True)
 class Solid:
-    """A closed mesh for manifold3d, with the origin of its parts.
+    """A closed mesh for manifold3d, with the origin of its vertices and faces.
 
     Attributes:
         manifold: the manifold3d object. Each of its vertices has its number in ``mesh`` as a property.
         mesh: the given vertices, then the vertices that close the surface. Unusable faces are excluded.
-        closing: for the vertices that close the surface, in their order: the vertices that they depend on,
-            and the interpolation.
+        closing: one pair for each group of vertices that close the surface, in order: the vertices that the
+            group depends on, and the function that interpolates values at the group's vertices.
         leaves: a mesh of the given faces that do not enclose a volume (open sheets), with the vertices of
             ``mesh``.
         id: number of the solid in manifold3d's results.
@@ -47,11 +47,11 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
     used = mesh.with_faces(use)
     closed = close_surface(used, of)
     if not len(closed.faces):
-        return "the surface is open, and too much of it is missing to close it"
+        return "the surface is open, and its holes are too large to close"
     if closed.caps:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
-        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing and stay unchanged")
+        notes.append(f"{int(closed.leaf.sum())} of its faces do not enclose a volume and stay unchanged")
     closed_mesh = _closed_mesh(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),

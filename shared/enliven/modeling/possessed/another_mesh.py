@@ -31,8 +31,9 @@ def possess_another(
     """Adds a mesh that performers move in the same way as the mesh of a recorded possession. Returns the
     project and the mesh's id.
 
-    The mesh is moved to its performers as on a stage, and keeps its own ends and joints. Settings that refer
-    to positions on the first mesh (ends, joints and stiff spots) are dropped.
+    The mesh is placed at its performers, as for a live performance. It keeps the ends and joints that were
+    marked on it. Settings that refer to positions on the first mesh (ends, joints and stiff spots) are
+    dropped.
 
     Args:
         fit: True to scale the mesh to a person's size first, False to keep its size.

@@ -13,7 +13,8 @@ _FALLOFF_FRACTION = 0.3
 """Falloff radius along the graph, as a fraction of the mesh's size. A limb then follows the dragged node, but
 not the whole mesh."""
 _MIN_FALLOFF_EDGES = 1.5
-"""Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
+"""Minimum falloff radius, as a multiple of the median length of the dragged node's edges, so that its
+neighbours follow."""
 _SLOPE_REGULARIZATION = 1e-3
 """Regularization of the slopes perpendicular to the surface, as a fraction of the squared edge length. It is
 also the minimum difference between the share of the dragged node (1) and the share of any other node.

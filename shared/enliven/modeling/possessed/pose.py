@@ -28,7 +28,7 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=shape.where, remedy="Give seconds.")
+        raise InputError(f"the time {time} is not finite", where=shape.where, remedy="Give seconds.")
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     over = [_layer_at(project, layer, len(shape.positions), time) for layer in shape.over]
     for part, start in zip(shape.parts, shape.starts, strict=False):
@@ -85,12 +85,12 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 @dataclass(frozen=True)
 class _LayerMotion:
-    """The motion by one layer of the nodes of a shape at rest.
+    """The motion that one layer adds to the nodes of a shape in the rest pose.
 
     Attributes:
         moves: (N,) True for nodes that the layer moves.
         linear, apart: (N, 3, 3) linear maps, and (N, 3) metres, displacements: a node moves from r to r +
-        apart.
+            apart.
     """
 
     moves: Bool
@@ -99,12 +99,13 @@ class _LayerMotion:
 
 
 def compose_with_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
-    """Applies a motion of the rest pose before the motion with linear maps (N, 3, 3) and positions (N, 3)."""
+    """Returns the composition of two motions of N nodes: first the motion of the rest pose by ``linear`` (N,
+    3, 3) and ``apart`` (N, 3), then the motion ``base`` (maps and positions)."""
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
 
 def _apply_layers(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
-    """Returns the maps and positions of some nodes with the layers on top applied."""
+    """Returns the maps (K, 3, 3) and positions (K, 3) of ``nodes`` (K,) with the layers on top applied."""
     for layer in over:
         base = compose_with_base(base, layer.linear[nodes], layer.apart[nodes])
     return base
@@ -149,7 +150,8 @@ def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Flo
 
 
 def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
-    """Returns the recorded maps and positions at a second of the stream."""
+    """Returns the recorded maps (K, 3, 3) and positions (K, 3) of ``nodes`` (K,), at the time ``second`` of
+    the stream."""
     last = len(stream.positions) - 1
     frame = min(second / stream.step, float(last))
     before = min(int(frame), max(last - 1, 0))

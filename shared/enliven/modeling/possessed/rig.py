@@ -1,4 +1,4 @@
-"""Edits of whole characters for deformation graphs."""
+"""Implements the edits of whole characters for deformation graphs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _MIRRORED_ENDS = [0, 2, 1, 4, 3]
 
 
 class GraphRig(RigEdits):
-    """Edits of a deformation graph that plays recorded motion."""
+    """Implements the edits of whole characters for deformation graphs that play recorded motion."""
 
     drawn = staticmethod(character_from_graph_shape)
     cut = staticmethod(cut_graph)
@@ -43,11 +43,12 @@ class GraphRig(RigEdits):
         return np.asarray(shape.positions[0])
 
     def seen(self, project: Project, shape: GraphShape, time: float) -> Float:
-        """Returns the vertices at a time."""
+        """Returns the vertices (V, 3) in metres at a time of the project."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
     def player(self, project: Project, shape: GraphShape) -> Player:
-        """Returns a function that gives the pose at a time. It has no handles: nodes play recorded motion."""
+        """Returns a function from a time to the pose. It has no handles, because nodes play recorded
+        motion."""
         return lambda time: CharacterState(pose_of_graph(project, shape, time), np.zeros((0, 3)))
 
     def handle_motion(
@@ -68,7 +69,7 @@ class GraphRig(RigEdits):
         return at
 
     def key_layer(self, project: Project, shape: GraphShape, handle: int) -> int | None:
-        """Returns the first layer with keys of the node."""
+        """Returns the number of the first layer with keys of the node, or None."""
         for number, layer in enumerate(shape.over):
             keyed = project.streams[layer.take].keyed
             if keyed >= 0 and (layer.own[layer.nodes == keyed] == handle).any():
@@ -100,7 +101,7 @@ class GraphRig(RigEdits):
         return shape.with_changes(parts=parts)
 
     def scaled(self, shape: GraphShape, factor: float) -> GraphShape:
-        """Scales the rest pose and the motion."""
+        """Scales the rest pose and the motion by ``factor`` about the centre."""
         centre = self.centre(shape)
 
         def larger(points: Float) -> Float:
@@ -123,7 +124,7 @@ class GraphRig(RigEdits):
         )
 
     def mirrored(self, project: Project, shape: GraphShape, axes: Axes) -> GraphShape:
-        """Mirrors the rest pose and the motion."""
+        """Mirrors the rest pose and the motion. Left and right ends are swapped."""
         centre, flip = self.centre(shape), Axes(IDENTITY, True)
         parts = []
         for part in shape.parts:
@@ -160,7 +161,7 @@ class GraphRig(RigEdits):
     def as_graph(
         self, project: Project, shape: GraphShape, times: Float, stream_id: str
     ) -> tuple[GraphShape, PoseStream, str]:
-        """Combines all parts in one stream, sampled at the times."""
+        """Combines the motion of all parts in one stream, sampled at ``times`` (T,)."""
         poses = [graph_pose(project, shape, float(time)) for time in times]
         linear, positions = (np.stack(each) for each in zip(*poses, strict=True))
         stream = PoseStream(stream_id, linear, positions, float(times[1] - times[0]))

@@ -39,7 +39,8 @@ _GRID_SIZE_M = 1e-5
 """Grid size in metres to which coordinates are rounded for comparing meshes. Scaling a mesh and back causes
 rounding errors of 1e-15."""
 _GRID_OFFSET = 0.31830988618
-"""Offset of the grid as a fraction of its size, so that round numbers do not fall on a boundary."""
+"""Offset of the grid as a fraction of its size. It keeps round numbers away from the boundaries between grid
+cells."""
 
 
 def stale(project: Project, shape: GraphShape) -> bool:
@@ -207,8 +208,8 @@ def _extract_part_at_rest(shape: GraphShape, number: int) -> tuple[Character, Fl
 def _part_surface(
     shape: GraphShape, own_nodes: AnyArray
 ) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
-    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own_nodes`` most.
-    If no surface follows them, returns those of the whole surface."""
+    """Returns vertices (V, 3), faces (F, 3), skin and stiffness (V,) of the surface that mostly follows
+    ``own_nodes`` (K,). If no face follows these nodes, all faces are used."""
     mesh, skin = shape.mesh, shape.skin
     if len(own_nodes) == len(shape.positions):
         return mesh.vertices, mesh.faces, skin, mesh.stiffness

@@ -1,7 +1,7 @@
 """Cuts and merges possessed meshes: both the deformation graph and its motion.
 
-A cut or merge changes the set of nodes and their carriers, never the recorded streams. So no motion is lost:
-if a possessed chair is cut in two, both halves still walk.
+A cut or merge changes the set of nodes and the nodes that carry other parts, but never the recorded streams.
+So no motion is lost: if a possessed chair is cut in two, both halves still walk.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def cut_graph(
         notes: a list that receives sentences about the closing of the mesh.
 
     Returns:
-        The project, and the ids of both sides. The larger side keeps ``shape_id`` (of two equal halves the
-        near half), and the other side gets a new id.
+        The project, and the ids of both sides. The larger side keeps ``shape_id``, and the other side gets a
+            new id. If both have the same size, the near side keeps it.
 
     Raises:
         InputError: if the shape does not exist, or the stroke cuts nothing off.
@@ -58,8 +58,8 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
 
     At that time, both keep their positions. At other times, the graft rigidly follows a node of the host,
     with its own motion on top. The meshes are united in their poses at that time. The graft's rest pose is
-    aligned with the host's rest pose so that the two meet at the node in the same way. The motion of the
-    graft's vertices relative to its nodes does not change.
+    aligned with the host's rest pose, so that the two meet at the node as they do at that time. The motion of
+    the graft's vertices relative to its nodes does not change.
 
     Raises:
         InputError: if the node does not exist, or the union of the meshes fails.
@@ -135,7 +135,8 @@ def _parts_with_starts(shape: GraphShape) -> list[tuple[GraphPart, int]]:
 
 
 def _part_with(part: GraphPart, is_kept: Bool, number: Int) -> GraphPart:
-    """Returns a part with a subset of its nodes, and its ride with the node's new number."""
+    """Returns a part with the nodes for which ``is_kept`` is True, and its ride with the new ``number`` of
+    the carrying node."""
     ride = None if part.ride is None else replace(part.ride, node=int(number[part.ride.node]))
     return replace(part, nodes=part.nodes[is_kept], ride=ride)
 
@@ -188,6 +189,6 @@ def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
 
 
 def _world_from_rest(linear: Float, positions: Float, rest: Float) -> Float:
-    """Returns the map (N, 3, 4) of each node from rest to the world."""
+    """Returns the affine map (N, 3, 4) of each node from rest to the world, in metres."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

@@ -1,8 +1,9 @@
-"""Bakes puppets to possessed meshes, which can be cut and merged (:mod:`enliven.modeling.possessed.surgery`).
+"""Bakes puppets (meshes driven by example poses) to possessed meshes.
 
     project, graph_id, error = bake_puppet(project, "cactus")
 
-The puppet's motion is kept within the returned error. Its examples are lost, but undo restores them.
+Possessed meshes can be cut and merged (:mod:`enliven.modeling.possessed.surgery`). The baked motion differs
+from the puppet's motion by the returned error. The examples are lost, but undo restores them.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def bake_puppet(
     The mesh replaces the puppet and gets its id. If the puppet is kept, the mesh gets a new id.
 
     Raises:
-        InputError: as :func:`bake_motion`.
+        InputError: in the same cases as :func:`bake_motion`.
     """
     puppet = project.puppet(puppet_id)
     rest = project if keep else project.without(puppet_id)
@@ -90,8 +91,8 @@ def graph_from_baked_surface(
     Args:
         turns, places: (F, 4) and (F, 3), the world pose of the mesh's frame.
         step: seconds from frame to frame.
-        ids: of the shape and of the stream.
-        start: seconds of the project's time at which it begins.
+        ids: the ids of the shape and of the stream.
+        start: time of the project in seconds at which the motion begins.
     """
     linear = to_matrix(turns)[:, None] @ surface.linear
     positions = rotate(turns[:, None], surface.places) + places[:, None]
@@ -101,12 +102,12 @@ def graph_from_baked_surface(
 
 
 def frame_times(start: float, end: float, rate: float, name: str) -> Float:
-    """Returns (T,) seconds from start to end.
+    """Returns (T,) the frame times in seconds from ``start`` to ``end``, at ``rate`` frames per second.
 
     Raises:
         InputError: if the times are invalid.
     """
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
-        problem = f"from {start} s to {end} s at {rate} frames a second is not a valid time range"
+        problem = f"{start} s to {end} s at {rate} frames per second is not a valid time range"
         raise InputError(problem, where=f"shape {name!r}", remedy="Give an end after the start.")
     return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)

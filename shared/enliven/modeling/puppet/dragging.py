@@ -15,11 +15,12 @@ from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, time: float) -> Project:
     """Moves a control point to ``place`` (3,), metres in the world, at a time of the project.
 
-    The other control points keep their positions at that time, and all of them form a key pose. It belongs to
-    the take of the lowest layer that plays. An existing key pose of that frame is changed.
+    The other control points keep their positions at that time, and all control points together form a key
+    pose. The key pose belongs to the take of the lowest layer that plays. An existing key pose of that frame
+    is changed.
 
     Raises:
-        InputError: if the puppet plays no take, or for the reasons of ``add_key_pose``.
+        InputError: if the puppet plays no take, or if ``add_key_pose`` rejects the pose.
     """
     puppet = project.puppet(puppet_id)
     layer = next((candidate for candidate in puppet.layers if not candidate.muted), None)
@@ -36,7 +37,8 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
 
 
 def key_pose_at(project: Project, puppet: Puppet, take: str, second: float) -> int | None:
-    """Returns the number of the key pose at a frame of a take, or None."""
+    """Returns the number of the key pose at the frame of a take that plays at ``second``, or None if there is
+    none."""
     clip = project.takes[take]
     frames = [find_nearest_frame(clip, pose.time) if pose.take == take else -1 for pose in puppet.poses]
     frame = find_nearest_frame(clip, second)

@@ -5,8 +5,8 @@
     project = add_key_pose(project, "cactus", "traffic", 3.2, places)
     project = play_take(project, "cactus", "traffic", loop=True)
 
-An invalid edit raises InputError and changes nothing. Changes of layers, moves, mirroring and copies are
-edits in :mod:`enliven.modeling.edits`.
+An invalid edit raises InputError and changes nothing. For changes of layers, moves, mirroring and copies, see
+:mod:`enliven.modeling.edits`.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
 
 
 def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> PuppetLayer:
-    """Returns a layer after checking it, as far as an unfinished puppet can be checked."""
+    """Returns a layer after checking it. For an unfinished puppet, checks that need the missing data are
+    skipped."""
     location = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
         remedy = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."

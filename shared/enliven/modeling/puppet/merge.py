@@ -2,10 +2,10 @@
 
 At the time of the merge both keep their poses. Key poses of both are kept. If only one puppet has a certain
 key pose, the control points of the other puppet get their positions from that puppet's own motion. So both
-keep moving as before, and their surfaces become one surface. If the graft plays the same takes as the host,
-or no take, it rigidly follows the host's surface around the meeting point, and its own motion is added on
+puppets keep moving as before, and their surfaces become one surface. If the graft plays the same takes as the
+host, or no take, it rigidly follows the host's surface around the meeting point. Its own motion is added on
 top. A graft that plays another take cannot follow the host, because its frames do not determine the host's
-pose. It moves about its current position.
+pose. Such a graft moves about its position at the time of the merge.
 """
 
 from __future__ import annotations
@@ -65,16 +65,16 @@ class _Rigid:
 
     @property
     def inverse(self) -> _Rigid:
-        """The inverse motion."""
+        """Returns the inverse motion."""
         return _Rigid(self.turn.T, -self.turn.T @ self.move)
 
 
 def merge_puppets(project: Project, merge: Merge) -> Project:
     """Attaches a puppet to another puppet in their poses at a time. The host keeps its name and its path.
 
-    The meshes are united at rest, with the graft aligned to the host as at the meeting place in these poses.
-    The layers of both puppets are kept, and each layer moves the same control points as before. The graft's
-    layers no longer travel, and its hard constraints are dropped.
+    The meshes are united at rest. The graft is first aligned to the host at the point where the two meet, so
+    that they meet as in these poses. The layers of both puppets are kept, and each layer moves the same
+    control points as before. The graft's layers no longer travel, and its hard constraints are dropped.
 
     Raises:
         InputError: if the union of the meshes fails.
@@ -101,7 +101,7 @@ class _Side:
         state: the puppet's state at that time.
         seen: (V, 3) metres in the world, the puppet's vertices at that time.
         keys: the takes and frames of the puppet's key poses.
-        was: (n, V, 3) metres, the puppet's surface in its mesh's frame in each key pose.
+        was: (n, V, 3) metres, the puppet's surface in each of the n key poses, in the frame of its mesh.
     """
 
     def __init__(self, project: Project, puppet: Puppet, time: float) -> None:
@@ -123,7 +123,7 @@ class _Side:
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
     def show(self, keys: Sequence[tuple[str, int]]) -> None:
-        """Computes the surface for the key poses of both puppets."""
+        """Computes this puppet's surface in the key poses ``keys`` (take, frame) of both puppets."""
         count = len(self.puppet.points)
         places = np.array([self._key_places(key) for key in keys]).reshape(len(keys), count, 3)
         self.was = solve_surfaces(self._surface, places)
@@ -135,7 +135,7 @@ class _Side:
         return _fit_rigid_motion(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
     def carried(self, key: int) -> _Rigid:
-        """Returns the rigid motion of the surface around the meeting place, from the time of the merge to a
+        """Returns the rigid motion of the surface around the meeting point, from the time of the merge to a
         key pose."""
         return _fit_rigid_motion(self.local[self._near], self.was[key][self._near])
 
@@ -155,7 +155,7 @@ class _Side:
 
 
 class _Merge:
-    """The construction of the merged puppet, step by step."""
+    """A builder of the merged puppet."""
 
     def __init__(
         self, host: _Side, graft: _Side, union: Union, keys: Sequence[tuple[str, int]], middle: Float
@@ -212,7 +212,7 @@ class _Merge:
     def _points_on_union(
         self, puppet: Puppet, of: Int, used_names: set[str], notes: list[str]
     ) -> dict[str, ControlPoint]:
-        """Returns the control points on the united mesh by their old names. New points come last.
+        """Returns the control points on the united mesh, keyed by their old names. New points come last.
 
         If the union removed a point's vertex, the point moves to the nearest remaining vertex.
         """
@@ -237,7 +237,8 @@ class _Merge:
     def _rename_taken_points(
         self, points: dict[str, ControlPoint], used_names: set[str]
     ) -> dict[str, ControlPoint]:
-        """Renames control points with taken names. Returns them by their old names."""
+        """Renames control points with names that are taken. Returns all control points, keyed by their old
+        names."""
         names = dict.fromkeys(used_names)
         for old, point in points.items():
             points[old] = replace(point, name=unused(old, names))
@@ -319,7 +320,7 @@ def _united_mesh(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union
 
 
 def _placeholder_skin(puppet: Puppet) -> SkinWeights:
-    """Returns a skin with full weight on bone 0, as a placeholder."""
+    """Returns a placeholder skin with full weight on bone 0, because a union needs skins."""
     count = len(puppet.mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
     weights[:, 0] = 1.0

@@ -1,4 +1,4 @@
-"""Functions for cutting and merging puppets: the surface in key poses and at a time, and missing key
+"""Functions for cutting and merging puppets. They solve the surface in key poses and at a time, and add key
 poses."""
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
         InputError: if the time is not finite.
     """
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"puppet {puppet.id!r}", remedy="Give seconds.")
+        raise InputError(
+            f"the time {time} is not finite", where=f"puppet {puppet.id!r}", remedy="Give seconds."
+        )
     try:
         return evaluate_state(project, puppet, time)
     except InputError:
@@ -48,7 +50,7 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
 
 
 def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
-    """Converts a point in the world to the mesh's frame, (3,) metres each."""
+    """Returns a point (3,) of the world in the mesh's frame, in metres."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
 
@@ -62,8 +64,8 @@ def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
 
 
 def align_puppet(puppet: Puppet, state: State, reference: Puppet, reference_state: State) -> Puppet:
-    """Returns the puppet, moved so that the frame of its mesh in ``state`` coincides with the frame of the
-    mesh of puppet ``reference`` in ``reference_state``.
+    """Returns the puppet, moved so that two mesh frames coincide: its own in ``state``, and that of the
+    puppet ``reference`` in ``reference_state``.
     """
     turn = normalized(multiply(_world_rotation(reference, reference_state), _rotation_about_y(-state.yaw)))
     place = rotate(reference.turn, reference_state.root) + reference.place - rotate(turn, state.root)
@@ -84,8 +86,8 @@ def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_layer_pose(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """Adds a layer's pose at a frame of its take as a key pose. The puppet stays unchanged if two of its
-    examples would then be equal.
+    """Adds a layer's pose at a frame of its take as a key pose. If two examples of the puppet would then be
+    equal, the puppet stays unchanged.
     """
     motion, take = solve_layer_motion(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
@@ -133,8 +135,8 @@ def find_needed_points(
     """Finds vertices that need a control point so that the surface in the key poses stays the same.
 
     Args:
-        puppet: the puppet with its new mesh. In its key poses, its control points are positioned as in
-            ``old_positions``.
+        puppet: the puppet with its new mesh. Its control points have the positions of ``old_positions`` in
+            its key poses.
         old_positions: (n, V, 3) metres, the old positions of the vertices in the key poses.
         has_old_position: (V,) True for vertices with a known old position that should be kept.
         required_vertices: vertices that get a control point in any case.
@@ -166,8 +168,8 @@ def find_needed_points(
         if worst <= tolerance or len(added) >= max_count or off.max() <= 0.0:
             if len(asked) == len(old_positions):
                 return added, worst
-            # Finally, check again the key poses that were within the tolerance before, because the added
-            # vertices may have changed them.
+            # Finally, check the key poses again that were within the tolerance. The added vertices may have
+            # changed them.
             asked, max_count = np.arange(len(old_positions)), 0 if worst > tolerance else max_count
             continue
         asked = asked[each.max(1) > tolerance]
@@ -177,8 +179,8 @@ def find_needed_points(
 
 
 def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
-    """Returns up to ``count`` vertices with errors above the tolerance, the worst first. They keep a distance
-    from each other."""
+    """Returns up to ``count`` vertices with errors above the tolerance, the worst first. Vertices close to a
+    chosen vertex are skipped."""
     errors, chosen = off.copy(), list[int]()
     spacing = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     while len(chosen) < count and (not chosen or errors.max() > tolerance):
@@ -188,8 +190,8 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints that differ between key poses. If no joint differs,
-    returns all paired control points.
+    """Returns the control points with joints that have different positions in different key poses. If there
+    are none, returns all control points that have a joint.
 
     The performer's root never moves in the body frame, so its control point is left out.
     """
@@ -204,8 +206,8 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """Removes key poses with the same joint positions as an earlier one. Returns the puppet and the number of
-    removed poses."""
+    """Removes key poses with the same joint positions as an earlier key pose. Returns the puppet and the
+    number of removed poses."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
@@ -227,8 +229,8 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
 
 
 def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
-    """Returns the joints at the key poses, (n, P, 3) in metres of the body's frame, or None without
-    examples.
+    """Returns the positions of the paired joints in the n key poses, (n, P, 3) metres in the body's frame, or
+    None without examples.
     """
     try:
         return examples_from_key_poses(project, puppet.with_changes(symmetry=None)).sources
@@ -239,8 +241,8 @@ def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
 def nearest_paired(
     mesh: Mesh, points: Sequence[ControlPoint], vertices: Sequence[int]
 ) -> list[ControlPoint | None]:
-    """Returns for each vertex the nearest paired control point along the surface, or None if no point is
-    paired."""
+    """Returns for each vertex the control point with a joint that is nearest along the surface, or None if no
+    control point has a joint."""
     paired = [point for point in points if point.joint]
     if not paired or not vertices:
         return [None] * len(vertices)
@@ -266,7 +268,7 @@ def sample_spread_vertices(
 
 
 def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
-    """Removes all other control points from a layer."""
+    """Returns the layer with only the control points that have one of the ``names``."""
     return replace(
         layer,
         points=tuple(name for name in layer.points if name in names),
@@ -285,7 +287,8 @@ _MIN_MOTION_FRACTION = 0.02
 
 
 def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
-    """Returns the layer that positions all control points without other layers, or None if there is none."""
+    """Returns the layer that alone determines the positions of all control points, or None if several layers
+    determine them."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
         return None

@@ -23,15 +23,16 @@ def add_point(
     foot: bool = False,
     places: AnyArray | None = None,
 ) -> Project:
-    """Adds a control point at the end of the list. In each key pose it lies on the surface.
+    """Adds a control point at the end of the puppet's list. In each key pose, the control point is on the
+    surface.
 
     Args:
-        vertex: the vertex of the mesh at which the control point lies.
+        vertex: the vertex of the mesh that the control point moves.
         name: name that is unique on the puppet. If empty, a name is generated.
-        joint: the performer's joint that the control point follows. Empty for none.
+        joint: the performer's joint that the control point follows, or "" if there is none.
         foot: True if the puppet can stand on the control point.
         places: (n, 3) metres, the control point's position in each key pose; None to solve the surface for
-        it.
+            it.
 
     Raises:
         InputError: if the vertex does not exist, has a control point or belongs to no face, or if the name is
@@ -103,14 +104,14 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
 
 
 def checked_vertex(puppet: Puppet, vertex: int) -> int:
-    """Returns a vertex after checking that a control point can be on it.
+    """Returns a vertex after checking that a control point can be placed on it.
 
     Raises:
         InputError: if it does not exist, no face uses it, or another control point is on it.
     """
     count = len(puppet.mesh.vertices)
     if not 0 <= vertex < count:
-        remedy = f"It has 0..{count - 1}."
+        remedy = f"Its vertices are 0..{count - 1}."
         raise InputError(f"the mesh has no vertex {vertex}", where=_error_place(puppet), remedy=remedy)
     if not (puppet.mesh.faces == vertex).any():
         problem = f"vertex {vertex} belongs to no face, so no surface would follow it"
@@ -145,7 +146,7 @@ def _with_row(places: AnyArray, number: int, place: Float) -> Float:
 
 
 def _layer_without_point(layer: PuppetLayer, name: str) -> PuppetLayer:
-    """Removes a control point from a layer."""
+    """Returns the layer without the control point ``name`` and its constraints."""
     return replace(
         layer,
         points=tuple(other for other in layer.points if other != name),
@@ -158,7 +159,7 @@ def _layer_without_point(layer: PuppetLayer, name: str) -> PuppetLayer:
 
 
 def _layer_with_renamed_point(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
-    """Renames a control point in a layer."""
+    """Returns the layer with the control point ``old`` renamed to ``new``."""
 
     def name(one: str) -> str:
         return new if one == old else one

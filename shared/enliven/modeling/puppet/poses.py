@@ -1,4 +1,5 @@
-"""Edits of a puppet's key poses: a pose of the performer, with the positions of the control points for it."""
+"""Edits of a puppet's key poses. A key pose pairs a pose of the performer with positions of the control
+points."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from enliven.modeling.rig import check_names
 
 
 def add_key_pose(project: Project, puppet_id: str, take: str, time: float, places: AnyArray) -> Project:
-    """Adds an example at the end of the list: positions of the control points at a time of a take.
+    """Adds a key pose at the end of the puppet's list: positions of the control points at a time of a take.
 
     Args:
         take: id of the take.
@@ -26,8 +27,7 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
 
     Raises:
         InputError: if the take does not exist, or the time is outside of it or already has a key pose. Also
-            if the positions are not finite or not one per control point, or if the performer's pose equals
-            the performer's pose of another example.
+            if a position is missing or not finite, or if another key pose has the same pose of the performer.
     """
     puppet = project.puppet(puppet_id)
     pose = _checked_pose(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
@@ -38,7 +38,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
     """Changes the ``places`` of a key pose, or the ``time`` or ``take`` of the performer's pose.
 
     Raises:
-        InputError: if no key pose has that number, or for the reasons of :func:`add_key_pose`.
+        InputError: if no key pose has that number, or for any reason that :func:`add_key_pose` lists.
     """
     puppet = project.puppet(puppet_id)
     old = _find_key_pose(puppet, number)
@@ -48,7 +48,7 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
-    """Removes an example. Its take remains in the project.
+    """Removes a key pose. Its take remains in the project.
 
     Raises:
         InputError: if no key pose has that number.
@@ -99,8 +99,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
 
 
 def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
-    """Returns the project with the puppet. Raises an error if its examples can be compared and do not
-    differ."""
+    """Returns the project with the puppet. Raises an error if two of its examples are equal."""
     changed = project.with_characters(puppet)
     if not missing(changed, puppet):
         examples_from_key_poses(changed, puppet)
@@ -109,7 +108,7 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
 
 def _find_key_pose(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
-        remedy = f"It has {len(puppet.poses)}."
+        remedy = f"Number of key poses: {len(puppet.poses)}."
         raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", remedy=remedy)
     return puppet.poses[number]
 
@@ -127,14 +126,16 @@ def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int |
         raise InputError(f"the take {pose.take!r} does not exist", where=location, remedy=remedy)
     frame = find_nearest_frame(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
-        problem = f"places of shape {pose.places.shape} for {len(puppet.points)} points, or not finite"
-        raise InputError(problem, where=location, remedy="Give one place for each control point.")
+        problem = (
+            f"the positions are {pose.places.shape} for {len(puppet.points)} control points, or not finite"
+        )
+        raise InputError(problem, where=location, remedy="Give one position for each control point.")
     for other, existing in enumerate(puppet.poses):
         same = (
             existing.take == pose.take
             and find_nearest_frame(project.takes[existing.take], existing.time) == frame
         )
         if other != number and same:
-            problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
+            problem = f"frame {frame} of {pose.take!r} already has key pose {other}"
             raise InputError(problem, where=location, remedy="Change that key pose, or choose another time.")
     return pose

@@ -1,4 +1,4 @@
-"""Edits of whole characters for puppets."""
+"""Implements the edits of whole characters for puppets."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from enliven.rotation import IDENTITY, from_matrix, multiply, normalized, rotate
 
 
 class PuppetRig(RigEdits):
-    """Edits of a puppet, with control points driven by example poses. Baking solves its surface for each
-    frame."""
+    """Implements the edits of whole characters for puppets. Their control points are driven by example poses.
+    Baking solves the surface for each frame."""
 
     frames = 30.0
     drawn = staticmethod(character_from_puppet)
@@ -40,18 +40,18 @@ class PuppetRig(RigEdits):
     merged = staticmethod(merge_puppets)
 
     def centre(self, puppet: Puppet) -> Float:
-        """Returns the point on the floor under the centre of the mesh at rest."""
+        """Returns the point (3,) on the floor below the centre of the mesh at rest, in metres."""
         low, high = puppet.mesh.bounds
         middle = (low + high) / 2.0 * [1.0, 0.0, 1.0]
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
     def seen(self, project: Project, puppet: Puppet, time: float) -> Float:
-        """Returns the vertices at a time."""
+        """Returns the vertices (V, 3) in metres at a time of the project."""
         return self.surface(project, puppet)(time)
 
     def player(self, project: Project, puppet: Puppet) -> Player:
-        """Returns a function that returns the puppet's frame and control points. The renderer solves the
-        surface that belongs to them."""
+        """Returns a function from a time to the puppet's frame and control points. The renderer solves the
+        surface from these."""
 
         def at(time: float) -> CharacterState:
             state = state_at(project, puppet, time)
@@ -75,7 +75,8 @@ class PuppetRig(RigEdits):
         return at
 
     def surface(self, project: Project, puppet: Puppet) -> Callable[[float], Float]:
-        """Returns a function that returns the surface at a time. The solver is prepared once."""
+        """Returns a function from a time to the surface (V, 3) in metres. The solver is prepared only
+        once."""
         solver = surface_of_puppet(puppet)
 
         def at(time: float) -> Float:
@@ -90,12 +91,12 @@ class PuppetRig(RigEdits):
         return (*missing(project, puppet), *([] if plays else [f"Choose a take for {puppet.id}."]))
 
     def check_layers(self, project: Project, puppet: Puppet, numbers: set[int]) -> None:
-        """Raises an error if constraints of these layers contradict one another."""
+        """Raises an error if constraints of the layers ``numbers`` contradict each other."""
         for number in numbers:
             checked_layer(project, puppet, puppet.layers[number])
 
     def dragged(self, project: Project, puppet: Puppet, handle: int, place: Float, time: float) -> Project:
-        """Adds the pose at that time as a key pose, with the control point at ``place``."""
+        """Adds the pose at ``time`` as a key pose, with the control point ``handle`` moved to ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
@@ -116,10 +117,10 @@ class PuppetRig(RigEdits):
     def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
         """Mirrors the puppet's own frame left to right, then rotates it into the mirrored position."""
         flip = Axes(IDENTITY, True)
-        # A point x of the mesh is at T (Ry(yaw) x + root) in the world, without the puppet's place. T is the
-        # puppet's rotation. Let M be the map of ``axes``, and S the reflection in the plane x = 0. Then M T
-        # (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root): the mirrored puppet has the rotation M T S,
-        # the angle -yaw, and the mirrored mesh S x.
+        # A point x of the mesh is at T (Ry(yaw) x + root) in the world, up to the puppet's translation. T is
+        # the puppet's rotation. Let M be the map of ``axes``, and S the reflection in the plane x = 0. Then M
+        # T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root). So the mirrored puppet has the rotation M T
+        # S, the angle -yaw, and the mirrored mesh S x.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
         flipped = _with_mapped_axes(puppet, flip.vectors, flip.vectors)
         return flipped.with_changes(
@@ -155,7 +156,8 @@ def _with_mapped_axes(
 
 
 def _mapped_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLayer:
-    """Returns a layer with its constraints in other axes or sizes. Each axis is mapped by itself."""
+    """Returns a layer with its constraints in other axes or sizes. ``map_of`` maps the vector of each
+    constraint."""
     return replace(
         layer,
         positions=tuple(

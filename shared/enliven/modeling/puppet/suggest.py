@@ -62,17 +62,18 @@ class SuggestedPair:
 def suggested_puppet(
     project: Project, mesh: Mesh, take: str, puppet_id: str, points: int = 6, poses: int | None = None
 ) -> Project:
-    """Adds a puppet that is complete except for its key poses, which are all at rest.
+    """Adds a puppet that is complete except for its key poses. In these, all control points are still at
+    rest.
 
-    The key poses are the frames of the take that differ most from one another.
+    Key poses are created at the frames of the take that differ most from each other.
 
     Args:
-        take: id of the take that shows the key poses, which the puppet plays.
+        take: id of the take that the puppet plays. It also contains the frames of the key poses.
         points: maximum number of extremities (ends of limbs). Their mirror images are added.
         poses: number of key poses; None chooses a sufficient number.
 
     Raises:
-        InputError: for fewer than one point or two key poses, and for a take without any motion.
+        InputError: if ``points`` is below 1 or ``poses`` below 2, or if the take contains no motion.
     """
     if points < 1 or (poses is not None and poses < 2):
         problem = f"{points} control points and {poses} key poses are too few"
@@ -104,10 +105,11 @@ def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
 
 
 def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
-    """Returns a joint for each control point that is not paired: a joint that moves in the take, by side and
-    height.
+    """Suggests a joint for each control point that is not paired: a joint that moves in the take, on the same
+    side and at a similar height.
 
-    Mirror images follow the corresponding joints of both sides. Feet are low on the mesh and follow feet.
+    Control points that are mirror images get the corresponding joints of both sides. A control point low on
+    the mesh is a foot if its joint is a foot.
     """
     puppet, clip = project.puppet(puppet_id), project.takes[take]
     plane = puppet.symmetry or _left_right_plane(puppet.mesh)
@@ -139,8 +141,8 @@ def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> 
 
 
 def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
-    """Pairs all control points, and names them after their joints. Keeps only one point at each hand or
-    foot."""
+    """Pairs all control points with joints, and names them after these joints. Only one control point is kept
+    for each hand or foot."""
     for pair in suggested_pairs(project, puppet_id, take):
         points_by_name = {point.name: point for point in project.puppet(puppet_id).points}
         named = {"name": unused(pair.joint, points_by_name), "joint": pair.joint, "foot": pair.foot}
@@ -155,7 +157,8 @@ def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
 
 
 def _with_mirrored_joints(clip: Clip, joints: list[str], partners: Sequence[int] | None) -> list[str]:
-    """Returns the joints (P,). A point without a joint gets the mirrored joint of its mirror image."""
+    """Returns the names of the joints (P,). A point without a joint gets the mirrored joint of its mirror
+    image."""
     if partners is None:
         return joints
     return [
@@ -165,7 +168,7 @@ def _with_mirrored_joints(clip: Clip, joints: list[str], partners: Sequence[int]
 
 
 def _left_right_plane(mesh: Mesh) -> Plane | None:
-    """Returns the cached symmetry plane between left and right. A mesh faces +Z."""
+    """Returns the symmetry plane between left and right, from a cache. The mesh faces +Z."""
     return _symmetry_plane(IdentityKey(mesh))
 
 
@@ -197,7 +200,7 @@ def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[i
 
 def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     """Returns the number of each control point's mirror image. Returns None if a point has no mirror image,
-    or if all are on the plane.
+    or if all points are on the plane.
     """
     try:
         partners = find_partners(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
@@ -207,7 +210,7 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
 
 
 def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
-    """Returns (P,) True for control points that can stand: they are low on the mesh and paired with a foot.
+    """Returns (P,) True for control points that can stand: these are low on the mesh and paired with a foot.
 
     If only one such point exists, it is not used, because the mesh would hop whenever the performer lifts
     that foot.

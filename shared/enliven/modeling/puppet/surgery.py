@@ -1,8 +1,8 @@
 """Cuts puppets in two. Both halves continue to move by their examples.
 
 Nothing is baked. Each half of a cut keeps its control points. It gets new control points along the cut, and
-at other places where its surface would deviate. In every key pose, these points lie on the old surface. So in
-its key poses, a half has the same shape as before the cut.
+wherever else its surface would deviate. In every key pose, these points lie on the old surface. So in its key
+poses, a half has the same shape as before the cut.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MAX_HALF_DEVIATION = 0.02
 size. Smaller deviations are not visible.
 """
 _FIRST_CUT_POINTS = 4
-"""Initial number of new control points along the cut. This number is enough to hold the border of a round
+"""Initial number of new control points along the cut. Four points are enough to fix the border of a round
 limb.
 """
 _MAX_CUT_POINTS = 12
@@ -55,8 +55,8 @@ def cut_puppet(
     """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
 
     The pose of the whole puppet at ``time`` becomes a key pose, so that the halves keep this pose. A half
-    with all of the feet continues to travel through the world. Any other half no longer travels: it moves at
-    its position at ``time``.
+    with all of the feet continues to travel through the world. Any other half no longer travels, and moves
+    about its position at ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
@@ -66,7 +66,8 @@ def cut_puppet(
 
     Returns:
         The project, and the ids of both halves. The half with more feet keeps ``puppet_id``, and the other
-        half gets a new id. With equal numbers it is the larger half (of two equal halves the near half).
+            half gets a new id. If both have the same number of feet, the larger half keeps it. If both also
+            have the same size, the near half keeps it.
 
     Raises:
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
@@ -83,7 +84,7 @@ def cut_puppet(
         surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3)
     )
     if puppet.symmetry is not None:
-        messages.append("The halves have no plane of symmetry; mirrored key poses were added as key poses.")
+        messages.append("The halves have no plane of symmetry. Mirrored key poses were added as key poses.")
     halves = []
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _Half(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
@@ -120,7 +121,7 @@ class _Half:
         self._was = np.where(self._old[None, :, None], old_positions[:, np.maximum(piece.kept, 0)], 0.0)
 
     def build_puppet(self, name: str, notes: list[str]) -> Puppet:
-        """Returns the half as a puppet."""
+        """Returns the half as a puppet called ``name``, with new control points where they are needed."""
         puppet, size = self._puppet, float(np.linalg.norm(np.ptp(self._puppet.mesh.vertices, axis=0)))
         own_layers = [
             replace(point, vertex=int(self._number[point.vertex]))
@@ -161,8 +162,8 @@ class _Half:
         return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
     def _puppet_with_points(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
-        """Returns a puppet with this side's mesh and these control points, at their old positions in each key
-        pose."""
+        """Returns a puppet with this side's mesh and the control points ``points``. In each key pose, the
+        points are on the old surface."""
         vertices = [point.vertex for point in points]
         poses = zip(self._puppet.poses, self._was[:, vertices], strict=True)
         return puppet.with_changes(
@@ -176,18 +177,18 @@ class _Half:
     def _note_deviation(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
             f"{name!r} got {added} new control points. Its key poses deviate from the original by at most "
-            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole's size)."
+            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole puppet's size)."
         )
 
     def _border_vertices(self) -> Int32:
-        """Returns the kept vertices next to the cut."""
+        """Returns the numbers (K,) of the kept vertices next to the cut."""
         faces = self._piece.mesh.faces
         near = faces[~self._old[faces].all(1)]
         return np.unique(near[self._old[near]])
 
     def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
-        """Returns the layers, limited to the existing control points. A new control point is in the layers of
-        the control point that it follows."""
+        """Returns the layers with only the control points that still exist. A new control point is added to
+        the layers of the control point that it follows."""
         feet = {point.name for point in self._puppet.points if point.foot}
         out = []
         for layer in self._puppet.layers:

@@ -1,4 +1,5 @@
-"""Rotated or mirrored rest axes, and the conversion of rest poses, rotations, spans and layers to them."""
+"""Changes of the rest axes by a rotation or reflection. They convert rest poses, rotations, spans and
+layers."""
 
 from __future__ import annotations
 
@@ -41,8 +42,8 @@ class Axes:
     def mirror(normal: AnyArray) -> Axes:
         """Returns the reflection in the plane through the origin perpendicular to ``normal`` (3,).
 
-        A reflection is the negative of the half turn about its normal. So the reflection is (half turn about
-        ``normal``) (half turn about x) S.
+        A reflection is the negative of the half turn about its normal, and S is the negative of the half turn
+        about x. So the result is (half turn about ``normal``) (half turn about x) S.
         """
         length = float(np.linalg.norm(normal))
         if np.shape(normal) != (3,) or not np.isfinite(length) or length == 0.0:
@@ -54,7 +55,7 @@ class Axes:
 
     @property
     def is_identity(self) -> bool:
-        """True if the axes do not change."""
+        """True if this change leaves the axes unchanged."""
         return not self.mirrored and bool(np.array_equal(self.turn, IDENTITY))
 
     def vectors(self, v: AnyArray) -> Float:
@@ -89,7 +90,8 @@ class Axes:
 
 
 def moved_mesh(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
-    """Converts a mesh to other axes about ``root`` (3,), which moves to ``to`` (3,)."""
+    """Converts a mesh to other axes about the point ``root`` (3,), and moves that point to ``to`` (3,). Both
+    are in metres."""
     vertices = to + axes.vectors(mesh.vertices - root)
     moved = replace(mesh, vertices=vertices)
     return moved.turned() if axes.mirrored else moved

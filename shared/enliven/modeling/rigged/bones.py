@@ -14,13 +14,14 @@ from enliven.modeling.rigged.spans import Spans
 
 
 class Bone(NamedTuple):
-    """A joint with the bone that ends there. Edits refer to bones by name, so that numbers may change.
+    """A joint, with the bone that ends there. Edits refer to bones by name, because their numbers may change.
 
     Attributes:
         name: name of the joint.
         parent: name of the parent joint; "" for the root.
         rest: (3,) metres, the rest position.
-        modeling: (4,) the modeling rotation.
+        modeling: (4,) the modeling rotation m, which is set by hand. With the animated rotation a, the world
+            rotation is D = D_parent m a.
         spans: the parts of the bone, each with the layers that rotate it.
     """
 
@@ -49,8 +50,8 @@ def skeleton_of_bones(bones: Sequence[Bone]) -> Skeleton:
 
 
 def rebuild_shape(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
-    """Returns the shape with other bones and other changed attributes. Keeps pins if their joints still
-    exist."""
+    """Returns the shape with the given bones and with ``changes`` of its attributes. A pin is kept if its
+    joint still exists."""
     modeling = np.array([bone.modeling for bone in bones])
     spans = tuple(bone.spans for bone in bones)
     names = {bone.name for bone in bones}

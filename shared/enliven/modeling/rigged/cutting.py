@@ -15,8 +15,8 @@ from enliven.modeling.rigged.posed import animation_rotation, posed, restore_wor
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
-"""A cut within this distance of the end of a bone, as a fraction of the bone's length, is made at the
-joint."""
+"""Maximum distance of a cut from the end of a bone, as a fraction of the bone's length, at which the joint is
+cut instead."""
 
 
 def cut_bone(
@@ -35,8 +35,8 @@ def cut_bone(
     the rotation of the whole bone at ``time`` is added to the modeling rotations (AniMesh, section 6, Figure
     7): m_new = m a_old a_new^-1. So at ``time`` every bone keeps its world rotation and every joint its
     position. At other times all bones except the two halves rotate relative to their parent as before. The
-    lower shape's root takes over the world rotation of the bone at the cut, and stays where it was at
-    ``time``. It no longer follows the upper shape, and has no travel.
+    lower shape's root gets the world rotation of the bone at the cut, and keeps its position at ``time``. It
+    no longer follows the upper shape, and has no travel.
 
     The mesh is cut perpendicular to the bone, and both sides are closed. A vertex that followed a bone of the
     other side follows the bone at the cut. Other weights stay bit-exact.
@@ -52,7 +52,8 @@ def cut_bone(
         notes: a list that receives sentences about the closing of the mesh.
 
     Returns:
-        The project and the ids of the two shapes: the upper keeps ``shape_id``, the lower gets a new one.
+        The project and the ids of the two shapes. The upper shape keeps ``shape_id``, and the lower shape
+            gets a new id.
         Takes and layers stay the same, and both shapes refer to them.
 
     Raises:
@@ -108,8 +109,8 @@ def split_shape(
 def assign_cut_sides(old_shape: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
     """Assigns the two sides of a cut mesh to the two shapes. The near side goes to the upper shape."""
     node = lower.skeleton.names[0]
-    # If the cut is inside a bone, skin of the bones above goes to the lower half of that bone. If it is at a
-    # joint, this skin goes to the root.
+    # In the lower shape, vertices that followed bones above the cut need a new bone. If the cut is inside a
+    # bone, they follow the lower half of that bone, and otherwise the root.
     first = lower.skeleton.names[0 if node in old_shape.skeleton.names else 1]
     return (
         with_piece(upper, cut.near, matching_bone_numbers(old_shape, upper, node)),
@@ -157,7 +158,7 @@ def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, 
 
 
 def _refuse_boneless(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None:
-    """Raises an error if a cut leaves a joint without bones."""
+    """Raises an error if a side of the cut is a single joint without bones."""
     for bones, side in ((upper, "above"), (lower, "below")):
         if len(bones) < 2:
             problem = f"no bone would be left {side} the cut at {bones[0].name!r}"

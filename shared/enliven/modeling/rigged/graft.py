@@ -15,8 +15,8 @@ from enliven.rotation import conjugate, multiply, normalized
 def graft_bones(
     host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
 ) -> tuple[list[Bone], dict[str, str]]:
-    """Returns the graft's bones in the host's rest axes on its joint j, and the new names of the graft's
-    joints.
+    """Returns the graft's bones, attached to the host's joint j and in the host's rest axes, and the new
+    names of the graft's joints.
 
     The graft's root gets the name of the node. If it remains as a bone without length, it gets an unused
     name.

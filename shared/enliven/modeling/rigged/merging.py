@@ -1,4 +1,5 @@
-"""Grafts one shape onto another at a time, and keeps the motion of both (AniMesh, section 6)."""
+"""Attaches one shape (the graft) to another (the host) at a time, and keeps the motion of both (AniMesh,
+section 6)."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _DEFAULT_SEAM = SeamSettings()
 _JOINT_TOLERANCE = 1e-9
-"""A node within this distance of the end of a bone, as a fraction of the bone's length, is placed at the
-joint."""
+"""Maximum distance of a node from the end of a bone, as a fraction of the bone's length, at which the joint
+is used instead."""
 
 
 def merge(
@@ -48,17 +49,18 @@ def merge(
     bone at ``time``. The modeling rotation of each bone that starts at the graft's root is multiplied by W^-1
     from the left (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
-    The graft is converted to the host's rest axes. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
-    and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
-    the root itself in three cases: for a merge in the rest pose, if several bones start at the root, or if
-    skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.
-    The rotation of the graft's root is moved to the bones that start at it, as a rotation at the joint (a
-    span without length). If skin follows a root that moves, the root stays as a bone without length. The
-    graft's travel is dropped, since the host carries it.
+    The graft is converted to the host's rest axes. Its rest pose is turned by R = W^-1 D_b(time). So in the
+    host's rest pose, skeleton and mesh of the graft look as they do at ``time``. Here b is the graft's first
+    bone. It is the root itself in three cases: for a merge in the rest pose, if several bones start at the
+    root, or if skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer
+    becomes R basis. The rotation of the graft's root is moved to the bones that start at it, as a rotation at
+    the joint (a span without length). If skin follows a root that moves, the root stays as a bone without
+    length. The graft's travel is dropped, since the host carries it.
 
     The meshes are united in their poses at ``time``. Near the seam the surface is smoothed and the skin
-    weights are recomputed; elsewhere rest positions and weights stay bit-exact. If the two meshes do not
-    touch, they become one mesh of two shells. Skin of the graft's root follows the bone of the node.
+    weights are recomputed. Elsewhere rest positions and weights stay bit-exact. If the two meshes do not
+    touch, they become one mesh of two shells. Vertices that followed the graft's root then follow the bone of
+    the node.
 
     Args:
         joint: a joint of the host, by number or name; or one of its bones, with ``at`` below one.
@@ -111,7 +113,8 @@ def merge(
 
 
 def _converted_layers(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
-    """Converts the graft's layers to the host's rest axes. Returns them by their old ids.
+    """Converts the graft's layers to the host's rest axes. Returns them in a dictionary with their old ids as
+    keys.
 
     A layer that equals a layer of the host (as after a cut) is shared with the host.
     """
@@ -154,8 +157,8 @@ def _merged_surface(
     seam: SeamSettings,
     notes: list[str],
 ) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns the mesh and skin of the merged shape. ``merged_pose`` is its pose at the merge, with None for
-    the rest pose."""
+    """Returns the mesh and skin of the merged shape. ``merged_pose`` is its pose at the time of the merge, or
+    None for a merge in the rest pose."""
     if host is None or graft is None:
         only = host or graft
         return (None, None) if only is None else (only.mesh, only.skin)
@@ -180,7 +183,7 @@ def _renamed_pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
 
 
 def _exact_identity(turn: Float) -> Float:
-    """Replaces a rotation by the exact identity if it differs only by rounding, so that layers stay
+    """Returns the rotation (4,), or the exact identity if the two differ only by rounding. So layers stay
     unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn

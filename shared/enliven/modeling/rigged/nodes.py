@@ -39,7 +39,7 @@ def insert_node(
 ) -> tuple[Project, str]:
     """Splits a bone in two. Each half rotates by its part of the motion.
 
-    The total rotation along the chain stays the same at every time, so all descendants of the bone turn as
+    The total rotation along the chain stays the same at every time, so all descendants of the bone rotate as
     before. The upper bone keeps the modeling rotation.
 
     Args:
@@ -59,7 +59,7 @@ def insert_node(
     j = bone_number(shape, bone, root=False)
     if not 0.0 < check_fraction(at, f"shape {shape_id!r}") < 1.0:
         remedy = "Choose a position between the two joints."
-        raise InputError("a bone has a joint at its end already", where=shape_id, remedy=remedy)
+        raise InputError("a bone already has a joint at its end", where=shape_id, remedy=remedy)
     name = new_name(shape, j, name)
     bones = list_bones(shape)
     ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None
@@ -87,8 +87,8 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
 def split_bone(
     bone: Bone, bones: list[Bone], at: float, name: str, ridden: frozenset[str] | None = None
 ) -> list[Bone]:
-    """Splits one of ``bones`` at a node called ``name``. The product of the two rotations equals the old
-    rotation.
+    """Splits one of ``bones`` at a node called ``name``, and returns all bones. The product of the two new
+    rotations equals the old rotation.
 
     If ``ridden`` is given, the upper bone gets the whole rotation. The lower bone is then only stretched, by
     the layers with these ids.
@@ -106,21 +106,21 @@ def split_bone(
 
 
 def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
-    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total rotation does
-    not change."""
+    """Moves the fixed rotation at the start of the spans into the modeling rotation (4,). Returns both. The
+    total rotation does not change."""
     first = np.array(spans[0].before)
     return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
 
 
 def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
-    """Removes a joint. Its children attach to its parent joint, and turn as before.
+    """Removes a joint. Its children attach to its parent joint, and rotate as before.
 
     If an inner node is removed, its bone and each bone below it become one bone with the motions of both in
     sequence (see ``joined_spans``). Every bone below keeps its world rotation at every time, even if the two
     bones play different takes. AniMesh drops the motion in that case (section 8, Figure 13). Removing a node
-    inserted by :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows
-    the parent bone. If several bones start at the removed joint, each of them then starts at the parent
-    joint.
+    inserted by :func:`insert_node` restores the bone. A leaf is removed with its bone, and the vertices that
+    followed it then follow the parent bone. If several bones start at the removed joint, each of them then
+    starts at the parent joint.
 
     Raises:
         InputError: if the joint is the root, because the whole shape depends on it.
@@ -156,7 +156,8 @@ def _join_bones(upper: Bone, lower: Bone, shape: Shape) -> Bone:
 
 
 def _skin_without(shape: Shape, j: int, bones: list[Bone]) -> SkinWeights | None:
-    """Assigns the skin of bone j to the nearest bone below it, or for a leaf to the parent bone."""
+    """Returns the skin with the weights of bone j moved to the nearest bone below it. For a leaf, they move
+    to the parent bone."""
     if shape.mesh is None or shape.skin is None:
         return None
     skeleton = shape.skeleton

@@ -27,11 +27,13 @@ def posed(project: Project, shape: Shape, time: float | None) -> tuple[Float, Fl
 
 
 def pose_with_stretch(project: Project, shape: Shape, time: float | None) -> ShapePose:
-    """Returns the pose including the stretch of the bones. The arguments are those of :func:`posed`."""
+    """Returns the pose with the stretch of the bones. It has the same arguments as :func:`posed`."""
     if time is None:
         return ShapePose(*as_modeled(shape))
     if not np.isfinite(time):
-        raise InputError(f"the time is {time}", where=f"shape {shape.id!r}", remedy="Give seconds.")
+        raise InputError(
+            f"the time {time} is not finite", where=f"shape {shape.id!r}", remedy="Give seconds."
+        )
     return evaluate_pose(project.with_characters(shape), shape.id, float(time))
 
 

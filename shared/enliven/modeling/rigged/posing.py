@@ -1,4 +1,5 @@
-"""Poses shapes by hand at any time of their motion. Only modeling rotations and the position change."""
+"""Poses shapes by hand at any time of their motion. These edits change only modeling rotations and the
+shape's position."""
 
 from __future__ import annotations
 
@@ -55,7 +56,7 @@ def drag_joint(
 ) -> Project:
     """Points the bone of a joint at ``point`` (3,) at ``time``, by the shortest rotation.
 
-    The root is moved to the point instead.
+    If the joint is the root, the whole shape is moved to the point instead.
 
     Raises:
         InputError: if the joint does not exist, or the point is not finite.

@@ -1,4 +1,4 @@
-"""Edits of whole characters for skeletons with skin."""
+"""Implements the edits of whole characters for skeletons with skin."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
 
 class ShapeRig(RigEdits):
-    """Edits of a skeleton with skin."""
+    """Implements the edits of whole characters for skeletons with skin."""
 
     drawn = staticmethod(character_of)
     cut = staticmethod(cut_shape_along_stroke)
@@ -45,16 +45,17 @@ class ShapeRig(RigEdits):
         return np.asarray(shape.skeleton.positions[0] + shape.place)
 
     def rest(self, shape: Shape) -> Float:
-        """Returns the vertices at rest. A skeleton without a mesh returns its joints."""
+        """Returns the vertices at rest, (V, 3) metres. For a skeleton without a mesh, returns its joints."""
         return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
 
     def seen(self, project: Project, shape: Shape, time: float) -> Float:
-        """Returns the vertices at a time. A shape without a mesh returns its joints."""
+        """Returns the vertices at a time, (V, 3) metres. For a shape without a mesh, returns its joints."""
         pose = pose_with_stretch(project, shape, time)
         return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: Shape) -> Callable[[float], Float]:
-        """Returns a function from a time to the vertices, or to the joints of a shape without a mesh."""
+        """Returns a function from a time to the vertices (V, 3) in metres. For a shape without a mesh, it
+        returns the joints."""
         if shape.mesh is not None:
             return super().surface(project, shape)
         prepared = ShapePlayer(project, shape.id)
@@ -71,11 +72,11 @@ class ShapeRig(RigEdits):
         return at
 
     def dragged(self, project: Project, shape: Shape, handle: int, place: Float, time: float) -> Project:
-        """Points the bone of the joint at ``place``. The root is moved there."""
+        """Points the bone of the joint at ``place``. If the joint is the root, the shape is moved there."""
         return drag_joint(project, shape.id, handle, place, time)
 
     def key_layer(self, project: Project, shape: Shape, handle: int) -> int | None:
-        """Returns the first layer of keys that moves the bone."""
+        """Returns the number of the first layer of keys that moves the bone, or None."""
         laid = {ref.layer for span in shape.spans[handle] for ref in span.refs}
         numbers = (
             k for k, layer in enumerate(shape.layers) if layer.id in laid and project.takes[layer.take].keys
@@ -95,7 +96,8 @@ class ShapeRig(RigEdits):
         return project.with_takes(clip).with_characters(shape)
 
     def moved(self, shape: Shape, offset: Float, turn: Float, about: Float) -> Shape:
-        """Changes the root's modeling rotation and position, and the basis of its travel."""
+        """Moves the shape by changing the root's modeling rotation and position, and the basis of its
+        travel."""
         place = rotate(turn, self.centre(shape) - about) + about + offset - shape.skeleton.positions[0]
         if np.array_equal(turn, IDENTITY):
             return shape.with_changes(place=shape.place + offset)

@@ -42,10 +42,10 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
 
 
 def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
-    """Returns the spans of a bone that continues a bone with ``spans`` in line, and is stretched by these
-    layers.
+    """Returns the spans of a bone that stays in line with the bone before it, which has ``spans``. The new
+    bone is stretched by ``layers``.
 
-    The references to the layers have equal start and end, so that they cause no rotation.
+    Each reference to a layer has equal start and end, so that it causes no rotation.
     """
     refs = tuple(replace(ref, start=ref.end) for ref in spans[-1].refs if ref.layer in layers)
     return (Span(refs=refs),)
@@ -84,8 +84,8 @@ def has_motion(spans: Spans) -> bool:
 
 
 def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
-    """Converts a rotation to a span's format. A rotation that differs from the identity only by rounding
-    becomes the exact identity."""
+    """Returns a rotation (w, x, y, z) as a tuple, as spans store it. A rotation that differs from the
+    identity only by rounding becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()
     if abs(x) + abs(y) + abs(z) < _MIN_BONE_FRACTION:
         return AT_ONCE
@@ -93,7 +93,7 @@ def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
 
 
 def _split_span(span: Span, at: float) -> tuple[Span, Span]:
-    """Splits a span at the fraction ``at`` in (0, 1)."""
+    """Returns the two parts of a span that is split at the fraction ``at`` in (0, 1) of its length."""
     middles = [ref.start + at * (ref.end - ref.start) for ref in span.refs]
     first = tuple(replace(ref, end=middle) for ref, middle in zip(span.refs, middles, strict=True))
     second = tuple(replace(ref, start=middle) for ref, middle in zip(span.refs, middles, strict=True))
@@ -102,11 +102,11 @@ def _split_span(span: Span, at: float) -> tuple[Span, Span]:
 
 
 def _scale_shares(spans: Sequence[Span], target_sum: float) -> Spans:
-    """Scales the shares of the spans to the sum ``target_sum``. A bone without spans gets a span without
-    motion."""
+    """Scales the spans' shares (fractions of the bone's length) to the sum ``target_sum``. A bone without
+    spans gets a span without motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
-        # All rotations are at the joint itself. Add a span for the whole bone, which does not move.
+        # All rotations are at the joint itself. So add one span without motion for the whole bone.
         return (*spans, Span(target_sum))
     return tuple(replace(span, share=span.share * target_sum / total) for span in spans)
 

@@ -3,8 +3,8 @@
     groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
     project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
 
-A copy is the motion rotated to the other limb, or mirrored. Limb number k moves k delays later. Each copy has
-its own layers that play the same takes, so it can be shifted, muted and weighted separately.
+The motion is rotated or mirrored for each limb. Limb number k moves k times ``delay`` seconds later. Each
+copy has its own layers that play the same takes, so it can be shifted, muted and weighted separately.
 """
 
 from __future__ import annotations

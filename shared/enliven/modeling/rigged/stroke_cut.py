@@ -43,7 +43,8 @@ def cut_shape_along_stroke(
     separate shape.
 
     Every bone is cut as by ``cut_bone``, so the pose at ``time`` does not change. The mesh is cut along the
-    stroke in its pose at ``time``. Each part of the mesh stays with the bones that it follows most.
+    stroke in its pose at ``time``. Each part of the mesh is assigned to the shape with the bones that it
+    follows most.
 
     Args:
         stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
@@ -118,7 +119,7 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
                 problem = f"the stroke crosses {names[crossing.bone]!r} and, below it, {names[other.bone]!r}"
                 raise InputError(problem, where=location, remedy="Cut a limb only once at a time.")
     if len({crossing.near for crossing in crossings}) > 1:
-        problem = "the stroke turns back between two limbs, so its sides are not clear"
+        problem = "the stroke turns back between two limbs, so it is unclear which side is cut off"
         raise InputError(
             problem, where=location, remedy="Draw a straighter stroke, or cut one limb at a time."
         )
@@ -127,8 +128,8 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
 def _upper_numbers(
     old_shape: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]
 ) -> Int:
-    """Returns the bone (N,) of the upper shape for each old bone. Bones that were cut off map to the
-    remaining half of the cut bone.
+    """Returns for each old bone the number (N,) of its bone in the upper shape. Bones that were cut off map
+    to the remaining half of the cut bone.
     """
     numbers = matching_bone_numbers(old_shape, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):

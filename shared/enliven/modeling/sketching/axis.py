@@ -14,15 +14,15 @@ TIP = 0.4
 """Distance in radii between the end of an axis and the tip of the outline."""
 _MIN_SPUR_RADII = 2.4
 """Minimum length in radii of a limb in the outer corner of a bend. A corner without a limb also causes a
-branch, but this branch is shorter.
+branch of the axis, but a shorter one.
 """
 _MIN_LIMB_RADII = 1.3
-"""Minimum length in radii of a limb at other places. A shorter branch hardly extends beyond the shape around
-it."""
+"""Minimum length in radii of any other limb. A shorter branch barely protrudes from the shape around its
+fork."""
 _SHARP_BEND_SUM = 0.9
 """A bend is sharp (127 degrees or less) if the sum of its two unit directions is longer than this."""
 _MERGE_DISTANCE_RADII = 0.9
-"""Maximum distance of two junctions that are merged, as a multiple of their radii."""
+"""Maximum distance of two junctions that are merged, as a multiple of the larger of their radii."""
 
 
 @dataclass
@@ -30,7 +30,7 @@ class Axis:
     """The axis of an outline: a tree of points in the plane.
 
     Attributes:
-        points: (A, 2) metres.
+        points: (A, 2) metres, the points of the axis.
         radii: (A,) metres, half the local width.
         chains: paths of points between ends and junctions, both included.
     """
@@ -41,8 +41,8 @@ class Axis:
 
 
 def smooth(points: Float, times: int = 3) -> Float:
-    """Smooths a chain. Midpoints of chords zigzag between the two sides of the outline. The means of
-    successive midpoints do not.
+    """Smooths a chain (P, 2) by ``times`` passes. The midpoints of chords zigzag between the two sides of the
+    outline, and their running mean does not.
     """
     for _ in range(times):
         inner = 0.5 * points[1:-1] + 0.25 * (points[:-2] + points[2:])
@@ -84,8 +84,8 @@ def _chain_radius(axis: Axis, chain: list[int]) -> float:
 
 
 def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
-    """Returns True if a branch points away from two other branches that bend sharply at the fork. All
-    branches start at the fork."""
+    """Returns True if the branch ``spur`` is on the outer side of a sharp bend of two other branches. All
+    three start at the fork."""
     directions = []
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
@@ -102,7 +102,7 @@ def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]
 
 
 def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
-    """Moves the fork to the point where its two limbs meet, and removes nearby points from the limbs."""
+    """Moves the fork to the intersection of its two limbs, and removes nearby points from the limbs."""
     fork, width = spur[0], _chain_radius(axis, spur)
     back = axis.points[spur[-1]] - axis.points[spur[-2]]
     back /= max(float(np.linalg.norm(back)), 1e-300)
@@ -131,7 +131,7 @@ def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
 
 
 def merge_junctions(axis: Axis) -> Axis:
-    """Contracts a chain between two junctions if each junction lies in the circle of the other."""
+    """Contracts chains between two junctions that are shorter than ``_MERGE_DISTANCE_RADII``."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))

@@ -17,12 +17,12 @@ def simplify_chain(points: Float, radii: Float, tolerance: float, longest: float
     """Returns the points of a chain that become joints. The bone between two joints is a cylinder that fits
     the points between them.
 
-    The error at a point is its distance from the bone plus half the difference between its radius and the
-    mean. The limit is ``tolerance`` times the mean radius.
+    The error at a point is its distance from the bone, plus half the difference between its radius and the
+    bone's mean radius. The limit is ``tolerance`` times the mean radius.
 
     Args:
         points: (P, 2) metres, from one end to the other.
-        radii: (P,) metres.
+        radii: (P,) metres, half the local width of the shape at each point.
         longest: maximum length of a bone, in mean diameters. Longer bones are split evenly.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
@@ -61,7 +61,7 @@ def _split_chain(points: Float, radii: Float, along: Float, a: int, b: int, tole
 def bones_from_axis(
     axis: Axis, tolerance: float, longest: float
 ) -> tuple[Float, Float, list[tuple[int, int]]]:
-    """Returns (J, 2) joints, (J,) radii there, and the links between them.
+    """Returns (J, 2) joints and (J,) their radii, both in metres, and the links as pairs of joint numbers.
 
     Short bones that end inside the circle of a joint are removed.
     """
@@ -83,7 +83,8 @@ def bones_from_axis(
 
 
 def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[int]:
-    """Removes joints that are closer to the previous joint than the thickness of a limb."""
+    """Returns the ``chosen`` joints without those that are closer to the previous joint than the thickness of
+    a limb."""
     out = [chosen[0]]
     for k in chosen[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))

@@ -51,7 +51,8 @@ class _Tracer:
         self.tips: dict[int, Int] = {}
 
     def axis(self) -> Axis:
-        """Prunes bumps inward from every terminal triangle, then connects the rest."""
+        """Removes bumps, starting at every terminal triangle, and connects the remaining triangles to an
+        axis."""
         is_pruned, tips = self._prune_bumps()
         remaining = [t for t in range(len(self.triangles)) if not is_pruned[t]]
         if not remaining:
@@ -71,8 +72,8 @@ class _Tracer:
         return self._link_chains()
 
     def _prune_bumps(self) -> tuple[list[bool], dict[int, list[int]]]:
-        """Returns the triangles that are in bumps, and the outline points of the bump next to a triangle, by
-        triangle."""
+        """Returns a flag for each triangle that is True in bumps. Also returns a dictionary from a triangle
+        to the outline points of the bump next to it."""
         is_pruned = [False] * len(self.triangles)
         bumps: dict[int, list[int]] = {}
         sides = (self.beside >= 0).sum(1)
@@ -100,7 +101,7 @@ class _Tracer:
         return len(self.points) - 1
 
     def _chord_node(self, t: int, k: int) -> int:
-        """Returns the node in the middle of a side."""
+        """Returns the number of the axis point in the middle of side ``k`` of triangle ``t``."""
         key = int(self.key[t, k])
         if key not in self.chord:
             a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
@@ -114,7 +115,7 @@ class _Tracer:
         self.links += [(node, centre) for node in nodes]
 
     def _add_end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
-        """Adds an end: the last chord, and the outline beyond it."""
+        """Adds an end of the axis, from the last chord and the outline points beyond it."""
         region = np.array(sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])}))
         at = self._chord_node(t, closed[0]) if len(closed) == 1 else node
         if at != node:
@@ -159,8 +160,8 @@ class _Tracer:
         return merge_junctions(remove_spurs(axis))
 
     def _straighten_to_tip(self, chain: list[int]) -> list[int]:
-        """Straightens the end of a chain towards the tip, because its last points are off-centre in a round
-        or flat end."""
+        """Returns a chain with its end straightened towards the tip, because its last points are off-centre
+        in a round or flat end."""
         region = self.tips.get(chain[-1])
         if region is None:
             return chain

@@ -2,9 +2,9 @@
 
 The half height above the plane is z = rho sqrt(u). Here u solves the Poisson equation laplace(u) = -2 with u
 = 0 on the outline. For a strip, sqrt(u) is a half circle. For an outline rounder than a strip, it would be
-flatter than a circle. So the factor rho raises the surface to the circles around the axis (RigMesh inflates
-circles across the axis), and varies smoothly in between. The two halves meet in the outline. So for any
-outline the surface is closed and has the topology of a sphere.
+flatter than a circle. So the factor rho raises the surface to circles around the axis, as in RigMesh, and
+varies smoothly elsewhere. The two halves meet at the outline. So the surface is closed and has the topology
+of a sphere.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
 def _both_halves(
     flat: Float, cells: Int, squared: Float, rim: int, depth: float
 ) -> tuple[Float, Int32, Float]:
-    """Joins the upper and the lower half at the outline."""
+    """Returns vertices (V, 3), faces (F, 3) and squared heights (V,) of the upper and lower half, joined at
+    the outline."""
     height = np.sqrt(np.maximum(squared, 0.0))
     upper = np.concatenate([flat, height[:, None]], 1)
     lower = np.concatenate([flat[rim:], -height[rim:, None]], 1)
@@ -98,7 +99,8 @@ def _both_halves(
 def _split_inner_edges(
     vertices: Float, faces: Int, squared: Float, rim: int, depth: float
 ) -> tuple[Float, Int32, Float]:
-    """Splits inner edges between two outline points, with separate midpoints in the two halves."""
+    """Splits inner edges between two outline points, with separate midpoints in the two halves. Returns
+    vertices (V, 3), faces (F, 3) and squared heights (V,)."""
     ends = np.sort(np.stack([faces, np.roll(faces, -1, 1)], -1), -1).reshape(-1, 2)
     step = ends[:, 1] - ends[:, 0]
     across = (ends[:, 1] < rim) & (step != 1) & (step != rim - 1)
@@ -130,7 +132,8 @@ def _split_inner_edges(
 
 
 def _triangulate_polygon(corners: list[int], first_made: int) -> list[list[int]]:
-    """Triangulates a polygon of three to six corners, with all new edges at the new points."""
+    """Returns the triangles of a polygon with three to six corners. Every new edge ends at a new point; new
+    points have numbers from ``first_made`` on."""
     new_corners = [k for k, v in enumerate(corners) if v >= first_made]
     if not new_corners:
         return [corners]

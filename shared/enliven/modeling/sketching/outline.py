@@ -54,7 +54,7 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     size = signed_area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
     if abs(size) < 1e-3 * length**2 / (4 * np.pi):
-        raise InputError("it encloses nothing", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
+        raise InputError("it encloses no area", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
     return points if size > 0 else points[::-1].copy()
 
 
@@ -65,7 +65,8 @@ def _smooth_points(points: Float, times: int) -> Float:
 
 
 def _drop_repeated_points(points: Float, min_distance: float) -> Float:
-    """Removes points that repeat the previous point, and last points that repeat the first point."""
+    """Returns the points (N, 2) without points that repeat the previous point, and without last points that
+    repeat the first point."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate([[True], step > min_distance])] if len(points) else points
     while len(points) > 1 and np.linalg.norm(points[-1] - points[0]) <= min_distance:
@@ -82,8 +83,8 @@ def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
 
 
 def _crossing_segments(points: Float, closed: bool) -> Float:
-    """Returns (K, 2) pairs of crossing segments as ``segment + position along it``, the earlier segment
-    first."""
+    """Returns (K, 2) pairs of crossing segments, the earlier segment first. Each value is the number of the
+    segment plus the position along it (0 to 1)."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
     starts = points if closed else points[:-1]
     return np.array(
@@ -115,7 +116,8 @@ def _crossing_kernel(starts, ends, closed):
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:
-    """Returns the part of the stroke between its two passages through the point at which its ends cross."""
+    """Returns the points (N, 2) of the stroke between its two passages through the point where its ends
+    cross."""
     count = len(points) - 1
     near_ends = (crossings[:, 0] < _MAX_OVERSHOOT_FRACTION * count) & (
         crossings[:, 1] > (1 - _MAX_OVERSHOOT_FRACTION) * count

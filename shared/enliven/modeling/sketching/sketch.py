@@ -27,15 +27,16 @@ from enliven.modeling.sketching.outline import trace_outline
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 _MAX_OUTLINE_POINTS = 200
-"""Maximum number of points along the outline: enough for fingers of a drawn hand."""
+"""Maximum number of points along the outline. It is enough for the fingers of a drawn hand."""
 _MAX_VERTICES = 4000
 """Approximate maximum number of vertices of the mesh, so that drawing feels immediate."""
 _MAX_AXIS_DEVIATION_RADII = 0.45
-"""Maximum distance of the axis from its bone, relative to the radius. A smaller value gives more bones."""
+"""Maximum distance between the axis and its bone, as a multiple of the radius. A smaller value gives more
+bones."""
 _MAX_BONE_DIAMETERS = 8.0
 """Maximum length of a bone in diameters, so that long straight parts can bend."""
 _SMOOTHING_PASSES = 6
-"""Number of smoothing passes over the surface: they remove the ridge along the outline."""
+"""Number of smoothing passes over the surface. They remove the ridge along the outline."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,8 @@ def flat_axis(outline: Float) -> tuple[Int, Axis]:
 
 
 def _inner_circles(axis: Axis) -> tuple[Float, Float]:
-    """Returns the inner points of the axis' chains, and their radii. They are the circles to inflate."""
+    """Returns the centres (K, 2) and radii (K,) of the circles to inflate: the inner points of the axis'
+    chains."""
     inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
     if len(inner) == 0:
         inner = np.arange(len(axis.points))

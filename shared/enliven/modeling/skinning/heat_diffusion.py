@@ -7,9 +7,9 @@ Method: I. Baran and J. Popovic, "Automatic rigging and animation of 3D characte
 weights of bone i are the heat equilibrium on the surface, -laplace(w_i) + H w_i = H p_i. Here p_i is one at
 the vertices with i as their nearest visible bone, and zero elsewhere. H = c / d^2, with the distance d to
 that bone. The cotangent Laplacian omits negative weights, so that the matrix is an M-matrix, and weights are
-between 0 and 1. Summed over all bones, both sides of the equation agree for a sum of one. So the weights of
-all bones sum to one. A bone that is occluded by other parts of the surface gives a vertex no heat. A part of
-the mesh without a visible bone follows the nearest bone.
+between 0 and 1. If the equations of all bones are added, a sum of one is the solution. So the weights of all
+bones sum to one. A bone that is occluded by other parts of the surface gives a vertex no heat. A part of the
+mesh without a visible bone follows the nearest bone.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from enliven.modeling.skinning.visibility import nearest_seen
 _HEAT = 2.0
 """Factor c of the heat H. Lower values give softer transitions around joints."""
 _TIE_FRACTION = 1e-3
-"""Bones that are farther than the nearest bone by at most this fraction also give heat, so that equally near
-bones share a vertex.
+"""Maximum relative difference in distance to the nearest bone at which another bone also gives heat. So
+equally near bones share a vertex.
 """
 
 
@@ -70,8 +70,7 @@ def heat_weights(
         segments: (S, 2, 3) metres, the ends of each segment. A bone may have several segments.
         owners: (S,) the bone of each segment.
         known: (V, bones) weights of the vertices with ``free`` (V,) False. They do not change, and the other
-        weights
-            continue them smoothly.
+            weights continue them smoothly.
     """
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
@@ -136,7 +135,8 @@ def outward_normals(welded: Mesh) -> Float:
 def _take_nearest_where_hidden(
     welded: Mesh, laplacian: csc_matrix, segments: Float, chosen: Int32, distance: Float
 ) -> None:
-    """Assigns the nearest bone, occluded or not, to the vertices of parts without a visible bone."""
+    """Assigns the nearest bone to vertices of connected parts that see no bone, even if this bone is
+    occluded."""
     part = connected_components(laplacian, directed=False)[1]
     lit = np.zeros(part.max() + 1, bool)
     lit[part[np.isfinite(distance)]] = True
@@ -149,7 +149,7 @@ def _take_nearest_where_hidden(
 
 
 def _solve_weights(matrix: csc_matrix, right: Float) -> Float:
-    """Solves for (N, B) weights. Skips columns of zeros."""
+    """Returns the solution (N, B) of ``matrix`` x = ``right`` (N, B). Columns of zeros are skipped."""
     out = np.zeros_like(right)
     warm = np.flatnonzero(right.any(0))
     if len(warm):
@@ -161,8 +161,8 @@ def _solve_weights(matrix: csc_matrix, right: Float) -> Float:
 
 
 def _continue_weights(matrix: csc_matrix, right: Float, of: Int, known: Float, free: Bool) -> Float:
-    """Returns (W, B) weights: the known ones where not free, and elsewhere the solution that continues
-    them."""
+    """Returns (W, B) weights. Vertices that are not ``free`` keep the known weights, and the weights of free
+    vertices continue them smoothly."""
     loose = np.ones(len(right), bool)
     loose[of[~free]] = False
     weights = np.zeros_like(right)

@@ -25,9 +25,9 @@ def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
 def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
     """Moves the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
-    A vertex that already follows four bones keeps only the bone with the larger part of the two. Their
-    weights add up to the old weight exactly, because the first is rounded, and the second is the difference.
-    So removing an inserted node restores the old weights.
+    If a vertex already follows four bones, all of the weight goes to the bone with the larger fraction.
+    Otherwise the two weights add up exactly to the old weight, because one of them is the difference without
+    a rounding error. So removing an inserted node restores the old weights.
     """
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
@@ -46,8 +46,8 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
 
 
 def _split_exactly(total: Float32, part: Float) -> tuple[Float32, Float32]:
-    """Splits ``total`` into two float32 weights that sum to it without rounding. The first is about ``part``
-    of it."""
+    """Returns two float32 weights (K,) that add up to ``total`` (K,) without rounding. The first weight is
+    about the fraction ``part`` (K,) of the total."""
     larger = np.maximum(part, 1.0 - part).astype(np.float32) * total
     # The larger weight is at least half of the whole, so that the difference is exact (Sterbenz).
     rest = total - larger
@@ -56,11 +56,11 @@ def _split_exactly(total: Float32, part: Float) -> tuple[Float32, Float32]:
 
 
 def upper_part(vertices: Float, start: Float, end: Float, at: float, blend: float) -> Float:
-    """Returns the fraction (V,) of each vertex on the bone from ``start`` to ``end`` that belongs above the
-    node at ``at``.
+    """Returns the fraction (V,) of each vertex's weight that belongs to the upper half of a bone. The bone
+    leads from ``start`` to ``end`` and is split at the fraction ``at``.
 
-    The value is 1 before the node and 0 after it, with a cubic transition over ``blend`` of the shorter of
-    the two bones.
+    The value is 1 before the node and 0 after it, with a cubic transition. To each side of the node, the
+    transition is ``blend`` times as long as the shorter half.
     """
     axis = end - start
     along = (vertices - start) @ axis / max(float(axis @ axis), 1e-300)

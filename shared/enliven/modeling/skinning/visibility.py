@@ -12,7 +12,7 @@ _MAX_OUTWARD_COSINE = 0.2
 a larger cosine the bone is outside."""
 _FADE_EXPONENT = 4
 """If a bone replaces an occluded bone, its heat falls with this power of the distance. Of the tested
-exponents, this exponent gave the weights nearest to the weights that artists painted on ten rigs.
+exponents, this one gave the weights closest to those that artists painted on ten rigs.
 """
 MOST = 6
 """Maximum number of bones tested per vertex, the nearest first."""
@@ -71,8 +71,8 @@ def _line_triangle_hit(p, d, a, b, c):
 
 @njit(cache=True, nogil=True)
 def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
-    """Returns True if a point is outside vertex v's own surface, or if a face that does not touch v occludes
-    it."""
+    """Returns True if the point ``target`` (3,) is on the outer side of the surface at vertex v, or if a face
+    that does not touch v occludes it."""
     p = vertices[v]
     d = target - p
     if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _MAX_OUTWARD_COSINE * np.sqrt((d * d).sum()):
@@ -169,14 +169,14 @@ def nearest_seen(
     Args:
         vertices: (V, 3) metres, welded.
         normals: (V, 3) outward normals; zero if bones on both sides are acceptable.
-        faces: (F, 3).
+        faces: (F, 3) the faces that can occlude a bone.
         segments: (S, 2, 3) metres, the ends of the bones.
         tie: maximum relative difference in distance of bones that count as equally near.
 
     Returns:
         (V, K) int32 segments, the nearest and those equally near, then -1; (V,) metres to them, increased to
-        d (d / d_0)^4 with d_0 the distance to the nearest bone, occluded or not. Infinite if no bone is
-        visible.
+            d (d / d_0)^4 with d_0 the distance to the nearest bone, even if it is occluded. They are infinite
+            if no bone is visible.
     """
     low, high = vertices.min(0), vertices.max(0)
     extent = float((high - low).max()) or 1.0

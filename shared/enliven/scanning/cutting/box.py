@@ -15,14 +15,14 @@ from enliven.scanning.ground_plane import GroundPlane, cut_above_plane
 from enliven.scanning.settings import CutOutSettings
 
 _BELOW_FLOOR_M = 0.02
-"""A box that reaches at least this far (metres) below the floor includes the floor."""
+"""Minimum depth (metres) of a box below the floor at which the cut-out object includes the floor."""
 
 
 def upright_frame(ground: GroundPlane, focus: Float) -> Float:
-    """Returns the upright frame (4, 4) of a scan, from its world.
+    """Returns the transform (4, 4) from a scan's world to its upright frame.
 
     +y is up, y = 0 is the floor, and the origin lies below ``focus`` (3,), the point that the cameras look
-    at. It has the world's heading about +y.
+    at. The frame is not rotated about +y relative to the world.
     """
     rotation_matrix = np.asarray(rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0]))))
     frame = np.eye(4)
@@ -37,7 +37,7 @@ class CutBox:
 
     Attributes:
         low, high: (3,) metres, its corners in the upright frame.
-        upright_from_world: (4, 4) that frame, from the scan's world.
+        upright_from_world: (4, 4) transform from the scan's world to the upright frame.
     """
 
     low: Float
@@ -49,7 +49,7 @@ class CutBox:
             not (np.isfinite(self.low).all() and np.isfinite(self.high).all())
             or (self.low >= self.high).any()
         ):
-            problem = "a box has two corners, the first one lower, farther left and farther back"
+            problem = "a box needs two corners, and the first must be lower, farther left and farther back"
             raise InputError(
                 problem, where="box", remedy="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1."
             )
@@ -69,7 +69,7 @@ class CutBox:
 def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) -> CutOut:
     """Returns the part of a scan inside a box, without the floor unless the box reaches 2 cm below it.
 
-    The part is closed along the lower side of the box, its base. Along the other sides it stays open.
+    The part is closed at its base, along the lower side of the box. Along the other sides it stays open.
 
     Args:
         mesh: the scan, in its world frame.
@@ -82,14 +82,14 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
     if -_BELOW_FLOOR_M < cut_low[1] < s.clearance:
         cut_low[1] = s.clearance
     if cut_low[1] >= box.high[1]:
-        problem = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
+        problem = f"a box up to {box.high[1]:.3f} m contains only the floor"
         raise InputError(problem, where="box", remedy="Make it higher.")
     part = _faces_near_box(mesh, box)
     for normal, offset in CutBox(cut_low, box.high, box.upright_from_world).planes():
         part = cut_above_plane(part, normal, offset)
     if part.area < s.least_area:
         level_vertices = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
-        problem = "no surface that was scanned lies in the box"
+        problem = "no surface was scanned in the box"
         extent_text = " to ".join(
             ",".join(f"{x:.2f}" for x in corner) for corner in (level_vertices.min(0), level_vertices.max(0))
         )
@@ -98,7 +98,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
 
 
 def _faces_near_box(mesh: Mesh, box: CutBox) -> Mesh:
-    """Returns only the faces that may intersect a box, so that cutting a whole room stays fast."""
+    """Returns only the faces that may intersect a box. So cutting a box out of a whole room is fast."""
     points = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
     corners = points[mesh.faces]
     may_intersect = (corners.max(1) >= box.low).all(1) & (corners.min(1) <= box.high).all(1)

@@ -20,19 +20,22 @@ from enliven.scanning.rigid import invert_pose
 from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
 
 _MIN_IMAGES = 2
-"""Minimum number of images that must have seen through a point, because one may have a wrong pixel there."""
+"""Minimum number of images that must have seen through a point, because a single image may have a wrong pixel
+there."""
 _MIN_SEEN_THROUGH_FRACTION = 0.7
-"""Minimum fraction of the images of a point that saw through it. Near an edge, only some of them do."""
+"""Minimum fraction of the images of a point that must have seen through it. Near an edge, only some of the
+images do."""
 _SURFACE_DEVIATIONS = 3.0
-"""A point within this number of standard deviations of the depth lies at the observed surface."""
+"""Maximum distance of a point from the observed surface at which the point lies on it, in standard deviations
+of the depth."""
 _POSE_TOLERANCE_M = 0.012
 """Additional tolerance, metres, for the camera pose error between the two scans."""
 _FOOT_RADIUS_M = 0.05
-"""Surface near the floor that is within this distance (metres) of the new surface belongs to the object. The
-comparison cannot separate the two this close to the floor."""
+"""Radius around the new surface, metres, within which surface near the floor belongs to the object. This
+close to the floor, the comparison cannot separate the object from the floor."""
 _UNSEEN_RADIUS_M = 0.2
-"""Surface in formerly unobserved space (for example above the view) that is within this distance (metres) of
-the new surface belongs to the object."""
+"""Radius around the new surface, metres, within which surface in formerly unobserved space (for example above
+the view) belongs to the object."""
 _MAX_PATCH_M = 0.4
 """Maximum size, metres, of a patch outside these radii that is still added to the object. A larger patch may
 be another object."""
@@ -41,7 +44,7 @@ _SUPPORT_HEIGHT_RANGE_M = 0.1
 _SUPPORT_MARGIN_M = 0.15
 """Horizontal margin around the new surface, metres, in which the supporting plane is searched."""
 _VOTING_ROUNDS = 2
-"""Rounds of majority voting among neighbouring vertices, so that noise makes no holes."""
+"""Number of rounds of majority voting among neighbouring vertices. It prevents holes due to noise."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,8 @@ def compare_with_images(
 
 @njit(cache=True, nogil=True)
 def _count_seen_through(points, pose, camera, depth, limits, seen, through):
-    """Counts for each point the images that observed it, and those that saw through it to something behind.
+    """Counts for each point the images that observed it, and the images that saw through it to a surface
+    behind it.
 
     Args:
         pose: (4, 4) camera_from_world.
@@ -140,7 +144,7 @@ def cut_new_object(
     if not new_faces.any() or new_part.area < s.least_area:
         problem = "no new object was found"
         advice = (
-            "Show the same place both times, the second time with the object, and look at it from all sides."
+            "Scan the same place twice, the second time with the object, and scan the object from all sides."
         )
         raise InputError(problem, where="scan", remedy=advice)
     new_object = _remove_specks(new_part, s)
@@ -150,8 +154,8 @@ def cut_new_object(
     distance_to_object, _ = cKDTree(new_object.vertices).query(
         above_support.vertices, distance_upper_bound=_UNSEEN_RADIUS_M
     )
-    # The comparison cannot separate the object from the support where the two are very close. There, all
-    # surface above the support and next to the object counts as object.
+    # The comparison cannot separate the object from its support if the two are very close. There, all surface
+    # above the support and next to the object counts as object.
     is_near_support = (support.heights(above_support.vertices) < _FOOT_RADIUS_M) & (
         distance_to_object < _FOOT_RADIUS_M
     )
@@ -191,7 +195,8 @@ def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
 
 
 def _smooth_states(faces: Int32, states: Int32) -> Int32:
-    """Smooths the earlier states (V,) of the vertices by majority voting among neighbours."""
+    """Returns the earlier states (V,) of the vertices (1 free, -1 surface, 0 unknown) after majority voting
+    among neighbours."""
     for _ in range(_VOTING_ROUNDS):
         votes, of_face = np.zeros(len(states)), states[faces].sum(1)
         for corner in range(3):

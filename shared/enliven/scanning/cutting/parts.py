@@ -1,4 +1,5 @@
-"""Post-processing of an object that was cut out of a scan: drops specks and places the rest on y = 0."""
+"""Post-processing of an object that was cut out of a scan: removes small noise parts (specks), and places the
+object on y = 0."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from enliven.scanning.holes import close_holes
 from enliven.scanning.settings import CutOutSettings
 
 _MAX_SPECK_FRACTION = 0.02
-"""A part with less than this fraction of the largest part's surface area is floating noise."""
+"""A part with less than this fraction of the largest part's surface area is noise floating in space."""
 _ON_PLANE_M = 1e-9
 """Maximum distance, metres, of a vertex that counts as lying on a plane. It allows for the rounding error of
 a cut."""

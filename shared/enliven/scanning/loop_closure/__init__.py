@@ -1,3 +1,3 @@
-"""Loop closure: if the camera returns to a place, its trajectory is corrected and the images are fused
-again.
+"""Loop closure: if the camera returns to an earlier viewpoint, its trajectory is corrected, and the images
+are fused again.
 """

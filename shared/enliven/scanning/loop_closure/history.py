@@ -11,8 +11,8 @@ from enliven.recording import pack_depth, unpack_depth
 MAX_HISTORY_MB = 400
 """Maximum memory in megabytes for compressed images, which are fused again after a loop closure."""
 _COLOUR_INTERVAL = 4
-"""Colours are stored for every fourth image only. They change slowly, and take ten times as much memory as
-the depth."""
+"""Colours are stored only for every fourth image, because they change slowly, and take ten times as much
+memory as the depth."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FrameHistory:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the compressed images."""
+        """Memory of the compressed images, in megabytes."""
         return self._held * 1e-6
 
     @property
@@ -48,7 +48,7 @@ class FrameHistory:
         return [stored.number for stored in self._kept]
 
     def add(self, number: int, frame: DepthFrame) -> None:
-        """Stores an image; numbers must ascend."""
+        """Stores an image. Its number must be larger than all earlier numbers."""
         if number % self._every:
             return
         painted = number // self._every % _COLOUR_INTERVAL == 0
@@ -61,7 +61,8 @@ class FrameHistory:
             self._held = sum(len(stored.packed) for stored in self._kept)
 
     def frames(self, numbers: list[int] | None = None) -> Iterator[tuple[int, DepthFrame]]:
-        """Yields the stored images with the given numbers, or all, with their numbers."""
+        """Yields pairs of number and image, for the stored images with the given numbers, or for all stored
+        images."""
         requested = None if numbers is None else set(numbers)
         for stored in self._kept:
             if requested is None or stored.number in requested:

@@ -1,4 +1,4 @@
-"""Loop detection and loop closure: aligns submaps of a trajectory with one another and corrects the whole
+"""Loop detection and loop closure: aligns submaps of a trajectory with each other, and corrects the whole
 trajectory.
 """
 
@@ -22,15 +22,15 @@ from enliven.scanning.settings import MIN_OVERLAP_FRACTION, ScanSettings
 from enliven.scanning.threads import run_in_two_threads
 
 _SUBMAP_TRAVEL_M = 0.3
-"""Camera travel per submap."""
+"""Maximum distance of the camera from the start of a submap."""
 _SUBMAP_ROTATION_RAD = 0.35
-"""Camera rotation per submap."""
+"""Maximum rotation of the camera from the start of a submap."""
 _UP_SIGMA_RAD = 0.01
 """Standard deviation of the up direction from the accelerometer."""
 _HALF_WEIGHT_SQUARED_ERROR = 50.0
 """Squared error, in standard deviations, at which a loop closure has half its weight."""
 _TYPICAL_DEPTH_M = 1.2
-"""Depth at which displacements of images are measured."""
+"""Depth of the point in the middle of an image at which displacements of the image are measured."""
 _MIN_REPORTED_ERROR_SIGMAS = 1.0
 """Error of a loop, in standard deviations, above which its gap is reported."""
 _TRACKED_SIGMA_M = 0.0015
@@ -44,7 +44,7 @@ _MAX_INVERSE_DEPTH_DIFFERENCE = 0.15
 _MAX_TESTED_SUBMAPS = 2
 """Maximum number of earlier submaps to test for loop closure, by position and by appearance each."""
 _MIN_AGREEING_LOOP_FRACTION = 0.6
-"""Minimum fraction of points that lie on the other submap's surface."""
+"""Minimum fraction of a submap's points on the other submap's surface for a loop closure."""
 _MAX_ALIGNMENT_DISTANCE_M = 0.02
 """Maximum distance between the two alignments of a submap pair (forward and backward)."""
 _MAX_ALIGNMENT_ANGLE_RAD = 0.015
@@ -55,16 +55,16 @@ _MIN_LOOP_SIGMA_RAD = 0.002
 """Minimum standard deviation of rotation assumed for a loop closure."""
 
 _TRACKED_NEIGHBOURS = 2
-"""A submap and this number of submaps after it are already aligned by tracking, so they are not loop
+"""Number of submaps after a submap that are already aligned with it by tracking. They are not loop
 candidates."""
 _GRID_POINTS = 8
-"""Number of grid points per row and column of an image. They are projected into another image to measure how
-much both show the same view."""
+"""Number of grid points per row and column of an image. They are projected into another image to measure the
+overlap of the two images."""
 _MIN_AXIS_COSINE = 0.5
 """Minimum cosine (60 degrees) between two optical axes. Below it, the cameras see different sides of
 objects."""
 _MIN_PROJECTION_DISTANCE_M = 0.1
-"""Points nearer than this to a camera, metres, are not projected into its image."""
+"""Minimum depth, metres, of points that are projected into an image."""
 _MIN_LOOP_TRUST = 0.25
 """Minimum trust in a loop, 0 to 1. Below it, the loop counts as false."""
 
@@ -75,7 +75,7 @@ class LoopClosure:
 
     Attributes:
         poses: (4, 4) corrected poses of all images, world_from_camera.
-        pieces: the submaps of the trajectory.
+        pieces: the submaps, in the order of the trajectory.
         links: pose graph edges between submaps. Edges that are not ``sure`` are loops.
         loops: the number of loops that are trusted.
         gap: the largest error of a trusted loop before the correction, metres, measured at the point in the
@@ -151,8 +151,8 @@ def correct_trajectory(
 
 
 def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, max_deviations: float) -> float:
-    """Returns the error of a link before the correction, metres, measured at the middle of an image. 0 if it
-    is within the link's standard deviation.
+    """Returns the error of a link before the correction, metres, measured at the point in the middle of an
+    image. Returns 0 if the error is within ``max_deviations`` standard deviations of the link.
     """
     error_transform = anchors[link.second] - anchors[link.first] @ link.first_from_second
     gap = float(np.linalg.norm(error_transform @ middle))
@@ -163,7 +163,7 @@ def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, max_deviation
 def _load_piece(
     history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
 ) -> PlacedPiece:
-    """Returns a submap with its images."""
+    """Returns a submap with its images, which are decompressed and prepared."""
     images = {
         number: (frame, poses[number])
         for number, frame in history.frames([piece.anchor, *piece.fused_numbers])
@@ -211,7 +211,7 @@ def _candidate_alignments(
 
 
 def _tracked_link(pieces: list[PlacedPiece], n: int) -> PoseLink:
-    """Returns the link of a submap to the next one, from tracking."""
+    """Returns the link from submap ``n`` to the next submap, as tracking measured it."""
     relative = invert_pose(pieces[n].pose) @ pieces[n + 1].pose
     sure = np.diag([_TRACKED_SIGMA_M**-2] * 3 + [_TRACKED_SIGMA_RAD**-2] * 3)
     return PoseLink(n, n + 1, relative, sure)
@@ -284,7 +284,7 @@ def _is_consistent(pieces: list[PlacedPiece], n: int, m: int, one: Alignment, ot
 
 
 def _make_link(pieces: list[PlacedPiece], n: int, m: int, alignment: Alignment) -> PoseLink:
-    """Returns the link for an alignment."""
+    """Returns the pose graph link between submaps n and m for their alignment."""
     turn = pieces[n].pose[:3, :3].T
     both = np.kron(np.eye(2), turn)
     covariance = both @ alignment.covariance @ both.T
@@ -294,8 +294,8 @@ def _make_link(pieces: list[PlacedPiece], n: int, m: int, alignment: Alignment) 
 
 
 def _correct_poses(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
-    """Corrects all poses: interpolates the corrections of the nearest anchor images before and after each
-    image.
+    """Returns the corrected poses (4, 4) of all images. The correction of an image is interpolated between
+    those of the nearest anchor images before and after it.
     """
     corrections = [new @ invert_pose(poses[anchor]) for anchor, new in zip(anchors, better, strict=True)]
     corrected = []

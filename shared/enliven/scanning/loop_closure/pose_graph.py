@@ -20,8 +20,8 @@ _MIN_COST_DECREASE = 1e-9
 _INITIAL_DAMPING = 1e-6
 """Initial damping of each round, relative to the mean of the matrix's diagonal."""
 _TRUST_ROUNDS = 6
-"""Number of rounds in which the trust in inconsistent loops is gradually reduced. The first round trusts all
-loops."""
+"""Number of rounds in which the trust in inconsistent loops is gradually reduced. In the first round, all
+loops are trusted."""
 _TOLERANCE_SHRINK = 5.0
 """Divisor of the tolerated error of a loop in each round (graduated non-convexity)."""
 
@@ -97,7 +97,7 @@ def pose_graph_cost(
 
 def link_residual(link: PoseLink, first: Float, second: Float) -> Float:
     """Returns the error (6,) of a link, metres and radians: the difference between the actual second pose and
-    the one that the link predicts.
+    the pose that the link predicts.
     """
     rotation_matrix, relative = first[:3, :3].T, link.first_from_second
     position_error = rotation_matrix @ (second[:3, 3] - first[:3, 3]) - relative[:3, 3]
@@ -112,14 +112,16 @@ def _squared_errors(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
 
 
 def _up_direction(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float | None:
-    """Returns (3,) up in the world, according to the first pose with an accelerometer reading."""
+    """Returns the up direction (3,) in the world, from the first pose with an accelerometer reading, or None
+    if no pose has one."""
     return next((pose[:3, :3] @ up for pose, up in zip(poses, ups, strict=True) if up is not None), None)
 
 
 def _solve_poses(
     poses: list[Float], links: Sequence[PoseLink], trusts: Float, ups: list[Float | None], level: float
 ) -> list[Float]:
-    """Optimizes the poses by Levenberg-Marquardt steps, for given trust in the links."""
+    """Returns the poses (4, 4) after Levenberg-Marquardt steps, for given trust in the links (0 to 1
+    each)."""
     damping, cost = _INITIAL_DAMPING, pose_graph_cost(poses, links, trusts, ups, level)
     for _ in range(_MAX_STEPS):
         matrix, gradient = _normal_equations(poses, links, trusts, ups, level)

@@ -1,5 +1,5 @@
-"""Submaps of a scan's trajectory: images with nearby poses form a rigid map. Other submaps are aligned with
-it.
+"""Submaps of a scan's trajectory. Successive images with nearby poses form a submap, a rigid map with which
+other submaps are aligned.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from enliven.scanning.tsdf_volume import TsdfVolume
 
 _VOXEL_RATIOS = (2.0, 8.0)
 """Voxel sizes of a submap's volumes, relative to the scan's. If the scan has 4 mm voxels, the truncation
-bands are 3 and 13 cm wide. Alignment takes a tenth of the time of tracking."""
+bands are 3 and 13 cm wide. With these sizes, alignment takes a tenth of the time of tracking."""
 _PIXEL_STRIDE = 4
 """Spacing, in half-size pixels, of the points that are aligned with a submap. Tracking uses four times as
 many points."""
@@ -55,8 +55,8 @@ class SubMap:
 def split_trajectory(
     poses: Sequence[Float], numbers: Sequence[int], metres: float, radians: float
 ) -> list[SubMap]:
-    """Returns the submaps of a trajectory. Within each one, the camera stays within the limits from its
-    start.
+    """Returns the submaps of a trajectory. Within each submap, the camera stays within the limits around its
+    first pose.
 
     Args:
         poses: (4, 4) of all images.

@@ -36,10 +36,10 @@ _LOST_TRACKING_RANGE_M = 0.2
 """The same distance, metres, after the object was lost. The truncation band of the coarsest voxels is this
 wide."""
 _LIFT_HEIGHTS_M = 0.06, 0.12, 0.18
-"""Heights, metres, above the last position at which the object is searched, because its motion is detected
+"""Heights, metres, above its last position at which the object is searched. The start of a motion is detected
 late."""
 _SEARCH_ROTATIONS = 0.1, -0.1, 0.2, -0.2
-"""Rotations about up, radians (6 and 11 degrees), at which the object is searched."""
+"""Rotations about the up direction, radians (6 and 11 degrees), at which the object is searched."""
 _OBJECT_DISTANCE_M = 0.02
 """Points within this distance of the surface, metres, belong to the object. It is the pixel noise plus the
 pose error."""
@@ -85,10 +85,10 @@ class ObjectTrackingResult:
 class ObjectFollower:
     """A tracker of one object by its own surface, through the images in which it moves.
 
-    The object's pixels are those near its predicted surface. The prediction assumes constant velocity. They
-    are aligned with the object's surface in the same way as a camera image is aligned with a room (Ruenz and
-    Agapito, "Co-Fusion", ICRA 2017, section V). New surface next to the object, above the ground and not part
-    of the room, is fused if the pose is reliable.
+    The object's pixels are those near its predicted surface. The prediction assumes constant velocity. These
+    pixels are aligned with the object's surface, as a camera image is aligned with a room (Ruenz and Agapito,
+    "Co-Fusion", ICRA 2017, section V). New surface next to the object, above the ground and not part of the
+    room, is fused if the pose is reliable.
 
     Args:
         model: the known surface of the object, which grows.
@@ -110,7 +110,7 @@ class ObjectFollower:
 
     @property
     def pose(self) -> Float:
-        """(4, 4) the camera's newest pose in the object's frame."""
+        """(4, 4) the newest pose of the camera in the object's frame."""
         return self._pose
 
     def find(self, view: DepthView, room_from_camera: Float) -> ObjectTrackingResult:
@@ -144,8 +144,8 @@ class ObjectFollower:
         up = self._pose[:3, :3] @ room_from_camera[:3, :3].T @ up
         middle, poses = self._model.middle, list[Float]()
         for height in _LIFT_HEIGHTS_M:
-            # The pose belongs to the camera in the object's frame. If the object rises, the camera sinks in
-            # this frame.
+            # The pose belongs to the camera in the object's frame. If the object rises, the camera moves down
+            # in this frame.
             pose = self._pose.copy()
             pose[:3, 3] -= height * up
             poses.append(pose)
@@ -187,7 +187,7 @@ class ObjectFollower:
         """Returns two (h, w) masks: the points that are fused, and the subset on already known surface."""
         distance = surface_distances(self._model.volumes[_FINE_VOLUME], view, self._pose)
         is_known = np.abs(distance) < _OBJECT_DISTANCE_M
-        # Exclude points in front of the known surface. They lie in space that was free before, so they belong
+        # Exclude points in front of the known surface. They are in space that was free before, so they belong
         # to a hand.
         is_new = np.isnan(distance) | (distance < -_OBJECT_DISTANCE_M)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
@@ -202,8 +202,8 @@ class ObjectFollower:
         return object_pixels, object_pixels & is_known
 
     def views(self) -> Iterator[tuple[DepthView, Float]]:
-        """Yields the fused images, restricted to points on the current surface of the object, and their
-        poses.
+        """Yields the fused images and their poses (4, 4), object_from_camera. The images are restricted to
+        points on the current surface of the object.
         """
         scanner = self._rest.scanner
         for number, frame in self.history.frames():
@@ -214,8 +214,8 @@ class ObjectFollower:
     def _best_pose(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
-        """Returns the best pose near a start pose, using only points near the surface. None if there are too
-        few such points."""
+        """Returns the best pose near a start pose, using only points near the surface. Returns None if too
+        few points are near the surface."""
         is_near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
             _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
@@ -254,8 +254,8 @@ class ObjectFollower:
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
     def _on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) True for each point on the room's surface, except where the object stood in the
-        room.
+        """Returns (h, w) True for each point on the room's surface. Points at the object's former place in
+        the room are excluded.
         """
         distance = surface_distances(self._rest.scanner.volumes[_FINE_VOLUME], view, room_from_camera)
         return np.asarray(

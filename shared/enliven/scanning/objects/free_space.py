@@ -15,9 +15,9 @@ from enliven.scanning.rigid import invert_pose
 _SUBSAMPLING = 4
 """Subsampling factor from half-size pixels to the stored image."""
 _MIN_SENSOR_DISTANCE_M = 0.2
-"""A camera cannot measure surfaces nearer than this, metres."""
+"""Minimum distance, metres, at which a camera can measure a surface."""
 _MIN_IMAGES = 2
-"""Minimum number of images that must see through a point, because one may be wrong."""
+"""Minimum number of images that must see through a point, because a single image may be wrong."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +37,16 @@ class SeenDepth:
 
 
 def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
-    """Returns the reduced depth of a view. Depth of all surfaces is included, hands too, because the space in
-    front of a hand is also free.
+    """Returns the reduced depth of a view. It includes all surfaces, even hands, because the space in front
+    of a hand is also free.
     """
     z = np.where(view.worth > 0, view.points[..., 2], 0.0)
     height, width = (side // _SUBSAMPLING for side in z.shape)
     tiles = z[: height * _SUBSAMPLING, : width * _SUBSAMPLING].reshape(
         height, _SUBSAMPLING, width, _SUBSAMPLING
     )
-    # Use the nearest depth of each tile. If any pixel is unknown, the tile is unknown, because an edge runs
-    # through it.
+    # Use the nearest depth of each tile. If any pixel of a tile is unknown, the tile is unknown, because it
+    # contains an edge.
     nearest = np.where((tiles > 0).all((1, 3)), tiles.min((1, 3)), 0.0).astype(np.float32)
     return SeenDepth(nearest, view.intrinsics, 2.0 * _SUBSAMPLING, frame_from_camera)
 

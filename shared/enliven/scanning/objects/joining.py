@@ -1,5 +1,5 @@
-"""Merges the scans of all rests of an object into one surface: aligns each rest with the earlier ones, and
-fuses all images.
+"""Merges the scans of an object into one surface. A rest is a scan in which the object does not move. Each
+rest is aligned with the earlier rests, and all images are fused.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _SEARCH_RADIUS_M = 0.05
 """Maximum distance, metres, between a point and its nearest surface point in ICP. The remaining pose error of
 a rest is smaller."""
 _ICP_STEPS = 20
-"""Number of ICP steps."""
+"""Number of ICP steps that align a rest with the earlier rests."""
 _RESIDUAL_WIDTHS_M = 0.02, 0.003
 """Residuals (metres) that get a quarter of the full weight: in the first ICP step, and in the last."""
 _ON_SURFACE_M = 0.01
-"""Distance, metres, within which a point lies on the surface."""
+"""Maximum distance, metres, at which a point counts as on the surface."""
 _CLEANING_INTERVAL = 90
 """Number of images between removals of blocks without a surface."""
 

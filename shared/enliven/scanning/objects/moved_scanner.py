@@ -1,4 +1,4 @@
-"""A scan of an object that is picked up, turned and put down in between. Room and object have separate
+"""Scans an object that is picked up, turned and put down during the scan. Room and object have separate
 poses.
 """
 
@@ -29,19 +29,20 @@ _MAX_MISSED_IMAGES = 15
 _MIN_REST_IMAGES = 10
 """Number of images of a new rest before the object is first searched in it."""
 _MIN_RESTING_FRACTION = 0.8
-"""Minimum fraction of points on the surface while the object comes to rest again."""
+"""Minimum fraction of points on the surface in an image that shows the object at rest again."""
 
 _SEARCH_GROWTH = 1.6
-"""A search for the object is repeated when the number of images of the rest has grown by this factor. Each
+"""Growth factor of the number of images of a rest after which a search for the object is repeated. Each
 search takes as long as twenty images."""
 _BAD_IMAGES_TO_END = 2
 """Number of successive badly fitting images that end a settling attempt, because one image may be blurred
 by motion."""
 _MAX_SIZE_RATIO = 1.5
-"""Ratio to the known object's size above which a part is something else: a wall, a person."""
+"""Maximum ratio of a part's size to the size of the known object. A larger part is something else, such as a
+wall or a person."""
 _MAX_VOXEL_M = 0.004
-"""Maximum voxel size, metres, for tracking an object. The coarsest volume has voxels 16 times as large. In
-larger voxels, too little of an object half a metre high is known to find it again."""
+"""Maximum voxel size, metres, for tracking an object. The coarsest volume has voxels 16 times as large. With
+larger voxels, the known surface of an object half a metre high would be too coarse to find it again."""
 _MAX_UNKNOWN_IMAGES = 10
 """Maximum number of images before the object is segmented. The object may be turned one second after the
 first image."""
@@ -63,8 +64,8 @@ class MovedScanner:
     floor. During a rest, room and object form one scan, and both constrain the camera's pose. If a part then
     moves rigidly relative to the floor, this part is the object, and the rest ends. Nothing is fused while
     the object is carried. When the scene stands still again, a new scan begins, and the object is searched in
-    it in all rotations. Images that saw through a hypothetical pose of the object count against that pose. At
-    the end, the object is cut out of every rest, and all their images are fused into one surface.
+    it in all rotations. If images saw through the object at a candidate pose, this counts against the pose.
+    At the end, the object is cut out of every rest, and all their images are fused into one surface.
 
     Attributes:
         rests: the rests with a known object pose, in the order of time.
@@ -89,7 +90,7 @@ class MovedScanner:
 
     @property
     def megabytes(self) -> float:
-        """Memory of all rests."""
+        """Memory of the scans of all rests, in megabytes."""
         trial = [] if self._trial is None else [self._trial]
         model = 0.0 if self.model is None else self.model.megabytes
         model += sum(follower.history.megabytes for follower in self.followers)
@@ -174,17 +175,17 @@ class MovedScanner:
 
     @property
     def now(self) -> ObjectRest | None:
-        """The rest at which the object lies now; None while its pose is unknown."""
+        """The current rest of the object, or None while the object's pose is unknown."""
         return self._now
 
     @property
     def history(self) -> FrameHistory:
-        """The images of the first rest."""
+        """The stored images of the first rest."""
         return self.rests[0].scanner.history
 
     @property
     def poses(self) -> list[tuple[int, Float]]:
-        """Times, nanoseconds, and (4, 4) poses of the camera in the images of the first rest."""
+        """Pairs of a time in nanoseconds and the camera's pose (4, 4), for the images of the first rest."""
         return self.rests[0].scanner.poses
 
     @property
@@ -212,7 +213,7 @@ class MovedScanner:
             return cut_out(surface, ground, focus, self.settings.cut_out)
         mesh = self.joined()
         if not len(mesh.faces):
-            advice = "Let it stand for a second before it is turned, and turn it more slowly."
+            advice = "Let the object stand still for a second before you turn it, and turn it more slowly."
             raise InputError(
                 "the object moved all the time and could not be tracked", where="scan", remedy=advice
             )
@@ -233,7 +234,7 @@ class MovedScanner:
         return sum(len(follower.poses) for follower in self.followers)
 
     def _try_resting(self, frame: DepthFrame, up: Float | None) -> MovedStep:
-        """Scans a scene that may stand still again, and searches for the object in it."""
+        """Fuses a frame of a scene that may stand still again, and searches for the object in it."""
         trial, s = self._trial, self.settings.moved
         if trial is None:
             trial = self._trial = ObjectRest(self.settings)

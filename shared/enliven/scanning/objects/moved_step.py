@@ -1,4 +1,4 @@
-"""The result of an image in a scan of an object that is moved: the poses of room and object."""
+"""The result of processing one image in a scan of a moved object: the poses of room and object."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven.scanning.scanner import ScanState, ScanStep
 
 
 class ObjectState(Enum):
-    """The state of the object in a frame."""
+    """The state of the moved object in a frame."""
 
     RESTING = "resting"
     """The object stands still, and the image was fused into it. Before it is first moved, it is part of the
@@ -31,11 +31,11 @@ class MovedStep:
     """The result of a frame in a scan of a moved object.
 
     Attributes:
-        scan: the step of the current room scan, which began when the object last came to rest, with the
-            camera's pose in it.
+        scan: the step of the current room scan, with the camera's pose in this room. This scan began when the
+            object last came to rest.
         state: see :class:`ObjectState`.
-        object_from_room: (4, 4) the object's pose in that room, or None while it is unknown; the object's
-            frame is the first room.
+        object_from_room: (4, 4) transform from that room to the object's frame, or None while the object's
+            pose is unknown. The object's frame is the world of the first room scan.
         rests: the number of rests in which the object was found.
         sought: the number of failed searches for the object since the scene last came to rest.
         followed: the tracking result while the object is tracked.

@@ -36,7 +36,8 @@ def surface_distances(volume: TsdfVolume, view: DepthView, world_from_camera: Fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_distances(points, pose, field, found, first, last):
-    """Fills some rows of (h, w) distances. The distances of points without weight stay unchanged."""
+    """Fills the rows ``first`` to ``last`` of (h, w) distances, metres. The distances of points without
+    weight stay unchanged."""
     sample, cache = np.empty(4), np.empty(4, np.int64)
     cache[0], cache[1] = -1, np.int64(1) << 40
     for v in range(first, last):

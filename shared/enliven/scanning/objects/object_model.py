@@ -33,7 +33,7 @@ class ObjectModel:
 
     @property
     def megabytes(self) -> float:
-        """Memory of the volumes."""
+        """Memory of the volumes, in megabytes."""
         return sum(volume.megabytes for volume in self.volumes)
 
     @property
@@ -54,7 +54,7 @@ class ObjectModel:
         return np.asarray(inside.all(-1))
 
     def fuse_rest(self, rest: ObjectRest) -> None:
-        """Fuses images of a rest in which the object's pose is known."""
+        """Fuses images of a rest into the model. The object's pose in the rest must be known."""
         pose = rest.object_from_room
         if pose is None or not rest.parts:
             return
@@ -66,7 +66,8 @@ class ObjectModel:
             self.fuse(view, pose @ room_from_camera)
 
     def begin(self, rest: ObjectRest) -> None:
-        """Fuses only the newest image of a rest. Use it if the object never stood still in the rest."""
+        """Fuses only the newest image of a rest. Use this method if the object never stood still in the
+        rest."""
         view = rest.scanner.view
         if view is not None and rest.object_from_room is not None and rest.parts:
             pose = rest.scanner.poses[-1][1]
@@ -97,6 +98,6 @@ class ObjectModel:
             )
 
     def fuse(self, view: DepthView, object_from_camera: Float) -> None:
-        """Averages a view into the model; only the object's points of the view have weight."""
+        """Fuses a view into the model. Only the points of the view that belong to the object have weight."""
         had_memory = [volume.integrate(view, object_from_camera).has_memory for volume in self.volumes]
         self.is_full = self.is_full or not all(had_memory)

@@ -14,7 +14,7 @@ from enliven.scanning.ground_plane import GroundPlane
 from enliven.scanning.objects.surface_points import sample_surface
 
 _CELL_M = 0.01
-"""Cell size of a region, metres. It is half of the clearance above the floor."""
+"""Cell size of a region, metres. It is half of the usual clearance above the floor."""
 _SURFACE_POINTS = 60_000
 """Number of sample points that mark the cells of a surface: more than one per cell for objects as large as a
 chair."""

@@ -1,4 +1,4 @@
-"""Global registration of an object that was picked up and put down: tries evenly spread rotations, and
+"""Global registration of an object that was picked up and put down. Starts from evenly spread rotations, and
 verifies the results.
 """
 
@@ -17,38 +17,40 @@ from enliven.scanning.objects.surface_points import NearestGrid, SurfacePoints, 
 from enliven.scanning.rigid import invert_pose, pose_difference
 
 _GRID_CELL_M = 0.015
-"""Cell size of the nearest-point grid."""
+"""Cell size of the grid for finding nearest surface points."""
 _GRID_MARGIN_M = 0.3
-"""Margin of this grid around the object."""
+"""Margin of the grid around the object's surface."""
 _COARSE_POINTS = 300
-"""Number of surface points that are matched from each start."""
+"""Number of surface points that are aligned from each starting rotation."""
 _START_ROTATIONS = 900
 """Number of starting rotations to try; 900 are about 20 degrees apart. Lower it to save time."""
 _MAX_SURFACE_DISTANCE_M = 0.01
 """Maximum distance of a point that counts as on the surface."""
 _REFINED_CANDIDATES = 24
-"""Number of candidates that are refined."""
+"""Number of the best candidate poses that are refined."""
 _FINE_POINTS = 2000
 """Number of surface points for the refinement."""
 _SEEN_THROUGH_PENALTY = 2.0
-"""Penalty for such a point, relative to the reward for a matching point."""
+"""Penalty in the score for a point that the camera saw through, relative to the reward for a point on the
+surface."""
 _MIN_AGREEING_FRACTION = 0.5
-"""Minimum fraction of points on the surface."""
+"""Minimum fraction of points on the surface for an accepted pose."""
 _MAX_SEEN_THROUGH_FRACTION = 0.04
-"""Maximum fraction of points in space that the camera saw through."""
+"""Maximum fraction of points in space that the camera saw through, for an accepted pose."""
 _MIN_SCORE_LEAD = 0.2
-"""Minimum lead of the best score over the second best."""
+"""Minimum difference between the best and the second-best score for an accepted pose."""
 _MIN_FREE_SPACE_M = 0.04
-"""Space at least this far in front of observed depth counts as free."""
+"""Minimum distance in front of the observed depth at which space counts as free."""
 
 _SPIRAL_NUMBER = 1.533751168755204288118041
-"""Real root of x^4 = x + 4, the second number of super-Fibonacci spirals."""
+"""Real root of x^4 = x + 4. It is the second constant of super-Fibonacci spirals; the first is the square
+root of 2."""
 _ROTATIONS_PER_PIECE = 8
-"""Rotations that a thread processes at a time."""
+"""Number of rotations that a thread processes at a time."""
 _ICP_STEPS = 12
-"""ICP steps from each rotation. Most have converged after eight."""
+"""Number of ICP steps from each rotation. Most alignments have converged after eight."""
 _FINE_STEPS = 20
-"""ICP steps for the candidates that are refined."""
+"""Number of ICP steps for the candidates that are refined."""
 _RESIDUAL_WIDTHS_M = 0.15, 0.01
 """Residuals (metres) that get a quarter of the full weight: in the first ICP step, and in the last. The width
 shrinks, so that parts that do not overlap lose influence."""
@@ -67,10 +69,10 @@ class Registration:
     """The pose of a part relative to a model.
 
     Attributes:
-        model_from_part: (4, 4).
+        model_from_part: (4, 4) the rigid transform from the part to the model.
         agreeing: fraction of the part's points that lie on the model's surface.
-        through: fraction of one surface's points that the images of the other surface saw through; the larger
-            of the two directions.
+        through: fraction of a surface's points that the images of the other surface saw through. It is the
+            larger value of the two surfaces.
         margin: the score of this pose minus the score of the best other pose.
     """
 
@@ -109,8 +111,8 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
     """Returns the pose of a part relative to the earlier scan of the object, or None if it is not certain.
 
     From each of many rotations, the part is aligned with the model by robust ICP (iterative closest points),
-    in which non-overlapping parts lose influence. The results are then verified: no surface may lie where the
-    other's images saw through.
+    in which non-overlapping parts lose influence. The results are then verified: the images of one surface
+    must not see through the other surface.
 
     Args:
         model: the earlier scan.
@@ -145,8 +147,8 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
 
 
 def _seen_through_fraction(model: ScannedSurface, part: ScannedSurface, pose: Float) -> float:
-    """Returns the fraction of the points of one surface that the other's images saw through. The larger value
-    of both directions.
+    """Returns the fraction of a surface's points that the images of the other surface saw through, as the
+    larger value of the two surfaces.
     """
     moved_part = part.surface.first_points(_FINE_POINTS).transformed(pose)
     part_share = seen_through(moved_part.points, model.views, _MIN_FREE_SPACE_M).mean()
@@ -156,8 +158,8 @@ def _seen_through_fraction(model: ScannedSurface, part: ScannedSurface, pose: Fl
 
 
 def _start_poses(model: SurfacePoints, part: SurfacePoints, count: int) -> Float:
-    """Returns (count, 4, 4) poses, one for each rotation, that align the centre of a part with the
-    model's.
+    """Returns (count, 4, 4) poses, one for each rotation. All of them align the centre of the part with the
+    centre of the model.
     """
     starts = np.tile(np.eye(4), (count, 1, 1))
     starts[:, :3, :3] = spread_rotations(count)
@@ -179,7 +181,7 @@ def align_from_starts(
 
     Args:
         starts: (K, 4, 4) initial poses.
-        near: points within this distance of the surface, metres, lie on it.
+        near: maximum distance, metres, of a point that counts as on the surface.
         widths: residuals (metres) that get a quarter of the full weight, in the first step and in the last.
     """
     poses, fractions = starts.copy(), np.zeros(len(starts))
@@ -218,7 +220,8 @@ def _distinct_poses(poses: Float, scores: Float, max_count: int) -> list[int]:
 def _align_poses(
     origin, cell, nearest, points, normals, part, facing, widths, near, poses, shares, first, last
 ):
-    """Aligns a part from each of some poses by point-to-plane ICP with Geman-McClure weights."""
+    """Aligns a part by point-to-plane ICP with Geman-McClure weights, from each of the poses ``first`` to
+    ``last``."""
     matrix, right, j = np.empty((6, 6)), np.empty(6), np.empty(6)
     for k in range(first, last):
         pose = poses[k]

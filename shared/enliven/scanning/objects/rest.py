@@ -1,5 +1,5 @@
-"""A rest: a separate scan of the room with the object at one place, as long as the object does not move
-relative to the floor.
+"""A rest: a separate scan of the room while the object stays at one place and does not move relative to the
+floor.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import MIN_OVERLAP_FRACTION, ScanSettings
 
 _MIN_MOVED_DISTANCE_M = 0.015
-"""Distance between floor and object motion above which the object counts as moved."""
+"""Maximum displacement of the object relative to the floor. Above it, the object counts as moved."""
 _MIN_MOVED_ANGLE_RAD = 0.015
-"""Rotation between floor and object above which the object counts as moved."""
+"""Maximum rotation of the object relative to the floor. Above it, the object counts as moved."""
 
 _COMPARISON_DISTANCE_M = 0.04
 """Image points within this distance of an object's surface, metres, are compared with it. The voxels used are
@@ -39,8 +39,8 @@ _APART_IMAGES = 2
 """Number of successive images in which the object must have moved relative to the floor, because one image
 may be wrong."""
 _EXCLUDED_IMAGES = 15
-"""Number of images before a detected motion that are excluded from the rest, because hands already touched
-the object."""
+"""Number of images before a detected motion that are excluded from the rest, because hands already touch the
+object in them."""
 _MAX_PARTS = 3
 """Number of parts near the focus that are considered while it is not known which one is the object."""
 _REGISTRATION_POINTS = 6000
@@ -55,9 +55,9 @@ Coarse surfaces have an error of half a voxel."""
 _MIN_VACATED_FRACTION = 0.08
 """An object counts as moved if at least this fraction of its visible points is seen through."""
 _CHECKED_IMAGES = 7
-"""Number of images of a rest that decide whether the object stood still in it."""
+"""Number of images of a rest that are tested to decide whether the object stood still."""
 _TESTED_POINTS = 2000
-"""Number of points of each part that are tested in each image. The test takes 0.3 ms."""
+"""Number of points of each part that are tested in each image. The test of an image takes 0.3 ms."""
 _MIN_SURFACE_FRACTION = 0.5
 """Minimum fraction of an object's points in known space that lie at its surface. Below it, the object has
 moved."""
@@ -71,9 +71,9 @@ class ObjectRest:
 
     Attributes:
         object_from_room: (4, 4) the object's pose, or None while it is unknown.
-        ground: the plane that it stands on. parts: the objects on it, the chosen object first. Both come from
-            the last search.
-        images: number of the scan's images that show it at rest, once the rest has ended.
+        ground: the plane that the object stands on, from the last search.
+        parts: the objects on the ground, the chosen object first, from the last search.
+        images: number of the scan's images that show the object at rest, known once the rest has ended.
     """
 
     def __init__(self, settings: ScanSettings, choice: int = 1) -> None:
@@ -145,8 +145,8 @@ class ObjectRest:
         """Returns True if the object had moved relative to the floor in the last two images."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
-        # Use unsure camera poses too. If the room has too little structure for a reliable pose, the pose is
-        # still approximately right.
+        # Use uncertain camera poses too. Even if the room has too little structure for a certain pose, the
+        # pose is approximately right.
         usable_states = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
         if step.state not in usable_states or view is None:
             return False
@@ -171,7 +171,8 @@ class ObjectRest:
         return self._apart >= _APART_IMAGES
 
     def _has_left(self, view: DepthView, pose: Float) -> bool:
-        """Returns True if a part has moved away at least partly. That part then becomes the object."""
+        """Returns True if at least a fraction of one part has moved away. That part then becomes the
+        object."""
         seen_through_fractions = [
             vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood
         ]
@@ -201,8 +202,8 @@ class ObjectRest:
 
     @property
     def _clearance_m(self) -> float:
-        """Minimum distance, metres, between a former surface point and the observed depth behind it if the
-        point counts as gone.
+        """Minimum distance, metres, from a former surface point to the observed depth behind it. From this
+        distance on, the point counts as gone.
         """
         return _MIN_CLEARANCE_VOXELS * self.scanner.volumes[1].band.voxel
 
@@ -228,8 +229,8 @@ class ObjectRest:
             yield restrict_view(view, points_in_region(region, view, pose)), pose
 
     def scanned_surface(self, number: int = 0) -> ScannedSurface:
-        """Returns points of a part, and free space observations from some of the images, in the room's
-        world.
+        """Returns surface points of a part, and free-space observations from some of the images, in the world
+        of the room.
         """
         if self._scanned is None or self._scanned[0] != self.count:
             numbers = self.scanner.history.numbers

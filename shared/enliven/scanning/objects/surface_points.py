@@ -17,7 +17,7 @@ class SurfacePoints:
     """Points spread evenly on a surface.
 
     Attributes:
-        points: (N, 3) metres.
+        points: (N, 3) metres, the positions.
         normals: (N, 3) unit, outward.
     """
 
@@ -30,7 +30,7 @@ class SurfacePoints:
         return SurfacePoints(self.points @ rotation_matrix + pose[:3, 3], self.normals @ rotation_matrix)
 
     def first_points(self, count: int) -> SurfacePoints:
-        """Returns the first ``count`` points. They are evenly spread too, because the points are in random
+        """Returns the first ``count`` points. They are also evenly spread, because the points are in random
         order.
         """
         return SurfacePoints(self.points[:count], self.normals[:count])

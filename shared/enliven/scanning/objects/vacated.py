@@ -10,10 +10,10 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import invert_pose
 
 _MIN_SENSOR_DISTANCE_M = 0.2
-"""A camera cannot measure surfaces nearer than this, metres."""
+"""Minimum distance, metres, at which a camera can measure a surface."""
 _DEPTH_WINDOW_PX = 3
-"""Side of the window, half-size pixels, in which the minimum depth is used. At an edge, a point may be
-projected next to its own pixel."""
+"""Side of the window around a pixel, in half-size pixels, over which the minimum depth is taken. At an edge,
+a point may be projected to a neighbouring pixel."""
 _MIN_POINTS = 50
 """Minimum number of visible points for a decision."""
 

@@ -264,7 +264,7 @@ def test_impossible_edit_is_reported_and_changes_nothing():
     project, _ = random_project(3)
     refused = [
         (lambda: insert_node(project, "shape 0", 0, 0.5), "root"),
-        (lambda: insert_node(project, "shape 0", 1, 1.0), "joint at its end already"),
+        (lambda: insert_node(project, "shape 0", 1, 1.0), "already has a joint at its end"),
         (lambda: insert_node(project, "shape 0", 1, 1.5), "not a position"),
         (lambda: insert_node(project, "shape 0", 1, float("nan")), "not a position"),
         (lambda: insert_node(project, "shape 0", 1, 0.5, name="shape 0 joint 0"), "taken"),
