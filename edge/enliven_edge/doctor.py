@@ -11,8 +11,9 @@ from enliven_edge.sensors import crash_reports, list_attached, profile_names, se
 
 
 def checks() -> list[Check]:
-    """Returns the checks of known sensors, sensor profiles, shipped recording, and depth cameras on USB, and
-    a note on privacy."""
+    """Returns the checks of sensors, sensor profiles, the shipped recording and depth cameras on USB, and a
+    privacy note.
+    """
     return [
         Check("sensors", True, ", ".join(sensor_names())),
         Check(

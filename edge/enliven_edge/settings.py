@@ -75,7 +75,7 @@ class WireSettings:
 
 @dataclass(frozen=True)
 class CharacterSettings:
-    """One of several characters, in a settings file: ``[characters.NAME]``."""
+    """Settings of one of several characters in a settings file: ``[characters.NAME]``."""
 
     mesh: str = setting(
         "chair", "Path of a mesh, session or project, or one of 'chair', 'lamp' and 'cactus'."
@@ -91,9 +91,9 @@ class CharacterSettings:
 
 
 _NAMED_MESH = re.compile(r"([A-Za-z0-9_-]{1,40})=(.+)")
-"""A mesh with the name of its character, as a value of ``--mesh``."""
+"""Pattern of a value of ``--mesh`` with the name of the character: NAME=MESH."""
 CharacterChoice = tuple[str, CharacterSettings]
-"""A requested character: its name, empty if it must be derived, and its settings."""
+"""A requested character: its name (empty if it must be derived) and its settings."""
 
 
 @dataclass(frozen=True)
@@ -154,11 +154,13 @@ def characters_from_options(
     parts: Sequence[str],
     settings: Mapping[str, CharacterSettings],
 ) -> list[CharacterChoice]:
-    """Returns the characters of the command line. Without any, those of the settings, or else a chair.
+    """Returns the characters of the command line.
+
+    Without any, returns those of the settings, or else a chair.
 
     Args:
-        meshes: as ``--mesh`` names them. NAME=FILE gives a character a name.
-        drives, parts: one for all characters, or one for each in their order.
+        meshes: the values of ``--mesh``. NAME=FILE gives a character a name.
+        drives, parts: one value for all characters, or one for each in their order.
 
     Raises:
         InputError: for another number of values, or an unknown drive.
@@ -178,7 +180,9 @@ def characters_from_options(
 
 
 def _character_from_option(mesh: str) -> CharacterChoice:
-    """Returns the character of one ``--mesh``: a mesh, or NAME=MESH. An existing file is a mesh."""
+    """Returns the character of one ``--mesh``: a mesh, or NAME=MESH. A text that is the path of an existing
+    file is a mesh.
+    """
     match = _NAMED_MESH.fullmatch(mesh)
     if match is None or Path(mesh).exists():
         return "", CharacterSettings(mesh)

@@ -101,7 +101,7 @@ def calibrate(
 def _check_recordings(sources: list[Source]) -> None:
     """Checks that no recording, or a copy of it, is given twice.
 
-    It would agree with itself, so that the result would look good.
+    A recording agrees with itself, so the result would look good without being so.
 
     Raises:
         InputError: if two sources read the same content.
@@ -138,8 +138,7 @@ def _create_collectors(
 
 
 def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSettings) -> Calibration:
-    """Collects bodies until the recordings end, the live sensors have seen enough, or the user presses
-    Ctrl-C."""
+    """Collects bodies until the recordings end, the live data is sufficient, or the user presses Ctrl-C."""
     from enliven_edge.fusion.calibration.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from enliven_edge.terminal.image_encoding import ImageProtocol
 
 _PREVIEW_TIMEOUT_S = 15.0
-"""Maximum seconds without a frame before a preview gives up. A camera may need ten for its first frame."""
+"""Maximum seconds without a frame before a preview gives up. A camera may need ten seconds for its first
+frame."""
 
 
 def sensors(

@@ -11,7 +11,10 @@ from enliven.settings import parameter, setting
 
 @dataclass(frozen=True)
 class ControlSettings:
-    """One pedal, panel, clicker or microphone. Keys of another kind must be left out."""
+    """Settings of one pedal, panel, clicker or microphone.
+
+    Keys that belong to another kind of control must be left out.
+    """
 
     kind: Literal["serial", "hid", "voice"] = setting(doc="Kind of control: serial, hid or voice.")
     map: dict[str, str] = field(

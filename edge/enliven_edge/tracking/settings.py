@@ -52,7 +52,7 @@ class SceneSettings:
 
 @dataclass(frozen=True)
 class BackgroundSettings:
-    """How the background model, the room without people, is learnt."""
+    """How the background model is learnt: the room without people."""
 
     REMOVED_SETTINGS: ClassVar = ("moved",)
     absorb_after: float = setting(

@@ -1,7 +1,8 @@
-"""Drivers of depth cameras: each opens, reads and closes a camera, or rehearses with a recording's images.
+"""Drivers of depth cameras. Each opens, reads and closes a camera, or rehearses with the images of a
+recording.
 
-Their common tasks are elsewhere: :mod:`enliven_edge.sensors.reopening` opens cameras again, and
-:mod:`enliven_edge.sensors.isolation` keeps crashes out of the edge. Their common arguments are:
+Common tasks are in other modules: :mod:`enliven_edge.sensors.reopening` opens cameras again, and
+:mod:`enliven_edge.sensors.isolation` keeps crashes out of the edge. The common arguments of the drivers are:
 
     width, height: pixels of the depth image.
     fps: images per second.

@@ -1,2 +1,4 @@
-"""Process isolation of sensors with libraries that may crash or hang: a helper process, images in shared
-memory."""
+"""Process isolation of sensors whose libraries may crash or hang.
+
+A helper process reads the sensor, and its images are in shared memory.
+"""

@@ -31,7 +31,7 @@ def check_condition(
         alarms: the alarms to update.
         condition: the device's report.
         world_from_camera: (4, 4) pose of the sensor, from its floor or the settings.
-        floor_known: whether its floor was found.
+        floor_known: whether the sensor's floor was detected.
         now: nanoseconds, the sensor's clock.
     """
     alarms.update(HealthKind.SLOW_LINK, condition.slow_link, now, link=condition.link or "a slow link")
