@@ -40,7 +40,7 @@ class WireSettings:
     pairing_minutes: float = setting(
         10.0,
         "Time after the start in which viewers on other computers can pair with the code that the edge "
-        "shows. 0: only after an operator has asked for the code.",
+        "shows. If 0, only after an operator has asked for the code.",
         unit="min",
         low=0.0,
         high=1440.0,
@@ -81,12 +81,12 @@ class CharacterSettings:
         "chair", "Path of a mesh, session or project, or one of 'chair', 'lamp' and 'cactus'."
     )
     drive: Literal["", "graph", "skeleton"] = setting(
-        "", "How the character is driven. Empty: as the setting `drive` of the edge."
+        "", "How the character is driven. If empty, the setting `drive` of the edge applies."
     )
     parts: str = setting(
         "",
-        "Body parts that hold the character: legs, 'legs / torso', and so on. Empty: chosen to suit "
-        "the mesh.",
+        "Body parts that hold the character: legs, 'legs / torso', and so on. If empty, they are chosen to "
+        "suit the mesh.",
     )
 
 
@@ -110,9 +110,7 @@ class EdgeSettings:
         "graph",
         "How a model is driven: by a deformation graph (any mesh), or by the skeleton of a rigged glTF.",
     )
-    up: Literal["", "x", "y", "z"] = setting(
-        "", "Axis of the mesh that points up. Empty: detected automatically."
-    )
+    up: Literal["", "x", "y", "z"] = setting("", "Axis of the mesh that points up. If empty, it is detected.")
     tracker: TrackerSettings = group(TrackerSettings, "Tracking of people.")
     actor: ActorSettings = group(ActorSettings, "How characters approach and follow their performers.")
     matching: MatchingSettings = group(MatchingSettings, "Choosing a part of a rigged model by posing.")

@@ -46,8 +46,9 @@ class SensorCareSettings:
 
     power_cycle: int = setting(
         0,
-        "Number of failed attempts to open a USB camera, or of its hanging calls, after which it is reset on "
-        "its port (Linux). 0: never, because other programs may use a camera of the same make.",
+        "Number of failed attempts to open a USB camera, or of hanging calls to it, after which it is reset "
+        "on its port (Linux). With the default 0 it is never reset, because other programs may use a camera "
+        "of the same brand.",
         low=0,
         high=1000,
     )

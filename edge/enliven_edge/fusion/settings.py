@@ -79,7 +79,8 @@ class FusionSettings:
     )
     sure_beside: int = setting(
         12,
-        "The same number if another person is already tracked. Raise it if one person appears twice.",
+        "Number of observations, over all sensors, before a further person is reported. Raise it if one "
+        "person appears twice.",
         low=1,
         high=100,
     )

@@ -78,9 +78,7 @@ _INSTALL_HINT = (
 class MediaPipeSettings:
     """Location of MediaPipe and its model."""
 
-    python: str = setting(
-        "", "Path of a Python interpreter with mediapipe. Empty: the interpreter of the edge."
-    )
+    python: str = setting("", "Path of a Python interpreter with mediapipe. If empty, that of the edge.")
     model: str = setting(
         "", "Path of a pose landmarker model (.task). Not needed for mediapipe up to 0.10.21."
     )

@@ -1,6 +1,6 @@
-"""Sensors: all sources of frames.
+"""Sensors: all sources of frames, opened by name and reopened after a loss.
 
-Sensors are opened by name, reopened after a loss, checked for problems, and can be replaced by recordings.
+Sensors are also checked for problems, and can be replaced by recordings.
 
 :func:`open_sensor` opens a sensor by its name. Other packages can add sensors with the entry-point group
 ``enliven.sensors``.

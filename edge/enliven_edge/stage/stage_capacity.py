@@ -41,8 +41,8 @@ class StageSettings:
     )
     keep: str = setting(
         "",
-        "Folder in which the stage is kept, so that it comes back after a restart. A path is relative to "
-        "this file. Empty: the folder of the systemd unit ($STATE_DIRECTORY), or none.",
+        "Folder in which the stage is saved, so that it is restored after a restart. A path is relative to "
+        "this file. If empty, the folder of the systemd unit ($STATE_DIRECTORY), or none.",
     )
 
 

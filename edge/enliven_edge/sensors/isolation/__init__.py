@@ -1,4 +1,4 @@
-"""Process isolation of sensors whose libraries may crash or hang.
+"""Process isolation: a helper process reads a sensor whose library may crash or hang.
 
-A helper process reads the sensor, and its images are in shared memory.
+The images are in shared memory.
 """
