@@ -163,7 +163,7 @@ def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[s
 def telemetry(packages: Path) -> list[str]:
     """Returns one sentence for each telemetry host in an installed package.
 
-    Hosts whose telemetry is disabled are left out.
+    Hosts with disabled telemetry are left out.
     """
     hosts = sorted(set(telemetry_hosts(packages)))
     for package, host in hosts:

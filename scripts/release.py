@@ -29,7 +29,7 @@ PACKAGES = {
     "kernels": "enliven_kernels", "shared": "enliven", "edge": "enliven_edge", "viewer": "enliven_viewer",
     "synthesis": "enliven_synthesis",
 }  # fmt: skip
-"""The importable package of each distribution folder. Distributions on which others depend come first."""
+"""The importable package of each distribution folder. Distributions that others depend on come first."""
 EXTRA_SDIST_FILES = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
 """Files in addition to the package that an sdist has if they exist in the distribution's folder."""
 FIRMWARE = "firmware_configs"
@@ -72,7 +72,7 @@ sys.path += [str(documents.parent / "helpers"), sys.argv[1] + "/scripts"]
 import own_files
 own_files.make_own_files(Path.cwd())
 """
-"""Program that creates the files whose names are in capitals in docs/library.md, in the working folder.
+"""Program that creates the files with names in capitals in docs/library.md, in the working folder.
 
 Argument: the checkout."""
 LIBRARY_PAGE = """

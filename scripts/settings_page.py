@@ -22,7 +22,7 @@ from enliven_viewer.studio.settings import StudioSettings
 PAGE = Path(__file__).parents[1] / "docs" / "settings.md"
 KINDS = {kind.__name__: kind for kind in (EdgeSettings, ViewerSettings, StudioSettings, Plan)}
 _NAMES = {"chains": "chain"}
-"""Keys whose name in a file differs from the name in the class that is built from them."""
+"""Keys with a name in a file that differs from the name in the class."""
 
 
 def tables(kind: type, path: str = "") -> Iterator[str]:

@@ -56,9 +56,9 @@ SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotio
 LINE_LENGTH = 78
 """Maximum number of characters of a line in a catalogue. It is the same as in gettext's programs."""
 TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
-"""Name prefixes of functions whose texts are translated when they are shown.
+"""Name prefixes of functions that return texts to be translated when they are shown.
 
-They return hints of tools, or reasons."""
+The texts are hints of tools, or reasons."""
 
 
 def constants(node: ast.AST) -> Iterator[ast.Constant]:

@@ -151,7 +151,7 @@ class PanelKeys:
         self.version, self.cause, self.received, self.counts = "", "", 0, ""
 
     def feed(self, data: bytes) -> list[str]:
-        """Returns the buttons whose presses are reported by these bytes."""
+        """Returns the buttons that were pressed according to these bytes."""
         keys, self.cause = [], ""
         for body in self._decoder.feed(data):
             self.received += 1

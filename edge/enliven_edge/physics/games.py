@@ -114,7 +114,7 @@ def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> 
         is_free = distances.all(1)
         for other in placed_centres:
             is_free &= np.abs(at - other).max(1) > 2 * half_size - _MIN_TOWER_GAP_M
-        # If no candidate is free, argmax returns the first one, which is no offset.
+        # If no candidate is free, argmax returns the first one, a zero offset.
         chosen_place = at[int(is_free.argmax())]
         placed_centres.append(chosen_place)
         tower[:, [0, 2]] += chosen_place - tower[:, [0, 2]].mean(0)

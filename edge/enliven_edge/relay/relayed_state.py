@@ -49,7 +49,7 @@ class RelayedState:
 
     @property
     def missing(self) -> list[str]:
-        """Returns the ids of characters whose newest revision was not received yet."""
+        """Returns the ids of characters that were not received yet in their newest revision."""
         return [name for name, revision in self.wanted.items() if self._revisions.get(name) != revision]
 
     def restart(self) -> None:

@@ -69,8 +69,8 @@ class Sensor(Closeable):
         made_up: True for a live source that is not a device, for example a synthetic performer.
         may_be_silent: True if no frames arrive without a performer, as from a port for another program.
         again: options that open the same device again, if the sensor chose one of several devices.
-        isolated: True for a class whose library may crash or hang. Such a sensor runs in its own process
-            (:mod:`enliven_edge.sensors.isolation`).
+        isolated: True for a class with a library that may crash or hang. Such a sensor runs in its own
+            process (:mod:`enliven_edge.sensors.isolation`).
     """
 
     name: str

@@ -48,7 +48,7 @@ _MAX_HANGING_THREADS = 4
 _CLOSE_TIMEOUT_S = 0.25
 """Maximum seconds that closing waits for the device. After that, the device is closed in the background."""
 _CLOCK_JUMP_NS = 1_000_000_000
-"""Maximum nanoseconds by which a clock may be ahead after its device was reopened to count as the same
+"""Maximum nanoseconds that a clock may be ahead after its device was reopened, and still count as the same
 clock."""
 _CLOCK_FRAMES = 5
 """Number of frames in the median of the offset between the stream's clock and this machine's clock. The

@@ -122,7 +122,7 @@ class ReplaySensor(Sensor):
         return self._started + passed_ns * 1e-9 / self._speed
 
     def _excess_pause(self, entry: LogEntry) -> int:
-        """Returns the nanoseconds by which the pause before an entry exceeds the maximum."""
+        """Returns the nanoseconds in excess of the maximum pause before an entry."""
         return max(0, entry.time_ns - self._now_ns - self._longest_ns)
 
 

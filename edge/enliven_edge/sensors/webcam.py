@@ -37,7 +37,7 @@ class WebcamSensor(Sensor):
         model: a pose landmarker's .task file, if mediapipe contains none.
         view: degrees, horizontal field of view of the camera.
         height: metres, height of the camera above the floor.
-        tilt: degrees by which the camera looks down.
+        tilt: downward tilt of the camera in degrees.
         body_height: metres, height of the performers.
         source: detects the landmarks instead of MediaPipe.
 

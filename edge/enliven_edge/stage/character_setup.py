@@ -111,9 +111,8 @@ def create_mesh_actor(
             and right foot. If None, those of the settings are used.
         joints: (20, 3) metres, in the coordinates of the given mesh: the joints of the person that the mesh
             represents, if known.
-        like: the actor of the mesh before an edit. If no person was found in that mesh and the faces are
-            unchanged, the search for a person is skipped, because moving vertices does not turn a mesh into a
-            person.
+        like: the actor of the mesh before an edit. The search for a person is skipped if none was found in
+            that mesh and the faces are unchanged. Moving vertices does not turn a mesh into a person.
 
     Raises:
         InputError: for a mesh that cannot be used.

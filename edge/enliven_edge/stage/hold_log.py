@@ -48,7 +48,7 @@ class HoldLog:
 
     @contextmanager
     def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
-        """Context manager that logs the holds that the actor itself transfers, starts or ends within a
+        """Logs, as a context manager, the holds that the actor itself transfers, starts or ends within a
         frame.
         """
         holders_before = [hold.body for hold in actor.holds]

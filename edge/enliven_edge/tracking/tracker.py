@@ -134,7 +134,7 @@ class Tracker:
     def posture(self) -> Posture | None:
         """Returns the first performer's posture in the last frame, before smoothing.
 
-        Returns None if there is no performer.
+        Returns None without a performer.
         """
         performers = self.performers
         return performers[0].follower.posture if performers else None

@@ -38,7 +38,8 @@ class FootPose:
         x, z: position of the ankle of the flat foot in metres, world frame.
         lift: height of the ball in metres above its resting height; 0 while the foot is planted.
         yaw: radians about +Y. A positive yaw turns the toes towards +X.
-        pitch: radians by which the toes point up. A negative pitch raises the heel about the planted ball.
+        pitch: angle in radians, upwards for the toes. A negative pitch raises the heel about the planted
+            ball.
         splay: radians by which the knee leans outward from the foot's own direction.
     """
 

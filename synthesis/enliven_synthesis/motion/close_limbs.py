@@ -200,7 +200,7 @@ class CloseLimbs:
         return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -HOME_Z), 0.0)
 
     def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
-        """Returns the figure of a posture whose wrists have the given (6,) positions and elbow directions."""
+        """Returns the figure of a posture with wrists at the given (6,) positions and elbow directions."""
         figure, performer = self._performer.pose(posture), self._performer
         rotations = figure.frames[:, :, :3].copy()
         stout = np.array([1.0, 1.0, max(1.0, performer.proportions.girth)])

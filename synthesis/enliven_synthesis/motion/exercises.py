@@ -206,7 +206,7 @@ def _turn_exercise(vary: _Variation) -> Choreography:
     duration = 1.0 + beat * (steps + 1) + 0.6
 
     def heading(side: int, time: float) -> tuple[float, float]:
-        """Returns a foot's rotation so far in radians, and its height in metres."""
+        """Returns a foot's current rotation in radians, and its height in metres."""
         yaw = lift = 0.0
         for n in range(side, steps + 1, 2):
             span = 2 * math.pi / steps * (1 if n in (0, steps) else 2)

@@ -19,7 +19,7 @@ class Footwork:
     Args:
         stance: (x, z, yaw) of the left foot and of the right foot at the start.
         steps: the steps, ordered by start time.
-        carry: fraction by which the pelvis moves over the standing foot: 0 is not at all, 1 is fully.
+        carry: movement of the pelvis over the standing foot: 0 is not at all, 1 is fully.
     """
 
     def __init__(

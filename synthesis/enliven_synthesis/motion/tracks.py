@@ -62,7 +62,7 @@ class Step:
         start, stop: times in seconds at which it leaves and touches the floor.
         dx, dz: displacement of the foot in metres.
         lift: height of the ball in metres at the middle of the step.
-        toe: angle in radians by which the toes hang down at the middle of the step.
+        toe: angle in radians of the hanging toes at the middle of the step.
         arc: (x, z) sideways swing of the foot in metres at the middle of the step.
         both: True for a hop, in which the pelvis rises with the foot and does not shift onto the other foot.
     """

@@ -63,7 +63,7 @@ class DepthRenderer:
     def draw(self, sdf: BodySdf, depth: Float, material: UInt8) -> None:
         """Draws a body in place over ``depth`` (H, W) in metres and ``material`` (H, W).
 
-        Depth is infinite where there is no surface.
+        Depth is infinite without a surface.
         """
         _sort_into_tiles(sdf.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
         _draw(

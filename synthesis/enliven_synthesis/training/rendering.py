@@ -35,8 +35,8 @@ _WALL_FRACTION = 0.35
 """Fraction of the clutter images that show a piece of a wall. The others show furniture and similar
 objects."""
 _SUNK_FEET_FRACTION = 0.08
-"""Fraction of images in which feet or shanks are missing. It simulates a background model whose floor is too
-high."""
+"""Fraction of images in which feet or shanks are missing. It simulates a background model with a floor that
+is too high."""
 _STRAY_DISTANCE_M = 0.12
 """Distance in metres from the true surface beyond which the tracker usually discards a measurement."""
 

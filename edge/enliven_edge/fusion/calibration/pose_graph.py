@@ -1,8 +1,7 @@
 """Pose graph optimisation: places many sensors from measurements between pairs of them.
 
 Every pair measured a_from_b with its precision. Least squares finds the placements world_from_sensor with the
-smallest residuals. The first sensor is fixed. Sensors whose views do not overlap are connected by chains of
-pairs.
+smallest residuals. The first sensor is fixed. Chains of pairs connect sensors with views that do not overlap.
 """
 
 from __future__ import annotations

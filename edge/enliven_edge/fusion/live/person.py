@@ -173,7 +173,7 @@ class FusedPerson:
     ) -> Float | None:
         """Returns the weighted mean (20, 4) of the orientations, with quaternions of one sign.
 
-        Returns None if there are no orientations.
+        Returns None if the bodies have no orientations.
         """
         available = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
         if not available:

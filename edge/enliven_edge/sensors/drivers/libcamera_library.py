@@ -1,8 +1,8 @@
 """Libcamera's own Python binding, its list of cameras, and the memory layout of their images.
 
 The binding is used directly instead of Picamera2, which builds on it. The binding runs wherever libcamera
-runs, including on the kernel's virtual camera, and needs no other package. There is no wheel of it, so it
-must be installed with the system's package manager.
+runs, including on the kernel's virtual camera, and needs no other package. The system's package manager must
+install it, because it has no wheel.
 """
 
 from __future__ import annotations

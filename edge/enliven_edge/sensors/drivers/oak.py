@@ -139,7 +139,7 @@ class OakSensor(Sensor):
         """Opens the device and builds the DepthAI pipeline.
 
         Starts the accelerometer, if the device has one. Returns the pipeline's depth output, and the output
-        of the camera whose colour is aligned (None without colour).
+        of the colour camera for the alignment (None without colour).
 
         Args:
             checks: subpixel, and left-right check.

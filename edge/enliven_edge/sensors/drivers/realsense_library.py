@@ -58,7 +58,7 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
     """Returns the intrinsics from the library or the model's profile, and whether the library had them.
 
     Raises:
-        InputError: for an unsupported distortion model, such as the inverse model, whose coefficients have
+        InputError: for an unsupported distortion model, such as the inverse model. Its coefficients have
             another meaning.
     """
     supported = (rs.distortion.none, rs.distortion.brown_conrady)

@@ -1,4 +1,4 @@
-"""Process isolation: a helper process reads a sensor whose library may crash or hang.
+"""Process isolation: a helper process reads a sensor with a library that may crash or hang.
 
 The images are in shared memory.
 """

@@ -16,7 +16,7 @@ _MAX_BYTES = 1 << 16
 
 
 class CrashTraceback:
-    """The edge's end of the pipe. On systems without such pipes there are no reports."""
+    """The edge's end of the pipe. On systems without such pipes it never has a report."""
 
     def __init__(self, context: SpawnContext) -> None:
         self._near: Connection | None = None

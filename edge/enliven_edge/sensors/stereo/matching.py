@@ -25,7 +25,7 @@ _MAX_GRADIENT = 63
 """Maximum grey value gradient, at which larger gradients are clipped. It is the highest value that OpenCV
 accepts."""
 _UNIQUENESS_PERCENT = 10
-"""Minimum percentage by which the best disparity must be better than the second best."""
+"""Minimum margin of the best disparity over the second best, in percent."""
 _MAX_LEFT_RIGHT_PX = 1
 """Maximum distance in pixels between the match from the right image and that from the left image (left-right
 check)."""

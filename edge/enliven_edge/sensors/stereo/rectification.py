@@ -56,7 +56,7 @@ class Rectification:
         """Returns the rectified (H, W) images of a pair.
 
         Raises:
-            InputError: for images whose size differs from the calibrated one.
+            InputError: for images with another size than the calibrated one.
         """
         shape = (self.intrinsics.height, self.intrinsics.width)
         for image in (left, right):

@@ -34,7 +34,7 @@ _MAX_JSON_BYTES = 1 << 20
 _MAX_ACTORS = 8
 """Maximum number of actors. Rokoko Studio sends up to five."""
 _MAX_NAMES = 64
-"""Maximum number of actors whose ids are remembered."""
+"""Maximum number of actors with a remembered id."""
 _TOE_END = ROKOKO_JOINTS.index("leftToeEnd"), ROKOKO_JOINTS.index("rightToeEnd")
 """Indices of joints that are only the end of a bone, not the start of another one."""
 _NUMBERS = {name: k for k, name in enumerate(ROKOKO_JOINTS) if k not in _TOE_END}

@@ -55,7 +55,7 @@ class VmcSensor(StreamSensor[list[Message]]):
     def _store_motion(self, data: list[Message]) -> bool:
         """Stores the bones of a frame.
 
-        Returns True if it contained a bone, or the message that there is no person.
+        Returns True if it contained a bone, or a message that bones are missing.
         """
         counts = False
         for address, arguments in data:

@@ -297,7 +297,7 @@ class Locomotion:
         self._roots.append(root.copy())
 
     def _known(self, stands: tuple[bool, bool]) -> Bool:
-        """Returns (F,) flags: True for an alternating foot whose matching foot of the performer stands."""
+        """Returns (F,) flags: True for an alternating foot if the performer's matching foot stands."""
         return np.asarray(np.array([*stands, any(stands)])[self._sides] & self._steps)
 
     def _move_in_air(self, root: Float) -> None:

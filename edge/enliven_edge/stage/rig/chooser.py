@@ -21,7 +21,7 @@ _SENSOR_VIEW = ScreenView(np.array([0.0, 0.0, -1.0]))
 _MIRROR_VIEW = ScreenView(np.array([0.0, 0.0, 1.0]))
 """The view from behind the performers, as in a mirror."""
 _NO_PICK = Pick(None, -1)
-"""The pick if there is no match."""
+"""The pick without a match."""
 
 
 class Chooser:
@@ -110,7 +110,7 @@ class Chooser:
         """Returns the rows of the best matches, including the picked match, and the index of the picked
         match.
 
-        The index is -1 if there are no matches.
+        The index is -1 without matches.
 
         Args:
             joints: (N, 3) metres, the joints of the character.

@@ -124,7 +124,7 @@ class Capsules:
         frame: (C,) the frame to which each capsule is fixed.
         ends: (C, 2, 3, 12) both ends in that frame, linear in the lengths.
         radii: (C, 2) metres at girth 1.
-        joint: (C,) the joint whose confidence depends on the capsule's observed points.
+        joint: (C,) the joint that the capsule's observed points support. They raise its confidence.
     """
 
     frame: Int

@@ -35,9 +35,8 @@ segmentation missed.
 CHANNELS = 4
 """Channels of a crop: the person, the depth, the height above the floor, and the unknown fraction."""
 _CROP_SAMPLES = 500
-"""Approximate number of pixels from which a person's position and size are measured. It is enough for
-percentiles, and sorting is fast.
-"""
+"""Approximate number of pixels for measuring a person's position and size. It is enough for percentiles, and
+sorting is fast."""
 _OUTLIER_FRACTION = 0.01
 """Fraction of the lowest and of the highest samples that is ignored, because depth at edges may be wrong."""
 _MIN_UP_LENGTH = 0.2

@@ -83,7 +83,7 @@ def predict_joints(joints, before, speed, delay, passed, seconds):
         before: (J, 3) the joints of the previous frame.
         speed: (J, 3) metres per second, updated.
         delay: (J,) seconds that are compensated for moving joints.
-        passed: seconds since the previous frame. If 0, there is no previous frame and nothing moves.
+        passed: seconds since the previous frame. Without a previous frame it is 0, and nothing moves.
         seconds: the prediction time.
     """
     share = _share(passed)

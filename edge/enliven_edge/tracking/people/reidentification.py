@@ -48,7 +48,7 @@ _CERTAIN_LEAD = 3.0
 _MAX_MEAN_FRAMES = 90.0
 """Maximum number of frames in the running mean of the lengths. They may still drift after that."""
 _CROWN_SAMPLES = 240
-"""Number of crown heights from which the stature is computed."""
+"""Number of crown heights for computing the stature."""
 _STATURE_QUANTILE = 0.85
 """Quantile of the crown heights that is used as the stature. People stoop more often than they stretch."""
 

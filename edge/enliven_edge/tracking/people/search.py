@@ -97,8 +97,8 @@ class Search:
         alone: bool,
         max_bodies: int,
     ) -> Steps[None]:
-        """Searches the certain candidates, and the best of the others if there is no certain one. Adds found
-        bodies to ``detections``.
+        """Searches the certain candidates, or else the best of the others. Adds found bodies to
+        ``detections``.
 
         Args:
             view: the frame.

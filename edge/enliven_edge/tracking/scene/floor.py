@@ -219,7 +219,7 @@ def _level_plane(points, ranges):
 
     Returns:
         The plane, zeros if the points are too few or in a line. The spread is the smaller of the standard
-            deviations of the used points along x and z in metres; 0 if there is no plane.
+            deviations of the used points along x and z in metres; 0 without a plane.
     """
     plane, off = np.zeros(3), np.empty(points.shape[1])
     kept, weights = np.empty_like(points), np.empty(points.shape[1])

@@ -22,7 +22,8 @@ _MIN_WALL_AREA_M2 = 0.9
 _MIN_WALL_WIDTH_M = 0.9
 """Minimum width of a wall in metres. An upright plane of this width is not a person."""
 _MIN_OCCUPIED = 0.8
-"""Minimum fraction of occupied cells along a wall. It excludes two separate people, who leave a gap."""
+"""Minimum fraction of occupied cells along a wall. It excludes two separate people, because they leave a
+gap."""
 _CELL_M = 0.15
 """Width of a cell along a wall in metres. It is smaller than the gap between two people."""
 _WALL_TOLERANCE_M = 0.03
@@ -106,7 +107,7 @@ def _points_on_plane(seen, line):
 def _is_wall(along: Float) -> bool:
     """Returns True if points with the coordinates ``along`` a line, in metres, form one long stretch.
 
-    The test excludes two separate people, who leave a gap.
+    The test excludes two separate people, because they leave a gap.
     """
     ordered = np.sort(along)
     low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)

@@ -248,7 +248,7 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
     Args:
         segments: the segmentation of the frame.
         main: the main group.
-        bare: (h, w) the main group's pixels. They are returned unchanged if there are no fragments.
+        bare: (h, w) the main group's pixels. They are returned unchanged without fragments.
         view: the frame.
     """
     mask = bare

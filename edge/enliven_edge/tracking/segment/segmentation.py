@@ -23,9 +23,7 @@ from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
 from enliven_edge.tracking.segment.surface_growing import grow_surfaces, reassign_detached_pieces
 
 REACH = 0.22
-"""Maximum distance in metres between a pixel and the predicted surface of the person to whom it is
-assigned.
-"""
+"""Maximum distance in metres between a pixel and the predicted surface of its person."""
 _UNLIKELY_REACH_M = 0.08
 """Like ``REACH``, for pixels of class UNLIKELY. It is smaller, because these pixels are probably background.
 Only pixels on the body itself are then assigned.
@@ -104,7 +102,7 @@ def segment_people(
         kind: (h, w) from :meth:`BackgroundModel.classify`.
         postures: the predicted posture of each person, world frame.
         handicap: (K,) metres added to a person's distances. It is positive for people that are probably
-            hidden, who then get fewer pixels.
+            hidden, so that they get fewer pixels.
     """
     shape, count = kind.shape, len(postures)
     handicap = np.zeros(count) if handicap is None else handicap

@@ -59,9 +59,9 @@ class PoseNetwork(nn.Module):
                 unknown, and the cell size in metres.
 
         Returns:
-            Four tensors. (N, 20, 3) joints in crop coordinates in metres, (N, 20) logarithm of the expected
-            error of each joint in metres, (N, 9) logits of eight facings and of "no person", and (N, 17, 40,
-            32) logits of the body parts.
+            Four tensors. The first is (N, 20, 3) joints in crop coordinates in metres. The second is (N, 20)
+            logarithms of the expected error of each joint in metres. The third is (N, 9) logits of eight
+            facings and of "no person". The fourth is (N, 17, 40, 32) logits of the body parts.
         """
         half = self.down_2(image)
         quarter = self.down_4(half)

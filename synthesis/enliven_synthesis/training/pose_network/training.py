@@ -1,8 +1,8 @@
 """Trains the pose network on rendered samples, and exports it for ONNX Runtime.
 
 The loss of a joint is its negative log-likelihood under a distribution. The network predicts the width of
-that distribution, which is the expected error. So occluded joints, whose expected error is larger, contribute
-less to the loss.
+that distribution, which is the expected error. So occluded joints contribute less to the loss, because their
+expected error is larger.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ _FORMER_LAYER_NAMES = {".branch.": ".way."}
 def interpolate_networks(
     first_network: PoseNetwork, second_network: PoseNetwork, share: float
 ) -> PoseNetwork:
-    """Returns a network whose weights are interpolated between two networks.
+    """Returns a network with weights interpolated between two networks.
 
     The second was fine-tuned from the first.
 
