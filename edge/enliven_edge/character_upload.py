@@ -217,7 +217,7 @@ class CharacterUploads:
         newest = self.last_revision(order.id) or (0 if current is None else current.revision)
         remedy = f"Send revision {newest + 1}."
         if current is not None and order.revision <= newest:
-            raise InputError(f"revision {newest} of it stands on the stage", where=where, remedy=remedy)
+            raise InputError(f"revision {newest} of it is already on the stage", where=where, remedy=remedy)
         if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
             problem = f"revision {order.revision} is too far above the newest one, {newest}"
             raise InputError(problem, where=where, remedy=remedy)
@@ -254,7 +254,7 @@ class CharacterUploads:
             self._on_stage[order.id] = order
             if self.on_shown is not None:
                 self.on_shown(order, preparation.data)
-            log.info("%s stands on the stage, revision %d", order.id, order.revision)
+            log.info("%s is on the stage, revision %d", order.id, order.revision)
 
     def _find_or_add(self, order: PutCharacter, peer: Peer | None, where: str) -> _Upload:
         """Returns the upload of a character. A new upload replaces an earlier one of the same viewer and

@@ -53,9 +53,9 @@ def calibrate_stereo(
         typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
     ] = False,
 ) -> None:
-    """Make two cameras a depth sensor: calibrate their lenses and relative pose with a printed board.
+    """Turn two cameras into a depth sensor: calibrate their lenses and relative pose with a printed board.
 
-    Print the board at 100 %, glue it to something flat and measure a square. Take about 24 image pairs:
+    Print the board at 100 %, glue it to a flat plate and measure a square. Take about 24 image pairs:
     near and far, in every corner of both images, tilted to all sides. Hold the board still for each.
 
     \b
@@ -138,7 +138,7 @@ def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSight
                     f"{dimensions[0]} x {dimensions[1]}" for dimensions in (image.shape[::-1], size)
                 )
                 problem = f"it has {image_size} pixels, the first image {first_size}"
-                raise InputError(problem, where=str(file), remedy="Take all in one size.")
+                raise InputError(problem, where=str(file), remedy="Take all images in one size.")
         sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
@@ -160,7 +160,7 @@ def _record_pairs(
         last_message, checked_at, last_pair_at = "", 0.0, time.monotonic()
         while len(selector.kept) < pairs:
             if time.monotonic() - last_pair_at > _PAIR_TIMEOUT_S:
-                raise ResourceError("no pair of images came", where=images.name, remedy="Check both cameras.")
+                raise ResourceError("no image pair arrived", where=images.name, remedy="Check both cameras.")
             try:
                 picture = images.read(1.0)
             except TimeoutError:

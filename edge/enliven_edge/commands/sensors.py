@@ -212,7 +212,7 @@ def _choose_protocol(name: str) -> ImageProtocol | None:
         return image_protocol(sys.stdout, sys.stdin) if name == "auto" else None
     if name not in IMAGE_PROTOCOLS:
         choices = ", ".join(("auto", "none", *IMAGE_PROTOCOLS))
-        raise InputError(f"{name!r} is not a way to draw", where="--picture", remedy=f"Give {choices}.")
+        raise InputError(f"{name!r} is not a known way to draw", where="--picture", remedy=f"Give {choices}.")
     return name  # type: ignore[return-value]
 
 

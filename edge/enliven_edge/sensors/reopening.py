@@ -284,7 +284,7 @@ def open_reopening(
 
 
 def _close_devices(device: Sensor | None, answers: list[Any]) -> None:
-    """Closes a device, and the devices among the answers that nobody has taken."""
+    """Closes a device, and the devices among the answers that were not taken."""
     for answer in (device, *answers):
         if hasattr(answer, "close"):
             with contextlib.suppress(Exception):

@@ -131,7 +131,7 @@ class LibcameraImages:
             devices.append(matching[0])
         if len({camera.id for camera in devices}) < len(devices):
             remedy = f"Give the left and the right one; connected: {listed}."
-            raise InputError("the two cameras are one", where="sensor libcamera", remedy=remedy)
+            raise InputError("both names mean the same camera", where="sensor libcamera", remedy=remedy)
         return devices
 
 
@@ -192,7 +192,7 @@ class _OpenCamera:
         request.reuse()
         self._camera.queue_request(request)
         if image is None:
-            raise InputError("the camera calls an image damaged", where=self._camera.id)
+            raise InputError("the camera reports a damaged image", where=self._camera.id)
         return CameraImage(self.number, image, time_ns, sequence)
 
     def close(self) -> None:

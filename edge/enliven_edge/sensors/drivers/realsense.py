@@ -182,7 +182,7 @@ class RealSenseSensor(Sensor):
         # A software device does not report the size of its data.
         there = image.get_data_size() or 2 * width * height
         if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
-            raise InputError(f"an image of it lacks some of its {width}x{height} pixels", where=self.name)
+            raise InputError(f"an image has fewer than {width}x{height} pixels", where=self.name)
         if not math.isfinite(seconds):
             raise InputError(f"the camera sent an image with the invalid time {seconds}", where=self.name)
         if size != (self._camera.width, self._camera.height):

@@ -221,7 +221,9 @@ def _check_version(head: _Head) -> None:
     if version != "3" or bytes(head.trackers):
         remedy = "In Rokoko Studio, choose the data format JSON v3 for this receiver."
         shown = "2.5" if version == "3" else str(head.version)[:20]
-        raise RokokoVersionError(f"JSON of version {shown} came", where="sensor rokoko", remedy=remedy)
+        raise RokokoVersionError(
+            f"a packet has JSON of version {shown}", where="sensor rokoko", remedy=remedy
+        )
 
 
 def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> HumanPose | None:
