@@ -34,7 +34,8 @@ class CameraPreview:
     def create_message(
         self, frame: Frame, place: Float | None, *, mirrored: bool = False
     ) -> CameraMessage | None:
-        """Returns the preview message of a frame. None if the last preview is recent or the pose is unknown.
+        """Returns the preview message of a frame, or None if the last preview is recent or the pose is
+        unknown.
 
         Args:
             place: (4, 4) world_from_camera, or None if it is unknown.

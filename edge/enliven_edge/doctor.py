@@ -44,7 +44,7 @@ def _list_crash_reports() -> Check:
 
 
 def shipped_recording() -> Path:
-    """Returns the path of the recording that comes with the package."""
+    """Returns the path of the recording that is shipped with the package."""
     return Path(str(resources.files("enliven_edge") / "assets" / "chair.mcap"))
 
 

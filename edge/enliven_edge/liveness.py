@@ -136,7 +136,7 @@ class ProgressReporter(Closeable):
         is_first = self._progress_at is None
         self._sentence, self._progress_at = sentence, time.monotonic()
         if is_first:
-            self._wakes.set()  # The health page shows at once that the edge is back.
+            self._wakes.set()  # The health page shows immediately that the edge is back.
 
     def _run(self) -> None:
         """Reports progress and writes the state until the edge ends."""

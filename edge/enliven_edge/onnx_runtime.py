@@ -156,7 +156,7 @@ def _is_own_file(status: os.stat_result) -> bool:
 
 
 def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
-    """Returns the first bytes of this user's regular file. Empty if it does not exist."""
+    """Returns the first bytes of this user's regular file, or no bytes if it does not exist."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(path, flags, dir_fd=folder)

@@ -155,7 +155,7 @@ class Press:
 
     Attributes:
         key: the device's input: a line, a byte, a button, or words.
-        command: the command of the key. Empty for speech that is not a known phrase.
+        command: the command of the key; empty for speech that is not a known phrase.
     """
 
     key: str

@@ -10,7 +10,8 @@ from typing import Any
 from enliven.doctor import need
 
 _STEP_BYTES = 960
-"""Bytes decoded at once: 30 ms of sound. Decoding them takes about 15 ms, so the tracker is not blocked."""
+"""Number of bytes decoded per call: 30 ms of sound. Decoding them takes about 15 ms, so the tracker is not
+blocked."""
 _MIN_SOUNDS = 3
 """Minimum number of phonemes in an utterance. Claps, thumps, tones and breath give at most two."""
 _MAX_WAITING = 2

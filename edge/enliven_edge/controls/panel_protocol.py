@@ -134,11 +134,11 @@ class PanelKeys:
     messages.
 
     Attributes:
-        version: protocol version of the panel. Empty until its greeting was received.
+        version: protocol version of the panel; empty until its greeting was received.
         cause: a letter that tells why the panel was started (see docs/panel.md), if the last bytes contained
             its greeting.
         received: number of received messages.
-        counts: the press count of each button, one digit per button. Empty until they were received.
+        counts: the press count of each button, one digit per button; empty until they were received.
     """
 
     def __init__(self) -> None:

@@ -21,7 +21,7 @@ class KeptCharacter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         id: its id.
-        digest: checksum of its uploaded data. Empty for an initial character.
+        digest: checksum of its uploaded data; empty for an initial character.
         size: bytes of its uploaded data.
         revision: its revision on the wire.
         fit: as in :class:`enliven.wire.PutCharacter`.
@@ -48,7 +48,7 @@ class StageState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         characters: the characters in their order on the stage.
         removed: the initial characters that were removed, by id, with their meshes. A character with another
             mesh and the same id was not removed.
-        smoothing: amounts of smoothing by the performer's id. None for the value in the settings.
+        smoothing: amounts of smoothing by the performer's id; None for the value in the settings.
         locked: the number of performers in the locked cast; None if the cast was not locked.
         initial_world: the physics world that the command line or the settings selected.
         world: the physics world that was active.

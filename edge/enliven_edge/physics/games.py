@@ -207,7 +207,7 @@ class Dodgeball:
         self._next, self._turn, self._wait = 0, 0, 0.0
 
     def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
-        """Puts the balls in a row on the floor at the thrower's place. The score does not change."""
+        """Puts the balls in a row on the floor at the throwing position. The score does not change."""
         settings = self.settings
         self._ground = ground
         row = (np.arange(settings.balls) - (settings.balls - 1) / 2) * 3 * settings.radius

@@ -57,7 +57,7 @@ class PhysicsSwitch:
 
     Args:
         settings: settings of the engine and its objects. Viewers choose ``world`` later.
-        live: True if frames come in real time. A recording must give the same objects each time, so no time
+        live: True if frames arrive in real time. A recording must give the same objects each time, so no time
             budget applies.
         playground: the world at the start; None without objects.
     """

@@ -100,7 +100,7 @@ class PartedRecorder(Closeable):
 
     Attributes:
         paths: the parts, oldest first.
-        failure: why nothing can be written now. None while writing works.
+        failure: the reason why nothing can be written now; None while writing works.
         lost: number of messages that were not written because of failures.
         on_part_started: called after each later part has started, to write the data that every part needs.
             Its argument is True if messages before the part are missing.

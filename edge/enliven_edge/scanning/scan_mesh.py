@@ -78,7 +78,7 @@ class ScannedMesh:
         mesh: the upright mesh in metres, standing on y = 0.
         max_distance: maximum distance in metres between the mesh and the full scan; 0 if the mesh was not
             decimated.
-        cut_note: describes the cut for users. Empty if there is nothing to describe.
+        cut_note: description of the cut for users; empty if there is nothing to describe.
         person: the scanned person, if a person was scanned.
     """
 

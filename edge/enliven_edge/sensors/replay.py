@@ -148,7 +148,7 @@ def _estimate_rate(info: RecordingInfo) -> float | None:
 
 
 def _read_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
-    """Returns the entries up to the first usable frame. Empty if there is none."""
+    """Returns the entries up to the first usable frame, or no entries without such a frame."""
     ahead: deque[LogEntry] = deque()
     while True:
         try:

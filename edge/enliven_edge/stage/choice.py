@@ -37,7 +37,7 @@ def order_performers(bodies: Collection[Body], busy: Collection[int], place: Flo
 
     Args:
         busy: the ids of the performers that possess other characters.
-        place: (2,) metres, horizontal position of the character's middle. None if it is unknown.
+        place: (2,) metres, horizontal position of the character's middle, or None if it is unknown.
     """
     return sorted(bodies, key=lambda body: (body.id in busy, _horizontal_distance(body, place)))
 

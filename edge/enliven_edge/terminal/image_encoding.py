@@ -25,7 +25,7 @@ _SIXEL_COLOURS = 256
 _SIXEL_ROWS = 6
 """Number of pixel rows in one row of sixels."""
 _MAX_WIDTH_PX = 480
-"""Maximum width in pixels of an image in a protocol in which the terminal draws pixels."""
+"""Maximum width in pixels of an image in a pixel protocol (not half blocks)."""
 
 
 def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> str:

@@ -88,7 +88,7 @@ class Tracker:
 
     @property
     def down(self) -> Float | None:
-        """Returns the (3,) direction of gravity in the camera's frame. None if there is no accelerometer."""
+        """Returns the (3,) direction of gravity in the camera's frame, or None without an accelerometer."""
         return self._mounting.down
 
     @down.setter

@@ -138,8 +138,8 @@ def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
     """Returns settings for a tracker that sends its bodies to the fuser.
 
     Smoothing, mirroring and prediction are off, because they are applied after fusion. The sensor's height
-    without a floor is fixed, not guessed from people, because the placements of the sensors were calibrated
-    with it.
+    without a floor is fixed and not guessed from people, because the sensors were calibrated with this
+    height.
     """
     smoothing = dataclasses.replace(settings.smoothing, amount=0.0, amounts=())
     output = dataclasses.replace(settings.output, mirror=False, predict=0.0)

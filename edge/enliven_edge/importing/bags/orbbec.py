@@ -85,7 +85,7 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
     """Yields the depth images of a recording.
 
     Args:
-        device: the name to give the sensor. None for a name with its serial number.
+        device: the name to give the sensor, or None for a name with its serial number.
 
     Raises:
         InputError: if it contains no depth images, or has an unsupported format.

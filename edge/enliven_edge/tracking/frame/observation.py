@@ -37,7 +37,7 @@ class WorkingCamera:
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
 
     def reduce(self, depth: UInt16) -> Float:
-        """Returns the depth (h, w) in metres along the optical axis. 0 where the depth is unknown."""
+        """Returns the depth (h, w) in metres along the optical axis, with 0 for unknown depth."""
         h, w = self.intrinsics.height, self.intrinsics.width
         return reduce_depth(depth, self.stride, h, w)
 
@@ -157,7 +157,7 @@ def _world_points(z, ray, pose):
 
 @njit(cache=True, nogil=True)
 def nearest_columns(mask):
-    """Returns (h, w) int16: for every pixel, the nearest masked column in its row. -1 if the row has none.
+    """Returns (h, w) int16: for every pixel, the nearest masked column in its row, or -1 if the row has none.
 
     If two columns are equally near, the left one is returned.
     """

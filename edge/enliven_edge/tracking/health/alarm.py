@@ -139,7 +139,7 @@ class Alarms:
     def is_too_low(
         self, kind: HealthKind, value: float | None, good: float, bad: float, performer: int = NO_PERFORMER
     ) -> bool | None:
-        """Returns True if a value is too low, with hysteresis. None if the value is unknown.
+        """Returns True if a value is too low, with hysteresis, or None if the value is unknown.
 
         The value becomes too low below ``bad``, and stays too low until it is above ``good``.
         """

@@ -36,9 +36,8 @@ _REPEATED_FRAMES = 8
 """Minimum number of consecutive frames with the same time for a sensor to count as frozen: it sends one frame
 repeatedly."""
 _USUAL_FALL_S = 60.0
-"""Time constant in seconds for lowering the usual amount of depth. So the message about a changed scene
-disappears after a while.
-"""
+"""Time constant in seconds for lowering the usual amount of depth. So a changed scene is reported only for a
+while."""
 _USUAL_RISE_WEIGHT = 0.5
 """Weight of a frame with more depth than usual in the usual amount. The usual amount rises within a few
 frames.

@@ -37,8 +37,7 @@ _COVERED_DEPTH = 0.01
 pixels."""
 _LONG_BLIND_NS = 250_000_000
 """Duration in nanoseconds of a covered or frozen image after which all people are searched again, because
-they may have moved meanwhile.
-"""
+they may have moved in the meantime."""
 _DOUBT_NS = 4_000_000_000
 """Nanoseconds within which a doubtful person must move; otherwise it is dropped. Few people stand still that
 long."""

@@ -50,8 +50,8 @@ _CONFIDENCE_WEIGHT = 0.1
 _CONFIDENT_JOINTS = 6
 """The running mean uses this number of most confident joints, of 20. Even a half hidden person has them."""
 _OBJECT_CONFIDENCE = 0.4
-"""Minimum mean confidence of these joints. With less, hardly any joint is visible, so the body is probably an
-object."""
+"""Minimum mean confidence of the most confident joints. With less, hardly any joint is visible, so the body
+is probably an object."""
 _ACCEPTED_FRAMES = 20
 """Number of frames with the whole body in view. After them, low confidence no longer means an object."""
 _PROBABILITY_WEIGHT = 0.2
@@ -156,7 +156,7 @@ class Person:
         return self.hidden_ns is not None
 
     def seconds_hidden(self, time_ns: int) -> float:
-        """Returns the seconds since the person became hidden. 0 while visible."""
+        """Returns the seconds since the person became hidden, or 0 while the person is visible."""
         return 0.0 if self.hidden_ns is None else (time_ns - self.hidden_ns) * 1e-9
 
     def search_radius(self, time_ns: int) -> float:

@@ -73,7 +73,7 @@ def create_observation(view: FrameView, pixels: Bool, settings: TrackerSettings)
 def run_network(
     view: FrameView, pixels: Bool, observation: Observation, facing: float | None
 ) -> EstimateAtPoints:
-    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians. None if the facing is
+    """Runs the network on the (h, w) ``pixels``, conditioned on the facing in radians, or on None if it is
     unknown.
     """
     camera, pose = view.camera.camera, view.world_from_camera

@@ -81,8 +81,7 @@ class SpreadSearch:
         self.view = view
 
     def advance(self, budget: Budget) -> list[DetectedBody]:
-        """Continues the search. When it is done, returns all found bodies at once; before, returns an empty
-        list.
+        """Continues the search. Returns all found bodies when it is done, and an empty list before.
 
         Bodies are returned together, because people may hold hands. Otherwise the first tracked person would
         be fitted to the pixels of both.

@@ -37,7 +37,8 @@ _MIN_FILL_FRACTION = 0.05
 background may be only the outline of a person in front of a hall too deep for the sensor. The person would
 then be taken for background."""
 _STARTUP_S = 0.1
-"""Seconds after the start in which every depth is learnt at once, because the whole background is new."""
+"""Seconds after the start in which every depth is learnt without delay, because the whole background is
+new."""
 _CONSTANT_FOR_S = 0.25
 """Seconds for which a depth must stay constant before it is learnt at a pixel without known background.
 Without this delay, an arm that the fit has lost would be learnt in a hall too deep for the sensor. Arms move
@@ -97,7 +98,7 @@ class BackgroundModel:
 
     @property
     def z(self) -> Float:
-        """Returns the background's depth (h, w) in metres. 0 where it was never seen."""
+        """Returns the background's depth (h, w) in metres, with 0 for never-seen background."""
         return self._state.z
 
     def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:

@@ -78,8 +78,8 @@ show moving people."""
 _STILL_FRAMES = 3
 """Number of consecutive still frames that end a fall. A single still frame may lie between two movements."""
 _MAX_FALL_NS = 3_000_000_000
-"""Maximum duration of a fall in nanoseconds. It ends then even without still frames, because people may move
-all the time."""
+"""Maximum duration of a fall in nanoseconds. After it, the fall ends even without still frames, because
+people may move all the time."""
 _MAX_GRAVITY_ANGLE = np.deg2rad(8.0)
 """Maximum angle in radians between the floor's normal and the accelerometer's up direction. Mounting error
 and bias are 1 to 3 degrees. A ramp or a table's edge deviates more."""

@@ -126,7 +126,7 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
 
 
 def _largest_piece(owner_of: Int, size: Int, person: int) -> int:
-    """Returns the number of a person's largest piece. -1 if there is none."""
+    """Returns the number of a person's largest piece, or -1 without any piece."""
     own = np.flatnonzero(owner_of == person)
     return int(own[size[own].argmax()]) if len(own) else -1
 
