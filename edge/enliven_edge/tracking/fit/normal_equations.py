@@ -266,8 +266,9 @@ def ends_by_length(out, body, capsule_frame, capsule_local):
 
 @njit(cache=True, nogil=True)
 def by_length(out, frame, local, body):
-    """Writes (3, L) the derivatives of a point with respect to the lengths into ``out``. ¶ ``local`` (3, 12)
-    is the point in its frame, linear in the lengths.
+    """Writes (3, L) the derivatives of a point with respect to the lengths into ``out``.
+
+    ``local`` (3, 12) contains the point's coefficients in its frame, linear in the lengths.
     """
     world, of_pivot, lengths_of = body.world, body.by_length, body.lengths_of
     out[:] = 0.0
